@@ -12,6 +12,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
@@ -39,13 +40,18 @@ def programs():
 def passes(name, command, folder):
     """Runs a program and prints its output when it ends."""
     began = time.monotonic()
-    ended = subprocess.run(
-        command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
-    )
-    verdict = "passed" if ended.returncode == 0 else f"FAILED ({ended.returncode})"
-    place, took_s = os.path.relpath(folder), time.monotonic() - began
-    print(f"\n== {name} in {place}: {verdict} in {took_s:.0f} s\n{ended.stdout.decode(errors='replace')}", flush=True)
-    return ended.returncode == 0
+    with tempfile.TemporaryFile() as output:
+        program = subprocess.Popen(
+            command, cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
+        )
+        _, status, spent = os.wait4(program.pid, 0)
+        program.returncode = os.waitstatus_to_exitcode(status)
+        output.seek(0)
+        printed = output.read().decode(errors="replace")
+    verdict = "passed" if program.returncode == 0 else f"FAILED ({program.returncode})"
+    place, took_s, cpu_s = os.path.relpath(folder), time.monotonic() - began, spent.ru_utime + spent.ru_stime
+    print(f"\n== {name} in {place}: {verdict} in {took_s:.0f} s ({cpu_s:.0f} s of processor time)\n{printed}", flush=True)
+    return program.returncode == 0
 
 
 def main():

@@ -8,8 +8,8 @@
 //! tracking", 1998), in which pixels that disagree count less (Cauchy's weights). Scale and rotation are not fitted: views from
 //! two sides see nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse.
 //!
-//! Pictures with pixels of different sizes are made alike first: the finer one is blurred until it is as coarse as the other, and it is
-//! the one that is resampled, because it bears interpolation better.
+//! Pictures that show the aircraft in sizes that differ by more than 5 % are matched in resolution first: the finer one is blurred more,
+//! and it is the one that is resampled, because it bears interpolation better.
 
 mod expected;
 mod fit;
@@ -28,12 +28,14 @@ use patch::{BLUR_PX, Cleaned};
 /// Version of this measurement; registrations of another one are repeated.
 pub(crate) const METHOD: u32 = 3;
 
-/// A view that shows the aircraft smaller than the reference by more than this factor has coarser pixels. Views from two sides differ
-/// by some percent even with equal cameras.
+/// A view that shows the aircraft smaller than the other by more than this factor has coarser pixels. Views from two sides differ by some
+/// percent even with equal cameras, which makes no difference.
 const COARSER: f64 = 0.95;
-/// Standard deviation of what a lamp or an edge is in any picture, however coarse its pixels: lens, sampling and compression. Of 1.1, 1.4
-/// and 1.7 it gave a zoomed camera the least error on approaches that its formula did not learn from (docs/results.md).
+/// Standard deviation of a lamp or an edge in any picture, however coarse its pixels: lens, sampling and compression. With this value the
+/// formula of a zoomed camera has the least error at approaches left out in turn (those of docs/results.md; `dtd refit` says the error).
 const SPOT_PX: f64 = 1.4;
+/// A picture that shows the aircraft larger by more than this factor is blurred no more: a patch ends 26 px beyond its box.
+const MOST_MATCHED: f64 = 3.0;
 /// Pixels around the larger box that are compared.
 const MARGIN_PX: f64 = 4.0;
 /// Search radius around the boxes' centres: a minimum in pixels, plus a part of the aircraft's width.
@@ -61,18 +63,15 @@ pub(crate) fn register(
     expected: &Expected,
 ) -> Result<Shift, NoShift> {
     let view_from_reference = expected.view_from_reference;
-    let larger = view_from_reference.determinant().abs().sqrt();
-    let is_coarser = larger < COARSER;
-    // Both with as many of the pictures' pixels in one of theirs.
+    let magnification = view_from_reference.determinant().abs().sqrt();
+    let is_coarser = magnification < COARSER;
     let bin = reference.bin().max(view.bin());
-    let finer_px = |larger: f64| blur_of_finer_px(larger, SPOT_PX / bin as f64);
-    let [of_reference_px, of_view_px] = match larger {
-        _ if is_coarser => [finer_px(larger.recip()), BLUR_PX],
-        _ if larger > COARSER.recip() => [BLUR_PX, finer_px(larger)],
-        _ => [BLUR_PX; 2],
+    let blur_px = |larger: f64| match larger * COARSER > 1.0 {
+        true => blur_of_finer_px(larger.min(MOST_MATCHED), SPOT_PX / bin as f64),
+        false => BLUR_PX,
     };
-    let reference = Cleaned::of(&reference.binned(bin), of_reference_px)?;
-    let view = Cleaned::of(&view.binned(bin), of_view_px)?;
+    let reference = Cleaned::of(&reference.binned(bin), blur_px(magnification.recip()))?;
+    let view = Cleaned::of(&view.binned(bin), blur_px(magnification))?;
     let fit = match is_coarser {
         true => {
             let reference_from_view = view_from_reference.inverse();
@@ -87,8 +86,8 @@ pub(crate) fn register(
     shift_of(&reference, &fit, expected)
 }
 
-/// The blur after which spots in a picture that shows everything larger by this factor are as large, by the aircraft, as in the other
-/// picture after its own blur.
+/// The blur of a picture that shows everything larger than the other by this factor: it makes spots as large, relative to the aircraft, as
+/// they are in the other after its blur.
 fn blur_of_finer_px(larger: f64, spot_px: f64) -> f64 {
     let spot_of_other_px = larger * spot_px.hypot(BLUR_PX);
     (spot_of_other_px.powi(2) - spot_px.powi(2)).sqrt()

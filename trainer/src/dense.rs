@@ -36,11 +36,17 @@ pub(crate) fn linear(
             .map(|_| random.random_range(-bound..=bound))
             .collect::<Vec<f32>>()
     };
-    let weight = TensorData::new(draw(inputs * outputs), [inputs, outputs]);
-    let bias = TensorData::new(draw(outputs), [outputs]);
+    let weights = draw(inputs * outputs);
+    linear_of(weights, draw(outputs), device)
+}
+
+/// A linear layer with these weights, input by input, and a bias for each output.
+fn linear_of(weights: Vec<f32>, biases: Vec<f32>, device: &Device) -> Linear {
+    let outputs = biases.len();
+    let weights_of = [weights.len() / outputs, outputs];
     Linear {
-        weight: Param::from_data(weight, device),
-        bias: Some(Param::from_data(bias, device)),
+        weight: Param::from_data(TensorData::new(weights, weights_of), device),
+        bias: Some(Param::from_data(TensorData::new(biases, [outputs]), device)),
     }
 }
 
@@ -61,13 +67,7 @@ pub(crate) fn linear_to_onnx(layer: &Linear, graph: &mut Graph, input: &str) -> 
 
 /// A linear layer that gives nothing but zeros.
 pub(crate) fn zeros(inputs: usize, outputs: usize, device: &Device) -> Linear {
-    Linear {
-        weight: Param::from_data(TensorData::zeros::<f32, _>([inputs, outputs]), device),
-        bias: Some(Param::from_data(
-            TensorData::zeros::<f32, _>([outputs]),
-            device,
-        )),
-    }
+    linear_of(vec![0.0; inputs * outputs], vec![0.0; outputs], device)
 }
 
 /// The numbers of a linear layer, for networks so small that they are stored with formulas.
@@ -178,20 +178,7 @@ impl Dense {
 
     /// The stack with such numbers.
     pub(crate) fn of_layers(layers: &[Layer], device: &Device) -> Self {
-        let linear = |layer: &Layer| {
-            let outputs = layer.biases.len();
-            let weights = TensorData::new(
-                layer.weights.clone(),
-                [layer.weights.len() / outputs, outputs],
-            );
-            Linear {
-                weight: Param::from_data(weights, device),
-                bias: Some(Param::from_data(
-                    TensorData::new(layer.biases.clone(), [outputs]),
-                    device,
-                )),
-            }
-        };
+        let linear = |of: &Layer| linear_of(of.weights.clone(), of.biases.clone(), device);
         Self {
             layers: layers.iter().map(linear).collect(),
         }

@@ -11,6 +11,8 @@
 //! aircraft; a training sorts them by precision. Prediction does not read the calibration; training does only to leave out boxes that do
 //! not hold the aircraft, and registered shifts were measured with its help, which tells scale and rotation between two views.
 
+#[cfg(test)]
+mod contrast_samples;
 mod cross_fitted;
 mod measurement;
 mod new_camera;
@@ -30,8 +32,9 @@ use crate::view_shift::Places;
 pub(crate) use cross_fitted::CrossFitted;
 pub(crate) use measurement::{Measurement, scale_m};
 pub(crate) use new_camera::NewCamera;
+pub use new_camera::RefittedResidual;
 use residual::Residual;
-pub use residual_training::ResidualRecord;
+pub(crate) use residual_training::ResidualRecord;
 use robust_fit::{
     Rows, Scales, Solution, coordinates, dot, normalise, sensitivity_m, terms_of, write_terms,
 };
@@ -100,10 +103,10 @@ impl InverseRange {
         self.residual.as_ref().filter(|of| of.fit() == fit)
     }
 
-    /// Whether there is a network for a fit that contains this view.
-    fn corrects(&self, view: usize) -> bool {
+    /// The network on the residual of a fit that contains this view.
+    fn residual_of_view(&self, view: usize) -> Option<&Residual> {
         let residual = self.residual.as_ref();
-        residual.is_some_and(|of| self.fits[of.fit()].set.views.contains(&view))
+        residual.filter(|of| self.fits[of.fit()].set.views.contains(&view))
     }
 
     /// The registered fit that answers most of these ticks, the more precise of two that answer as many; `None` if none does.
@@ -139,10 +142,12 @@ impl InverseRange {
             .fits
             .iter()
             .filter(|fit| !fit.set.views.contains(&view));
-        let residual = self.residual.clone();
         Self {
-            residual: residual.filter(|_| !self.corrects(view)),
             fits: others.cloned().collect(),
+            residual: match self.residual_of_view(view) {
+                Some(_) => None,
+                None => self.residual.clone(),
+            },
         }
     }
 

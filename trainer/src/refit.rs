@@ -28,7 +28,7 @@ use crate::encoded::Encoded;
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::evaluation::split_again;
 use crate::flight_parts::FlightParts;
-use crate::inverse_range::{NewCamera, ResidualRecord};
+use crate::inverse_range::{NewCamera, RefittedResidual};
 use crate::normalisation::Normalisation;
 use crate::pinhole::Pinhole;
 use crate::rig::{Cameras, are_same, form};
@@ -69,10 +69,9 @@ pub struct Refit {
     pub frozen_before_blake3: String,
     /// The same after.
     pub frozen_after_blake3: String,
-    /// What the network on the residual of `inverse_range` is worth at approaches left out in turn, if a fit of the view had one and
-    /// there are several approaches; it is kept if it helps.
+    /// What the network on the residual of `inverse_range` is worth, if a fit of the view had one and there are several flights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub residual: Option<ResidualRecord>,
+    pub residual: Option<RefittedResidual>,
     /// Wall-clock time, seconds.
     pub refit_s: f64,
 }
@@ -120,19 +119,7 @@ pub fn refit(
     check_others(run, corpus, &before, &samples, &config.view)?;
     let approaches = approaches(corpus, &samples, view, config)?;
     let mut after = before.clone();
-    let residual = fit_formulas(&mut after, view, &samples, &approaches, progress)?;
-    if before.baselines.self_calibrated.is_some() && after.baselines.self_calibrated.is_none() {
-        let view = config.view.clone();
-        return Err(Error::corpus(
-            corpus.root(),
-            CorpusFault::NoFittedCamera { view },
-        ));
-    }
-    let Some(residual) = residual else {
-        let (view, approaches) = (config.view.clone(), approaches.len());
-        let fault = CorpusFault::TooFewTogether { view, approaches };
-        return Err(Error::corpus(corpus.root(), fault));
-    };
+    let residual = fit_formulas(corpus, &mut after, view, &samples, &approaches, progress)?;
     fit_network(&mut after, view, &samples, &approaches, progress)?;
     adopt(&mut after, &samples, &approaches, &config.view);
 
@@ -229,15 +216,16 @@ fn ids(samples: &Samples, scenarios: &[usize]) -> Vec<String> {
     scenarios.iter().map(id).collect()
 }
 
-/// Fits camera, formulas and features of the view, and says what the network on the residual is worth, if that was judged; `None` in place
-/// of all that if there are too few ticks for one of the formulas.
+/// Fits camera, formulas and features of the view, and tells what the network on the residual is worth, if that was judged.
 fn fit_formulas(
+    corpus: &Corpus,
     run: &mut TrainedRun,
     view: usize,
     samples: &Samples,
     approaches: &[usize],
     progress: &mut dyn Progress,
-) -> Result<Option<Option<ResidualRecord>>> {
+) -> Result<Option<RefittedResidual>> {
+    let refused = |fault| Error::corpus(corpus.root(), fault);
     let recorded: Vec<&Sample> = of_scenarios(samples, approaches).collect();
     let baselines = &mut run.baselines;
     let settings = &run.config.self_calibration;
@@ -247,7 +235,9 @@ fn fit_formulas(
     let new = old
         .as_ref()
         .and_then(|old| old.refitted(view, planned, &samples.scenarios, &recorded, settings));
-    // Without a fit of the new camera that of the old one is wrong.
+    if old.is_some() && new.is_none() {
+        return Err(refused(CorpusFault::NoFittedCamera { view: name.clone() }));
+    }
     let cameras = new.as_ref().map(|new| new.cameras());
     let camera_pair = old
         .and_then(|old| old.cameras()[view])
@@ -270,11 +260,11 @@ fn fit_formulas(
         .collect();
     let new_camera = NewCamera {
         view,
-        zoom: camera_pair.map(|(old, new)| new.focal_px / old.focal_px),
+        cameras: camera_pair.map(|(old, new)| [old, new]),
     };
     let refitted = baselines.inverse_range.for_new_camera(
         new_camera,
-        &FlightParts::of(samples, ticks.iter().copied()),
+        FlightParts::of(samples, ticks.iter().copied()),
         &trusted,
         &run.config.residual,
         random(&run.config),
@@ -284,7 +274,10 @@ fn fit_formulas(
         },
     )?;
     let Some(refitted) = refitted else {
-        return Ok(None);
+        return Err(refused(CorpusFault::TooFewTogether {
+            view: name.clone(),
+            approaches: approaches.len(),
+        }));
     };
     let moved = camera_pair.and_then(|(old, new)| run.normalisation.moved(view, &old, &new));
     run.normalisation = moved.unwrap_or_else(|| {
@@ -299,7 +292,7 @@ fn fit_formulas(
         &run.normalisation,
     );
     baselines.inverse_range = refitted.fits.all;
-    Ok(Some(refitted.residual))
+    Ok(refitted.residual)
 }
 
 /// What draws the batches of a network.

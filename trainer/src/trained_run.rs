@@ -34,7 +34,7 @@ use crate::self_calibration::SelfCalibrated;
 use crate::triangulation::CentreOffset;
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 3;
+pub(crate) const RUN_FORMAT: u32 = 4;
 
 /// What tells whether a run can be read.
 #[derive(Deserialize)]

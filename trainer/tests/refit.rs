@@ -93,8 +93,11 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
     let record = refit(&run, &after, &out, &of_left(10), &mut Silent).unwrap();
     assert_eq!(record.frozen_before_blake3, record.frozen_after_blake3);
     assert_eq!(record.scenarios.len(), 10);
-    println!("{:?}", record.residual);
-    assert!(record.residual.is_some_and(|residual| residual.is_kept()));
+    let residual = record.residual.unwrap();
+    let network_pct = residual
+        .as_it_was_mape_pct
+        .min(residual.trained_on_mape_pct);
+    assert!(network_pct < 0.7 * residual.formula_mape_pct, "{residual}");
 
     let refitted = RunFolder::at(&out);
     let (old, new) = (evaluated(&run, &before), evaluated(&refitted, &after));

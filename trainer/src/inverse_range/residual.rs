@@ -10,6 +10,7 @@
 //! The numbers are stored with the formulas.
 
 use burn::tensor::Device;
+use dataset::camera::Camera;
 use dataset::least_squares::NormalEquations;
 use dataset::spread::deviation_from_zero;
 use onnx_graph::proto::{AttributeProto, DOUBLE, FLOAT};
@@ -43,7 +44,7 @@ pub(crate) struct Residual {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Inputs {
     /// Number of the fit.
-    fit: usize,
+    pub(super) fit: usize,
     /// Indices of the views whose registrations the network sees, ascending.
     views: Vec<usize>,
     /// How far the cameras stand behind the touchdown target, metres.
@@ -104,19 +105,42 @@ impl Inputs {
         Some(inputs)
     }
 
-    /// The same for a new camera of this view, with a focal length that is so many times the old one. Of the numbers of a registration only
-    /// the scale follows from the camera; the others are those of the light.
-    pub(super) fn zoomed(mut self, view: usize, zoom: f64) -> Self {
-        let larger = zoom.ln();
-        let is_reference = !self.views.contains(&view);
-        for (&other, [scale, ..]) in self.views.iter().zip(&mut self.usual) {
-            if is_reference {
-                scale.coefficients[0] -= larger;
-            } else if other == view {
-                scale.coefficients[0] += larger;
+    /// The same for a new camera of this view in place of an old one, which show the aircraft of these ticks in different sizes. That the
+    /// scale follows from the camera is all that is known; what else is different is learned.
+    pub(super) fn for_new_camera(
+        &self,
+        view: usize,
+        [old, new]: [Camera; 2],
+        ticks: &[&Sample],
+    ) -> Self {
+        let mut inputs = self.clone();
+        let larger = |sample: &Sample| {
+            let aircraft_m = sample.position.to_ecef();
+            let [old, new] = [old, new].map(|camera| {
+                let ahead_m = camera.to_camera(aircraft_m).z;
+                (ahead_m > 0.0).then(|| camera.focal_px / ahead_m)
+            });
+            Some((new? / old?).ln())
+        };
+        let mut normal = NormalEquations::new(3);
+        for sample in ticks {
+            if let Some(larger) = larger(sample) {
+                normal.add(&self.terms(sample.dtd_m), larger, 1.0);
             }
         }
-        self
+        let Some(larger) = normal.solve_for::<3>() else {
+            return inputs;
+        };
+        let is_reference = !self.views.contains(&view);
+        let sign = if is_reference { -1.0 } else { 1.0 };
+        for (&other, [scale, ..]) in self.views.iter().zip(&mut inputs.usual) {
+            if is_reference || other == view {
+                for (coefficient, larger) in scale.coefficients.iter_mut().zip(larger) {
+                    *coefficient += sign * larger;
+                }
+            }
+        }
+        inputs
     }
 
     /// Number of inputs.

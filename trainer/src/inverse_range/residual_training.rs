@@ -1,8 +1,11 @@
 //! Trains the networks of [`super::residual`]: that of the formula, and for each part of the flights that of the formula which did not see
 //! them, all at once.
 //!
-//! Networks start at zero, where they change nothing. They learn from ticks that their formula learned from, under a loss that is square
-//! for small errors and linear for large ones, because the latter are wrong shifts. The validation side decides whether they are kept.
+//! Networks start at zero, where they change nothing, or for a new camera ([`super::new_camera`]) from what is known. They learn from ticks
+//! that their formula learned from, under a loss that is square for small errors and linear for large ones, because the latter are wrong
+//! shifts. Flights that they did not learn from decide whether they are kept.
+
+use std::fmt;
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
@@ -14,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::InverseRange;
 use super::cross_fitted::CrossFitted;
-use super::measurement::Measurement;
+use super::measurement::{Measurement, scale_m};
 use super::residual::{Inputs, Residual, answered};
 use crate::config::ResidualConfig;
 use crate::dense::{Dense, Layer, LinearGradients, widths, zeros};
@@ -28,10 +31,10 @@ const MOST_TICKS: usize = 50_000;
 /// Steps between two looks at the flights that judge.
 const JUDGED_EVERY: usize = 250;
 
-/// What a network on the residual is worth (`run.json`): errors of `inverse_range` on flights that taught it nothing, where the fit with
-/// the network applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
+/// What a network on the residual was worth (`run.json`): errors of `inverse_range` on the validation side where the fit with the network
+/// applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct ResidualRecord {
+pub(crate) struct ResidualRecord {
     /// Of the formula alone.
     pub formula_mape_pct: f64,
     /// With the network.
@@ -40,15 +43,17 @@ pub struct ResidualRecord {
 
 impl ResidualRecord {
     /// Whether `inverse_range` has the network.
-    pub fn is_kept(&self) -> bool {
+    pub(crate) fn is_kept(&self) -> bool {
         self.corrected_mape_pct < self.formula_mape_pct
     }
+}
 
-    /// In words; `flights` are those that judged.
-    pub(super) fn said_of(&self, flights: &str) -> String {
+impl fmt::Display for ResidualRecord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_kept = if self.is_kept() { "kept" } else { "dropped" };
-        format!(
-            "inverse_range is off by {:.4} % on {flights}, by {:.4} % with a network on its residual, which is {is_kept}",
+        write!(
+            f,
+            "inverse_range is off by {:.4} % on the validation side, by {:.4} % with a network on its residual, which is {is_kept}",
             self.formula_mape_pct, self.corrected_mape_pct
         )
     }
@@ -68,12 +73,12 @@ impl CrossFitted {
         let Some(fit) = self.all.most_asked(training) else {
             return Ok(None);
         };
-        let trainee = |fits: &InverseRange, training: &[&Sample], judges: &[&Sample]| {
+        let trainee = |fits: &InverseRange, training: &[&Sample], judges: &[_]| {
             let learned_from = thinned(answered(fits, fit, training));
             let inputs = Inputs::of(fit, &fits.fits[fit], &learned_from)?;
-            Trainee::of(inputs, &learned_from, &answered(fits, fit, judges))
+            Trainee::of(inputs, &learned_from, judges)
         };
-        let judges: Vec<&Sample> = validation.iter().collect();
+        let judges = answered(&self.all, fit, &validation.iter().collect::<Vec<_>>());
         let Some(of_all) = trainee(&self.all, training, &judges) else {
             return Ok(None);
         };
@@ -97,10 +102,10 @@ impl CrossFitted {
         };
         let kept = learn(&mut task, networks, settings, watch)?;
         let record = ResidualRecord {
-            formula_mape_pct: formula_mape_pct(&trainees),
+            formula_mape_pct: formula_mape_pct(&judges),
             corrected_mape_pct: kept.error_pct,
         };
-        watch.progress.say(&record.said_of("the validation side"));
+        watch.progress.say(&record.to_string());
         if record.is_kept() {
             let fits = std::iter::once(&mut self.all).chain(fits_of_parts);
             let residuals = kept.network.residuals(trainees);
@@ -118,11 +123,12 @@ pub(super) fn thinned<T>(ticks: Vec<T>) -> Vec<T> {
     ticks.into_iter().step_by(step).collect()
 }
 
-/// The errors of the formulas alone at the ticks that judge.
-pub(super) fn formula_mape_pct(trainees: &[Trainee]) -> f64 {
-    mape_pct(trainees, |trainee| {
-        vec![0.0; trainees[trainee].judges.targets.len()]
-    })
+/// Mean error of a formula at ticks that it answers, percent of its distances (below 0.5 NM: of 0.5 NM).
+pub(super) fn formula_mape_pct(answered: &[(&Sample, Measurement)]) -> f64 {
+    let error = |(sample, formula): &(&Sample, Measurement)| {
+        (formula.distance_m - sample.dtd_m).abs() / scale_m(formula.distance_m)
+    };
+    100.0 * answered.iter().map(error).sum::<f64>() / answered.len() as f64
 }
 
 /// The errors that remain at the ticks that judge, if these errors are predicted of each trainee's.
@@ -346,4 +352,4 @@ impl Task for ResidualTask<'_> {
 }
 
 #[cfg(test)]
-pub(super) mod tests;
+mod tests;

@@ -185,7 +185,7 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
     let refitted = |approaches: &[&Sample]| {
         let new = NewCamera {
             view: 1,
-            zoom: Some(1.0),
+            cameras: None,
         };
         let parts = FlightParts::of(&samples, approaches.iter().copied());
         let watch = &mut Watch {
@@ -194,7 +194,7 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
         };
         let random = ChaCha12Rng::seed_from_u64(0);
         let config = ResidualConfig::default();
-        let refitted = fitted.for_new_camera(new, &parts, approaches, &config, random, watch);
+        let refitted = fitted.for_new_camera(new, parts, approaches, &config, random, watch);
         refitted.unwrap().map(|refitted| refitted.fits.all)
     };
     let of_few = refitted(&other_flights[..20]);
