@@ -191,7 +191,7 @@ impl SyntheticCorpus {
         calibration.write(&folder.calibration_path())?;
         let frames = self.fly(&runway, &calibration, &mut random);
         frames.write(&folder.frames_path())?;
-        self.record(number, id, trajectory, &frames)
+        self.record(number, id, trajectory, &frames, &calibration)
             .write(&folder.record_path())?;
         seal_folder(folder.root(), "synthetic")?;
         let detections = self.detect(&frames, &calibration, &mut random);
@@ -326,7 +326,14 @@ impl SyntheticCorpus {
         found.into()
     }
 
-    fn record(&self, number: usize, id: &str, trajectory: &str, frames: &Frames) -> ScenarioRecord {
+    fn record(
+        &self,
+        number: usize,
+        id: &str,
+        trajectory: &str,
+        frames: &Frames,
+        calibration: &Calibration,
+    ) -> ScenarioRecord {
         let weathers = ["clear", "cloudy", "foggy", "stormy"];
         let times = ["06:00", "08:00", "12:00", "17:00", "18:00"];
         let plain = record(id, self.frame_rate, frames.rows.len() as u32);
@@ -336,6 +343,7 @@ impl SyntheticCorpus {
             plan_hash: "synthetic".into(),
             config_hash: "synthetic".into(),
             aircraft: "B738".into(),
+            views: calibration.cameras.keys().cloned().collect(),
             conditions: Conditions {
                 time_of_day: times[number % times.len()].into(),
                 clock: Clock {
