@@ -5,12 +5,16 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+# Its tool takes minutes to build the first time: while packages are downloaded, if there is a compiler already.
+if command -v cc >/dev/null; then
+    bash scripts/supply-chain.sh &
+    supply_chain=$!
+fi
 bash scripts/setup.sh
 python3 scripts/check_prose.py
 cargo fmt --all --check
 (cd xplane-bridge/plugin && ../../.venv/bin/python -m mypy --strict --cache-dir=/dev/null PI_dtd_bridge.py dtd_bridge)
 (cd python && ../.venv/bin/python -m mypy --strict --cache-dir=/dev/null dtd)
-# Minutes the first time, when it builds its tool.
-bash scripts/supply-chain.sh
+if [ -n "${supply_chain:-}" ]; then wait "$supply_chain"; else bash scripts/supply-chain.sh; fi
 cargo clippy --release --locked --workspace --all-targets -- -D warnings
 .venv/bin/python scripts/run_tests.py
