@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Builds all tests in the release profile and runs their programs, six at a time.
+"""Builds all tests in the release profile and runs their programs, four at a time.
 
 `cargo test` runs one program after the other, although they mostly wait, for simulators, kills and timeouts: all of them together took
 10 minutes of processor time in 21 minutes. The output of a program is printed when it ends; one
@@ -17,7 +17,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
 CARGO_TEST = ["cargo", "test", "--release", "--locked", "--workspace"]
-AT_ONCE = 6
+AT_ONCE = 4
 # Those that take longest begin first, so that none of them is left alone at the end.
 LONGEST = ["awkward", "races", "chain", "mutations", "object_store", "plugin", "limits"]
 

@@ -109,7 +109,7 @@ pub(crate) struct RefitArgs {
     /// View whose camera is fitted again
     #[arg(long, value_name = "NAME")]
     pub(crate) view: String,
-    /// Folder for the new run
+    /// Folder for the new run; replaces a run that is there, and its evaluation
     #[arg(long, value_name = "RUN2", value_parser = output())]
     pub(crate) out: PathBuf,
     /// Number of approaches to use, the first of the training side; 10 at most

@@ -126,7 +126,7 @@ impl Estimator {
             Self::InverseRange => [
                 "inverse_range",
                 "Inverse range",
-                "least squares on the places in all views, registered with each other, corrected by a small network if that improves the validation side; learned from labels; not told where the cameras are",
+                "least squares on the places in all views, registered with each other, corrected by a small network where that improved flights which it did not learn from; learned from labels; not told where the cameras are",
             ],
             Self::InverseRangeFiltered => [
                 "inverse_range_filtered",

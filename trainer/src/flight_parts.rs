@@ -35,6 +35,15 @@ impl FlightParts {
         }
     }
 
+    /// Number of different flights.
+    pub(crate) fn flights(&self) -> usize {
+        self.flown
+            .iter()
+            .flatten()
+            .max()
+            .map_or(0, |&last| last + 1)
+    }
+
     /// Number of what is flown at a tick; `None` of a flight that is not among these.
     pub(crate) fn flown(&self, tick: &Sample) -> Option<usize> {
         self.flown[tick.scenario]

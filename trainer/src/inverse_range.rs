@@ -32,7 +32,7 @@ use crate::view_shift::Places;
 pub(crate) use cross_fitted::CrossFitted;
 pub(crate) use measurement::{Measurement, scale_m};
 pub(crate) use new_camera::NewCamera;
-pub use new_camera::RefittedResidual;
+pub use new_camera::{Outcome, RefittedResidual};
 use residual::Residual;
 pub(crate) use residual_training::ResidualRecord;
 use robust_fit::{

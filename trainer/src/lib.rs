@@ -75,7 +75,7 @@ pub use config::{TrainConfig, schema};
 pub use error::{CorpusFault, Error, Result, RunFault};
 pub use evaluation::{EvaluationConfig, JudgedSide, evaluate};
 pub use evaluation_rules::EvaluationRules;
-pub use inverse_range::RefittedResidual;
+pub use inverse_range::{Outcome, RefittedResidual};
 pub use metrics::Metrics;
 pub use onnx::{
     Agreement, ExportedModel, ExportedRun, Probes, REGISTRATION_NUMBERS, TOLERANCE, export,

@@ -6,7 +6,7 @@ use dataset::columns::Table;
 use dataset::corpus::Corpus;
 use dataset::frame_rate::FrameRate;
 use dataset::json_file::read_json;
-use dataset::progress::Silent;
+use dataset::progress::{Progress, Silent};
 use serde_json::Value;
 use testkit::synthetic::{Changed, SyntheticCorpus};
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
@@ -65,6 +65,19 @@ fn settings(steps: usize) -> TrainConfig {
 
 fn evaluated(run: &RunFolder, corpus: &Corpus) -> Metrics {
     evaluate(run, corpus, &EvaluationConfig::default(), &mut Silent).unwrap()
+}
+
+/// What a refit says.
+struct Said(Vec<String>);
+
+impl Progress for Said {
+    fn begin(&mut self, _stage: &str, _total: u64) {}
+
+    fn advance(&mut self, _done: u64, _note: &str) {}
+
+    fn say(&mut self, line: &str) {
+        self.0.push(line.to_owned());
+    }
 }
 
 fn of_left(approaches: usize) -> RefitConfig {
@@ -149,12 +162,18 @@ fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse()
         .run;
 
     let out = folder.path().join("refitted");
-    refit(&run, &after, &out, &of_left(3), &mut Silent).unwrap();
+    let mut said = Said(Vec::new());
+    refit(&run, &after, &out, &of_left(3), &mut said).unwrap();
+    let warned = said
+        .0
+        .iter()
+        .any(|line| line.contains("too narrow") && line.contains("3 here"));
+    assert!(warned, "{:?}", said.0);
 
     let metrics = evaluated(&RunFolder::at(&out), &after);
     let stated = metrics.estimators["inverse_range_filtered"].stated_intervals;
     let held = stated.unwrap().held;
-    // With the errors that the camera had before they hold 82 %.
+    // With the errors that the camera had before they would be too narrow.
     assert!((0.88..=0.99).contains(&held), "{held}");
 }
 

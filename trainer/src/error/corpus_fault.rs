@@ -77,7 +77,8 @@ pub enum CorpusFault {
     },
     /// A corpus with other cameras than those of the training.
     #[error(
-        "its cameras are not those that run {} was trained with; here, and there: {}",
+        "its cameras are not those that run {} was trained with; here, and there: {}; if one of them was turned, moved or replaced, \
+         `dtd refit` fits its view again",
         run.display(),
         differences.join("; ")
     )]

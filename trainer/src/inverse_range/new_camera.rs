@@ -22,8 +22,8 @@ use crate::flight_parts::FlightParts;
 use crate::samples::Sample;
 use crate::training_loop::{Watch, learn};
 
-/// Steps, and what the learning rate of a training from the start is multiplied by. Of 500 steps at a tenth, 1,000 at a fifth and 1,500 at
-/// three tenths of the rate, these had the least error at approaches left out in turn (those of docs/results.md).
+/// Steps, and what the learning rate of a training from the start is multiplied by: at approaches left out in turn (those of
+/// docs/results.md) the error is less than after 500 steps at a tenth of the rate.
 const STEPS: usize = 1_000;
 const RATE_FACTOR: f64 = 0.2;
 
@@ -55,39 +55,45 @@ pub struct RefittedResidual {
     pub as_it_was_mape_pct: f64,
     /// With the network trained on.
     pub trained_on_mape_pct: f64,
+    /// What the least of these errors made of the network.
+    pub network: Outcome,
 }
 
-/// What became of the network.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Outcome {
+/// What became of a network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// It stayed.
     AsItWas,
+    /// It was trained on.
     TrainedOn,
+    /// There is none any more.
     Dropped,
 }
 
-impl RefittedResidual {
-    /// The one with the least error.
-    pub(crate) fn outcome(&self) -> Outcome {
-        let network_pct = self.as_it_was_mape_pct.min(self.trained_on_mape_pct);
-        match self {
-            _ if self.formula_mape_pct <= network_pct => Outcome::Dropped,
-            _ if self.trained_on_mape_pct < self.as_it_was_mape_pct => Outcome::TrainedOn,
-            _ => Outcome::AsItWas,
+impl Outcome {
+    fn of_errors(formula: f64, as_it_was: f64, trained_on: f64) -> Self {
+        match trained_on < as_it_was {
+            _ if formula <= as_it_was.min(trained_on) => Self::Dropped,
+            true => Self::TrainedOn,
+            false => Self::AsItWas,
         }
     }
 }
 
 impl fmt::Display for RefittedResidual {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let outcome = match self.outcome() {
-            Outcome::AsItWas => "kept as it was",
-            Outcome::TrainedOn => "trained on",
-            Outcome::Dropped => "dropped",
+        let outcome = match self.network {
+            Outcome::AsItWas => "it is kept as it was",
+            Outcome::TrainedOn => "it is trained on",
+            Outcome::Dropped => {
+                "it is dropped, and a further refit of this run will not have it either"
+            }
         };
         write!(
             f,
             "at approaches left out in turn, inverse_range is off by {:.4} % without a network on its residual, by {:.4} % with the network as \
-             it was, by {:.4} % with the network trained on; it is {outcome}",
+             it was, by {:.4} % with the network trained on; {outcome}",
             self.formula_mape_pct, self.as_it_was_mape_pct, self.trained_on_mape_pct
         )
     }
@@ -208,6 +214,8 @@ impl CrossFitted {
             }
         }
         if trainees.len() != trained.len() || !trainees.iter().any(Trainee::is_judged) {
+            let said = "no other flight tells whether the network on the residual of inverse_range helps: it stays as it was";
+            watch.progress.say(said);
             let fits = self;
             return Ok(Some(Refitted {
                 fits,
@@ -227,19 +235,22 @@ impl CrossFitted {
         let as_it_was = Networks::alike(&known.layers, trainees.len());
         let as_it_was_mape_pct = task.error_pct(&as_it_was);
         let kept = learn(&mut task, as_it_was, &settings, watch)?;
+        let formula_mape_pct = formula_mape_pct(&judges_of_alone);
+        let trained_on_mape_pct = kept.error_pct;
         let record = RefittedResidual {
-            formula_mape_pct: formula_mape_pct(&judges_of_alone),
+            formula_mape_pct,
             as_it_was_mape_pct,
-            trained_on_mape_pct: kept.error_pct,
+            trained_on_mape_pct,
+            network: Outcome::of_errors(formula_mape_pct, as_it_was_mape_pct, trained_on_mape_pct),
         };
         watch.progress.say(&record.to_string());
-        if record.outcome() == Outcome::TrainedOn {
+        if record.network == Outcome::TrainedOn {
             for (fits, residual) in trained.into_iter().zip(kept.network.residuals(trainees)) {
                 fits.residual = Some(residual);
             }
         }
         Ok(Some(Refitted {
-            fits: match record.outcome() {
+            fits: match record.network {
                 Outcome::Dropped => alone,
                 Outcome::AsItWas | Outcome::TrainedOn => self,
             },

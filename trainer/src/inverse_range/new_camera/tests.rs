@@ -56,7 +56,7 @@ fn a_network_that_still_helps_stays_and_only_what_belongs_to_the_view_changes() 
         let of = |fits: &InverseRange| refitted(fits, view, &samples, &approaches);
         let (with, alone) = (of(&fits.all), of(&without_network(&fits.all)));
         println!("{}", with.residual.unwrap());
-        assert_ne!(with.residual.unwrap().outcome(), Outcome::Dropped);
+        assert_ne!(with.residual.unwrap().network, Outcome::Dropped);
         assert!(alone.residual.is_none());
         let error = |refitted: &Refitted| error(&refitted.fits.all, &others);
         let (with_error, alone_error) = (error(&with), error(&alone));
@@ -76,7 +76,7 @@ fn a_network_whose_camera_turns_its_effect_round_is_trained_on_until_it_helps() 
     let of = |fits: &InverseRange| refitted(fits, 1, &reversed, &approaches);
     let (with, alone) = (of(&fits.all), of(&without_network(&fits.all)));
     println!("{}", with.residual.unwrap());
-    assert_eq!(with.residual.unwrap().outcome(), Outcome::TrainedOn);
+    assert_eq!(with.residual.unwrap().network, Outcome::TrainedOn);
     assert_ne!(with.fits.all.residual, fits.all.residual);
     let [with, alone] = [&with, &alone].map(|of| error(&of.fits.all, &others));
     assert!(with < alone, "{with} {alone}");
@@ -96,7 +96,7 @@ fn a_network_that_tells_nothing_of_approaches_that_it_did_not_see_is_dropped() {
     let of = |fits: &InverseRange| refitted(fits, 1, &samples, &approaches);
     let (with, alone) = (of(&fits.all), of(&without_network(&fits.all)));
     println!("{}", with.residual.unwrap());
-    assert_eq!(with.residual.unwrap().outcome(), Outcome::Dropped);
+    assert_eq!(with.residual.unwrap().network, Outcome::Dropped);
     assert_eq!(with.fits.all, alone.fits.all);
 }
 
