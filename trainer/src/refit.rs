@@ -265,7 +265,7 @@ fn fit_formulas(
     if flights < FEW_FLIGHTS {
         progress.say(&format!(
             "fewer than {FEW_FLIGHTS} different flights ({flights} here) tell little about errors: stated intervals will be too narrow; \
-             use ten if there are so many"
+             use up to ten"
         ));
     }
     let new_camera = NewCamera {

@@ -65,6 +65,13 @@ pub(super) fn learned(samples: &Samples) -> (CrossFitted, ResidualRecord) {
     (fits, record.unwrap().unwrap())
 }
 
+pub(super) fn without_network(fits: &InverseRange) -> InverseRange {
+    InverseRange {
+        residual: None,
+        ..fits.clone()
+    }
+}
+
 /// Mean error at those of the ticks that have a shift, of the distance.
 pub(super) fn error(fits: &InverseRange, ticks: &[&Sample]) -> f64 {
     let answered = ticks.iter().filter_map(|sample| {

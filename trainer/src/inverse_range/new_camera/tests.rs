@@ -5,7 +5,7 @@ use dataset::splits::Side;
 use rand::SeedableRng;
 use testkit::rig::placed;
 
-use super::super::contrast_samples::{error, learned, samples, settings};
+use super::super::contrast_samples::{error, learned, samples, settings, without_network};
 use super::*;
 use crate::checkpoint::Checkpoints;
 use crate::samples::Samples;
@@ -38,13 +38,6 @@ fn refitted(
     let random = ChaCha12Rng::seed_from_u64(0);
     let refitted = fits.for_new_camera(new, parts, approaches, &settings(), random, watch);
     refitted.unwrap().unwrap()
-}
-
-fn without_network(fits: &InverseRange) -> InverseRange {
-    InverseRange {
-        residual: None,
-        ..fits.clone()
-    }
 }
 
 #[test]

@@ -3,14 +3,7 @@
 use dataset::splits::Side;
 
 use super::super::InverseRange;
-use super::super::contrast_samples::{error, learned, samples};
-
-fn without_network(fits: &InverseRange) -> InverseRange {
-    InverseRange {
-        residual: None,
-        ..fits.clone()
-    }
-}
+use super::super::contrast_samples::{error, learned, samples, without_network};
 
 #[test]
 fn an_error_that_contrast_tells_is_learned_and_flights_that_a_network_did_not_see_gain_by_it() {
