@@ -135,7 +135,8 @@ impl InverseRange {
             layers: known.layers.clone(),
         };
         let corrected = alone.corrected(&known, approaches);
-        corrected.trained_on(alone, &known, approaches, config, random, watch)
+        let refitted = corrected.trained_on(alone, &known, approaches, config, random, watch)?;
+        Ok(Some(refitted))
     }
 
     /// Those of sets that contain the view fitted again to these approaches, without a network on one of them.
@@ -187,7 +188,7 @@ impl CrossFitted {
         config: &ResidualConfig,
         random: ChaCha12Rng,
         watch: &mut Watch,
-    ) -> Result<Option<Refitted>> {
+    ) -> Result<Refitted> {
         let fit = known.fit();
         let inside = |part| {
             let ticks = approaches.iter().copied();
@@ -200,8 +201,8 @@ impl CrossFitted {
             Trainee::of(known.inputs.clone(), &learned_from, &judges)
         };
         let mut judges_of_alone = Vec::new();
-        let mut trainees = Vec::from_iter(trainee(&self.all, approaches, &[]));
-        let mut trained = vec![&mut self.all];
+        let of_all = trainee(&self.all, approaches, &[]);
+        let mut pairs = Vec::from_iter(of_all.map(|trainee| (trainee, &mut self.all)));
         let others = self.parts.others(approaches).zip(&mut self.others);
         for ((part, (learned_from, fits)), alone) in others.enumerate().zip(&alone.others) {
             let inside = inside(part);
@@ -209,18 +210,17 @@ impl CrossFitted {
                 && let Some(trainee) = trainee(fits, &learned_from, &inside)
             {
                 judges_of_alone.extend(answered(alone, fit, &inside));
-                trainees.push(trainee);
-                trained.push(fits);
+                pairs.push((trainee, fits));
             }
         }
-        if trainees.len() != trained.len() || !trainees.iter().any(Trainee::is_judged) {
+        let (trainees, trained): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
+        if !trainees.iter().any(Trainee::is_judged) {
             let said = "no other flight tells whether the network on the residual of inverse_range helps: it stays as it was";
             watch.progress.say(said);
-            let fits = self;
-            return Ok(Some(Refitted {
-                fits,
+            return Ok(Refitted {
+                fits: self,
                 residual: None,
-            }));
+            });
         }
         let settings = Optimisation {
             steps: STEPS,
@@ -249,13 +249,13 @@ impl CrossFitted {
                 fits.residual = Some(residual);
             }
         }
-        Ok(Some(Refitted {
+        Ok(Refitted {
             fits: match record.network {
                 Outcome::Dropped => alone,
                 Outcome::AsItWas | Outcome::TrainedOn => self,
             },
             residual: Some(record),
-        }))
+        })
     }
 }
 
