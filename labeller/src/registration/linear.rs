@@ -46,31 +46,37 @@ pub(super) fn inverse<const N: usize>(a: [[f64; N]; N]) -> Option<[[f64; N]; N]>
 /// Normal equations of weighted least squares, filled row by row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Normal<const N: usize> {
-    /// Sum of `w j j^T`.
-    pub(super) matrix: [[f64; N]; N],
+    /// Sum of `w j j^T`, up to the diagonal.
+    lower: [[f64; N]; N],
     /// Sum of `w j r`.
-    pub(super) right: [f64; N],
+    right: [f64; N],
 }
 
 impl<const N: usize> Normal<N> {
     pub(super) fn new() -> Self {
         Self {
-            matrix: [[0.0; N]; N],
+            lower: [[0.0; N]; N],
             right: [0.0; N],
         }
     }
 
     pub(super) fn add(&mut self, row: &[f64; N], value: f64, weight: f64) {
         for (i, a) in row.iter().enumerate() {
-            for (j, b) in row.iter().enumerate() {
-                self.matrix[i][j] += weight * a * b;
+            let weighted = weight * a;
+            for (j, b) in row.iter().enumerate().take(i + 1) {
+                self.lower[i][j] += weighted * b;
             }
-            self.right[i] += weight * a * value;
+            self.right[i] += weighted * value;
         }
     }
 
+    /// Sum of `w j j^T`.
+    pub(super) fn matrix(&self) -> [[f64; N]; N] {
+        std::array::from_fn(|i| std::array::from_fn(|j| self.lower[i.max(j)][i.min(j)]))
+    }
+
     pub(super) fn solve(&self) -> Option<[f64; N]> {
-        solve(self.matrix, self.right)
+        solve(self.matrix(), self.right)
     }
 }
 

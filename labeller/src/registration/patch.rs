@@ -224,26 +224,27 @@ impl Cleaned {
         self.values[row * self.width + column]
     }
 
-    /// A row of pixels.
-    pub(super) fn line(&self, row: usize) -> &[f64] {
-        &self.values[row * self.width..(row + 1) * self.width]
+    /// All pixels, row by row.
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
     }
 
     fn remove_background(&mut self, blur_px: f64) -> Result<(), NoShift> {
         let half = self.size / 2.0 + GLOW_PX + GLOW_PART * self.size.x;
         let scale = half.x;
-        let from_centre = |index: usize| {
-            let (column, row) = (index % self.width, index / self.width);
-            DVec2::new(column as f64, row as f64) - self.centre
-        };
+        let (width, centre) = (self.width, self.centre);
+        let from_centre: Vec<DVec2> = (0..self.height)
+            .flat_map(|row| (0..width).map(move |column| (column, row)))
+            .map(|(column, row)| DVec2::new(column as f64, row as f64) - centre)
+            .collect();
         let ring: Vec<usize> = (0..self.values.len())
             .filter(|index| {
-                let away = from_centre(*index).abs();
+                let away = from_centre[*index].abs();
                 (away.cmpgt(half).any()) && away.cmplt(half + RING_PX).all()
             })
             .collect();
         let terms = |index: usize| {
-            let DVec2 { x, y } = from_centre(index) / scale;
+            let DVec2 { x, y } = from_centre[index] / scale;
             [1.0, x, y, x * x, x * y, y * y]
         };
         let value = |terms: [f64; 6], fitted: &[f64; 6]| -> f64 {
@@ -269,12 +270,12 @@ impl Cleaned {
         let clean: Vec<f64> = (0..self.values.len())
             .map(|index| self.values[index] - value(terms(index), &fitted))
             .collect();
-        self.values = blurred(&clean, self.width, blur_px);
+        self.values = blurred(&clean, width, blur_px);
         let of_ring = || ring.iter().map(|index| self.values[*index]);
         self.noise = robust_sd(of_ring()).max(LEAST_NOISE);
         let reach = self.size / 2.0 + 1.0;
         let peak = (0..self.values.len())
-            .filter(|index| from_centre(*index).abs().cmple(reach).all())
+            .filter(|index| from_centre[*index].abs().cmple(reach).all())
             .fold(0.0_f64, |most, index| most.max(self.values[index].abs()));
         // The robust deviation leaves out clouds and the horizon; the aircraft must stand out from them, too.
         let rms = (of_ring().map(|v| v * v).sum::<f64>() / ring.len() as f64).sqrt();
