@@ -287,17 +287,15 @@ impl Cleaned {
 
     /// Value and its derivatives between the pixels, by Catmull and Rom's cubic; `None` too close to the edge.
     pub(super) fn sample(&self, at: DVec2) -> Option<(f64, DVec2)> {
-        let start = at.floor();
-        let inside = start.x >= 1.0
-            && start.y >= 1.0
-            && start.x + 2.0 < self.width as f64
-            && start.y + 2.0 < self.height as f64;
+        // What is negative or no number becomes 0, which is too close to the edge.
+        let (column, row) = (at.x as usize, at.y as usize);
+        let inside = column >= 1 && row >= 1 && column + 2 < self.width && row + 2 < self.height;
         if !inside {
             return None;
         }
-        let (column, row) = (start.x as usize - 1, start.y as usize - 1);
-        let (across, slope_x) = cubic(at.x - start.x);
-        let (down, slope_y) = cubic(at.y - start.y);
+        let (across, slope_x) = cubic(at.x - column as f64);
+        let (down, slope_y) = cubic(at.y - row as f64);
+        let (column, row) = (column - 1, row - 1);
         let (mut value, mut dx, mut dy) = (0.0, 0.0, 0.0);
         for j in 0..4 {
             let line = &self.values[(row + j) * self.width + column..][..4];
