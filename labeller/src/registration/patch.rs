@@ -287,10 +287,10 @@ impl Cleaned {
 
     /// Value and its derivatives between the pixels, by Catmull and Rom's cubic; `None` too close to the edge.
     pub(super) fn sample(&self, at: DVec2) -> Option<(f64, DVec2)> {
-        // What is negative or no number becomes 0, which is too close to the edge.
+        // What is negative or no number becomes 0, which is too close to the edge; what is too large becomes the largest number.
         let (column, row) = (at.x as usize, at.y as usize);
-        let inside = column >= 1 && row >= 1 && column + 2 < self.width && row + 2 < self.height;
-        if !inside {
+        let is_inside = |at: usize, length: usize| at >= 1 && at < length.saturating_sub(2);
+        if !is_inside(column, self.width) || !is_inside(row, self.height) {
             return None;
         }
         let (across, slope_x) = cubic(at.x - column as f64);
@@ -367,4 +367,30 @@ pub(super) fn blurred(values: &[f64], width: usize, blur_px: f64) -> Vec<f64> {
         }
     }
     both
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn between_pixels_there_is_a_value_and_outside_nothing_however_far() {
+        let (width, height) = (8, 6);
+        let picture = Cleaned {
+            width,
+            height,
+            values: (0..width * height).map(|i| (i % width) as f64).collect(),
+            noise: 1.0,
+            centre: DVec2::new(4.0, 3.0),
+            size: DVec2::ONE,
+            origin_px: DVec2::ZERO,
+            bin: 1,
+        };
+        let (value, slope) = picture.sample(DVec2::new(2.25, 2.5)).unwrap();
+        assert!((value - 2.25).abs() < 1e-12 && (slope.x - 1.0).abs() < 1e-12);
+        assert!(picture.sample(DVec2::new(5.99, 3.99)).is_some());
+        for outside in [0.99, 6.0, -1.0, 1e300, f64::INFINITY, f64::NAN] {
+            assert_eq!(picture.sample(DVec2::new(outside, 2.5)), None, "{outside}");
+        }
+    }
 }
