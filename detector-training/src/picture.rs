@@ -78,6 +78,23 @@ pub fn contrast(frame: &TrainingPicture, pixel_box: &PixelBox) -> f64 {
     Strength::of(|x, y| frame.grey(x, y), size, pixel_box).contrast()
 }
 
+/// How far an aircraft would stand out of white noise of this many grey levels for a filter that knew its pixels and its place: the
+/// matched filter's output in standard deviations of the noise's. No linear filter does better. What its surroundings depart from a
+/// plane is taken off the aircraft's energy.
+pub fn matched_filter_ratio(
+    frame: &TrainingPicture,
+    pixel_box: &PixelBox,
+    noise_levels: f64,
+) -> f64 {
+    let size_px = [frame.width_px, frame.height_px];
+    let Departures { inside, outside } =
+        Departures::of(|x, y| frame.grey(x, y), size_px, pixel_box);
+    let energy = |departures: &[f64]| departures.iter().map(|d| d * d).sum::<f64>();
+    let own = energy(&outside) / outside.len().max(1) as f64;
+    let aircraft = energy(&inside) - own * inside.len() as f64;
+    aircraft.max(0.0).sqrt() / noise_levels
+}
+
 /// How strong an aircraft is beside its surroundings: mean distance of the strongest tenth of pixels from a plane through the
 /// surroundings, grey levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,6 +113,37 @@ impl Strength {
         Self::of(grey, [side_px; 2], pixel_box)
     }
 
+    fn of(grey: impl Fn(usize, usize) -> f64, size_px: [usize; 2], pixel_box: &PixelBox) -> Self {
+        let Departures { inside, outside } = Departures::of(grey, size_px, pixel_box);
+        let strongest_tenth = |departures: Vec<f64>| {
+            let mut distances: Vec<f64> = departures.into_iter().map(f64::abs).collect();
+            distances.sort_by(|a, b| b.total_cmp(a));
+            let count = distances.len().div_ceil(10);
+            distances.iter().take(count).sum::<f64>() / count.max(1) as f64
+        };
+        Self {
+            inside: strongest_tenth(inside),
+            outside: strongest_tenth(outside),
+        }
+    }
+
+    fn contrast(&self) -> f64 {
+        self.inside - 0.5 * self.outside
+    }
+
+    /// Whether an aircraft before a texture is more than the texture's own strongest spots.
+    pub(crate) fn stands_out(&self) -> bool {
+        self.contrast() >= LEAST_CONTRAST && self.inside >= LEAST_PROMINENCE * self.outside
+    }
+}
+
+/// How far the pixels of a box and of its surroundings are from a plane through the surroundings, grey levels.
+struct Departures {
+    inside: Vec<f64>,
+    outside: Vec<f64>,
+}
+
+impl Departures {
     fn of(
         grey: impl Fn(usize, usize) -> f64,
         [width_px, height_px]: [usize; 2],
@@ -123,29 +171,15 @@ impl Strength {
                 }
             }
         }
-        let plane = fitted_plane(&outer);
-        let strongest_tenth = |samples: &[[f64; 3]]| {
-            let mut distance: Vec<f64> = samples
-                .iter()
-                .map(|[x, y, grey]| (grey - plane[0] - plane[1] * x - plane[2] * y).abs())
-                .collect();
-            distance.sort_by(|a, b| b.total_cmp(a));
-            let count = distance.len().div_ceil(10);
-            distance.iter().take(count).sum::<f64>() / count.max(1) as f64
+        let [level, right, down] = fitted_plane(&outer);
+        let departures = |samples: &[[f64; 3]]| {
+            let departure = |&[x, y, grey]: &[f64; 3]| grey - level - right * x - down * y;
+            samples.iter().map(departure).collect()
         };
         Self {
-            inside: strongest_tenth(&inner),
-            outside: strongest_tenth(&outer),
+            inside: departures(&inner),
+            outside: departures(&outer),
         }
-    }
-
-    fn contrast(&self) -> f64 {
-        self.inside - 0.5 * self.outside
-    }
-
-    /// Whether an aircraft before a texture is more than the texture's own strongest spots.
-    pub(crate) fn stands_out(&self) -> bool {
-        self.contrast() >= LEAST_CONTRAST && self.inside >= LEAST_PROMINENCE * self.outside
     }
 }
 
@@ -226,6 +260,17 @@ pub(crate) mod tests {
         assert!(contrast(&sky, &truth.pixel_box) < 1.0);
         let (sky, truth) = sky_with_bar(20.0);
         assert!((contrast(&sky, &truth.pixel_box) - 20.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn a_matched_filter_sums_the_squares_of_what_the_aircraft_adds() {
+        let (sky, truth) = sky_with_bar(6.0);
+        let pixels = truth.pixel_box.width_px * truth.pixel_box.height_px;
+        let ratio = matched_filter_ratio(&sky, &truth.pixel_box, 4.0);
+        let expected = 6.0 / 4.0 * pixels.sqrt();
+        assert!((ratio / expected - 1.0).abs() < 0.1, "{ratio} {expected}");
+        let (empty, truth) = sky_with_bar(0.0);
+        assert!(matched_filter_ratio(&empty, &truth.pixel_box, 4.0) < 1.0);
     }
 
     #[test]
