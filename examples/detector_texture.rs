@@ -25,7 +25,7 @@ use rand_chacha::ChaCha8Rng;
 
 const USUAL_FRAMES: usize = 240;
 const NOISE_LEVELS: f32 = 4.0;
-/// Ratios of signal to noise of a matched filter. Among the 2.5 million places of a frame, noise alone reaches 5 once.
+/// Ratios of signal to noise of a matched filter. Among the 2.5 million places of a frame, noise alone reaches 5 about once.
 const RATIOS: [f64; 3] = [5.0, 7.0, 10.0];
 /// Contrast from which an aircraft is plain to the eye, grey levels.
 const PLAIN_CONTRAST: f64 = 10.0;

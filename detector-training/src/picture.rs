@@ -79,8 +79,8 @@ pub fn contrast(frame: &TrainingPicture, pixel_box: &PixelBox) -> f64 {
 }
 
 /// How far an aircraft would stand out of white noise of this many grey levels for a filter that knew its pixels and its place: the
-/// matched filter's output in standard deviations of the noise's. No linear filter does better. What its surroundings depart from a
-/// plane is taken off the aircraft's energy.
+/// matched filter's output in standard deviations of the noise's (Turin, 1960). No linear filter does better. What its surroundings
+/// depart from a plane is taken off the aircraft's energy.
 pub fn matched_filter_ratio(
     frame: &TrainingPicture,
     pixel_box: &PixelBox,
