@@ -17,9 +17,12 @@ import time
 from pathlib import Path
 
 ROUNDS = int(os.environ.get("ROUNDS", "3"))
+OPTIONS = os.environ.get("DTD_OPTIONS", "").split()
 SAHI_PICTURES = 20
 ALL = 1_000_000
 HERE = Path(__file__).parent
+WHOLE, PYTHON_WHOLE = "dtd detect --mode full", "Python, the same windows"
+ROWS, PYTHON_ROWS = f"{WHOLE} --rows training", f"{PYTHON_WHOLE} as `--rows training`"
 
 
 def copied(corpus, folder):
@@ -40,10 +43,17 @@ def copied(corpus, folder):
     return copy, sorted((scenario / "views").iterdir())
 
 
-def python(way, model, videos, most):
-    run = subprocess.run(
-        [sys.executable, HERE / "search.py", way, model, str(most), *videos], check=True, capture_output=True, text=True
-    )
+def bands_searched(corpus):
+    """The bands of rows that the last `dtd detect` searched, as search.py takes them."""
+    (record,) = corpus.glob("scenarios/*/detections/*.json")
+    settings = json.loads(record.read_text())["settings"]
+    bands = [(settings.get("rows"), 1), (settings.get("half_scale_rows"), 2)]
+    return [[band["top_px"], band["bottom_px"], shrink] for band, shrink in bands if band]
+
+
+def python(way, model, videos, most, bands=()):
+    arguments = [sys.executable, HERE / "search.py", way, model, str(most), json.dumps(bands), *videos]
+    run = subprocess.run(arguments, check=True, capture_output=True, text=True)
     spent = json.loads(run.stdout)
     return spent["pictures"], spent["boxes"], spent["seconds"], spent["cpu_seconds"]
 
@@ -52,7 +62,7 @@ def detect(dtd, corpus, model, *options):
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     began = time.perf_counter()
     run = subprocess.run(
-        [dtd, "detect", corpus, "--model", model, *options, "--again", "--json"],
+        [dtd, "detect", corpus, "--model", model, *options, *OPTIONS, "--again", "--json"],
         check=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -72,12 +82,11 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         copy, videos = copied(corpus, Path(folder))
         ways = {
-            "Python, the same windows": lambda: python("plain", model, videos, ALL),
+            PYTHON_WHOLE: lambda: python("plain", model, videos, ALL),
             "Python, SAHI's slices": lambda: python("sahi", model, videos, SAHI_PICTURES),
-            "dtd detect --mode full": lambda: detect(dtd, copy, model, "--mode", "full"),
-            "dtd detect --mode full --rows training": lambda: detect(
-                dtd, copy, model, "--mode", "full", "--rows", "training"
-            ),
+            WHOLE: lambda: detect(dtd, copy, model, "--mode", "full"),
+            ROWS: lambda: detect(dtd, copy, model, "--mode", "full", "--rows", "training"),
+            PYTHON_ROWS: lambda: python("plain", model, videos, ALL, bands_searched(copy)),
             "dtd detect --mode tracked": lambda: detect(dtd, copy, model, "--mode", "tracked"),
         }
         best = {}
@@ -87,12 +96,13 @@ def main():
                 rate, cpu_ms = pictures / seconds, 1000 * cpu / pictures
                 old_rate, old_cpu_ms, _ = best.get(name, (0, float("inf"), 0))
                 best[name] = (max(rate, old_rate), min(cpu_ms, old_cpu_ms), boxes / pictures)
-    plain = best["Python, the same windows"]
+    plain = best[PYTHON_WHOLE]
     print(f"{len(videos)} views, best of {ROUNDS} rounds each; {Path(model).name}")
     print("| | pictures/s | CPU ms a picture | boxes a picture | pictures/s, ratio to the plain loop | CPU, ratio |")
     print("|---|---|---|---|---|---|")
     for name, (rate, cpu_ms, boxes) in best.items():
         print(f"| {name} | {rate:.1f} | {cpu_ms:.1f} | {boxes:.2f} | {rate / plain[0]:.2f} | {plain[1] / cpu_ms:.2f} |")
+    print(f"{ROWS}: {best[ROWS][0] / best[PYTHON_ROWS][0]:.2f} times the pictures/s of the plain loop on the same rows")
 
 
 main()

@@ -1,10 +1,11 @@
 """Searches videos for aircraft as one would in Python: OpenCV decodes, ONNX Runtime runs the model, NumPy does the rest.
 
-    search.py plain|sahi MODEL.onnx PICTURES VIDEO...
+    search.py plain|sahi MODEL.onnx PICTURES BANDS VIDEO...
 
 `plain` looks at the same windows as `dtd detect --mode full`: the whole picture, or tiles if the model has a fixed size, and then a window
-around each hit. `sahi` gives each picture to SAHI's `get_sliced_prediction` with slices of 640 pixels. Each video is read up to PICTURES
-pictures. Prints one JSON object: pictures, boxes, seconds and processor seconds, start and loading left out.
+around each hit. BANDS is a JSON list of `[top, bottom, shrink]`: a model that takes any size sees only these rows, each band shrunk by its
+factor; `[]` is the whole picture. `sahi` gives each picture to SAHI's `get_sliced_prediction` with slices of 640 pixels. Each video is read
+up to PICTURES pictures. Prints one JSON object: pictures, boxes, seconds and processor seconds, start and loading left out.
 
 The model's output is `[batch, candidates, 6]`: centre, size (pixels), objectness, class score, as `models/README.md` says.
 """
@@ -18,7 +19,7 @@ import cv2
 import numpy as np
 import onnxruntime
 
-TILE_SCORE, SCORE, MERGE_IOU, MOST_WINDOWS = 0.15, 0.3, 0.3, 6
+TILE_SCORE, SCORE, MERGE_IOU, MOST_WINDOWS = 0.15, 0.4, 0.3, 6
 USUAL_PX = 640
 STRIDE_PX = 32
 CROP_PX = (160, 256)
@@ -40,9 +41,11 @@ class Model:
         height, width = entry.shape[2:]
         self.size = (width, height) if isinstance(width, int) and isinstance(height, int) else None
 
-    def boxes(self, picture, left, top, width, height, floor):
+    def boxes(self, picture, left, top, width, height, floor, shrink=1):
         """Boxes in a window of a picture, in its coordinates: rows of edges and score."""
-        window = picture[top : top + height, left : left + width]
+        window = picture[top : top + height * shrink, left : left + width * shrink]
+        if shrink > 1:
+            window = cv2.resize(window, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
         if window.shape[:2] != (height, width):
             whole = np.full((height, width, 3), PADDING, np.uint8)
             whole[: window.shape[0], : window.shape[1]] = window
@@ -51,7 +54,8 @@ class Model:
         rows = self.session.run(None, {self.input: planes})[0][0]
         scores = rows[:, 4] * rows[:, 5]
         keep = scores >= floor
-        centre, half = rows[keep, :2] + (left, top), rows[keep, 2:4] / 2
+        centre = (rows[keep, :2] + 0.5) * shrink - 0.5 + (left, top)
+        half = rows[keep, 2:4] * shrink / 2
         return np.column_stack([centre - half, centre + half, scores[keep]])
 
 
@@ -79,14 +83,20 @@ def around(box, model, picture):
     return start(centre[0], width, picture.shape[1]), start(centre[1], height, picture.shape[0]), width, height
 
 
-def search(model, picture):
+def band_window(picture, top, bottom, shrink):
+    height, width = picture.shape[:2]
+    across, down = multiple(math.ceil(width / shrink)), multiple(math.ceil((min(bottom, height) - top) / shrink))
+    return 0, min(top, max(height - down * shrink, 0)), across, down, shrink
+
+
+def search(model, picture, bands):
     height, width = picture.shape[:2]
     if model.size is None:
-        windows = [(0, 0, multiple(width), multiple(height))]
+        windows = [band_window(picture, *band) for band in bands or [(0, height, 1)]]
     else:
         across, down = model.size
-        windows = [(x, y, across, down) for y in range(0, height, down) for x in range(0, width, across)]
-    hits = best(np.concatenate([model.boxes(picture, *window, TILE_SCORE) for window in windows]))
+        windows = [(x, y, across, down, 1) for y in range(0, height, down) for x in range(0, width, across)]
+    hits = best(np.concatenate([model.boxes(picture, *window, TILE_SCORE, shrink) for *window, shrink in windows]))
     found = []
     for hit in hits:
         boxes = model.boxes(picture, *around(hit, model, picture), SCORE)
@@ -151,12 +161,13 @@ def sliced(path):
 
 
 def main():
-    way, path, most, *videos = sys.argv[1:]
+    way, path, most, bands, *videos = sys.argv[1:]
+    bands = json.loads(bands)
     if way == "sahi":
         one = sliced(path)
     else:
         model = Model(path)
-        one = lambda picture: search(model, picture)
+        one = lambda picture: search(model, picture, bands)
     pictures = boxes = 0
     began, began_cpu = time.perf_counter(), time.process_time()
     for video in videos:
