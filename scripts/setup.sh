@@ -4,7 +4,8 @@
 # Needs: Debian 12 (or a relative with apt), a Rust toolchain, Python 3, and root or sudo if packages are missing.
 # Installs: the development packages of FFmpeg, Xvfb (an X server without a screen, for the tests of screen capture), the programs
 # b3sum, ffmpeg, strace and chromium, Debian's torch, a virtual environment in .venv with ONNX Runtime (see requirements.txt), one in
-# .venv-torch with what needs torch, and one in .venv-clients with other authors' X-Plane clients.
+# .venv-torch with what needs torch, one in .venv-clients with other authors' X-Plane clients, and another build of ONNX Runtime in
+# .venv-openvino.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -64,6 +65,16 @@ if ! cat scripts/requirements-torch.txt scripts/requirements-torch-alone.txt | c
     .venv-torch/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements-torch.txt >&2
     .venv-torch/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/requirements-torch-alone.txt >&2
     cat scripts/requirements-torch.txt scripts/requirements-torch-alone.txt >"$stamp"
+fi
+
+stamp=.venv-openvino/requirements.installed
+if ! cmp -s scripts/requirements-openvino.txt "$stamp"; then
+    say "unpacking ONNX Runtime with OpenVINO into .venv-openvino"
+    rm -rf .venv-openvino
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --target .venv-openvino \
+        -r scripts/requirements-openvino.txt >&2
+    mkdir -p .venv-openvino
+    cp scripts/requirements-openvino.txt "$stamp"
 fi
 
 # Where `target/release/dtd` looks for ONNX Runtime: ../lib/dtd relative to the program's folder.

@@ -375,7 +375,8 @@ pub(crate) struct RuntimeArgs {
     pub(crate) library: Option<PathBuf>,
     /// Where the model runs: cpu, cuda, tensorrt, openvino, coreml or directml, and :N for the N-th one
     ///
-    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md).
+    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). `openvino` is OpenVINO on the processor, which is
+    /// faster where that has bfloat16, and `openvino:N` Intel's GPU number N.
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub(crate) device: Device,
 }

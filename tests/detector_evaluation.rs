@@ -15,9 +15,9 @@ use detector_evaluation::{AveragePrecision, PrecisionTally, TrueAircraft};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use serde_json::{Value, json};
-use testkit::command::said;
+use testkit::command::{said, text};
 use testkit::files::contents;
-use testkit::{program_of_venv, repository};
+use testkit::{onnx_runtime_with_openvino, program_of_venv, repository, skipped};
 use tiny::{MODEL, SCENARIOS, Tiny};
 
 /// A picture: its aircraft, and what was found.
@@ -202,6 +202,35 @@ fn pictured(tiny: &Tiny, mode: &str) -> Vec<Pictured> {
         }
     }
     pictures
+}
+
+#[test]
+fn openvino_finds_what_onnx_runtime_finds_on_the_processor() {
+    let Some(library) = onnx_runtime_with_openvino() else {
+        return skipped("no build of ONNX Runtime with OpenVINO for this kind of machine");
+    };
+    let tiny = Tiny::made().copy();
+    evaluated(&tiny, &["--mode", "full"]);
+    let plain = pictured(&tiny, "auto_segmentation");
+    fs::remove_dir_all(tiny.path("judged")).unwrap();
+    let openvino = ["--device", "openvino", "--onnx-runtime", text(&library)];
+    evaluated(&tiny, &[&["--mode", "full"], &openvino[..]].concat());
+    let rounded = pictured(&tiny, "auto_segmentation");
+    let mut found = 0;
+    for (index, ((_, plain), (_, rounded))) in plain.iter().zip(&rounded).enumerate() {
+        // A box near the lowest score may be on either side of it.
+        for (pixel_box, score) in plain.iter().filter(|(_, score)| *score > 0.5) {
+            let same = |(other, other_score): &&(PixelBox, f64)| {
+                other.iou(pixel_box) > 0.7 && (other_score - score).abs() < 0.1
+            };
+            assert!(
+                rounded.iter().any(|other| same(&other)),
+                "picture {index}: {pixel_box:?} {score}, with OpenVINO {rounded:?}"
+            );
+            found += 1;
+        }
+    }
+    assert!(found > 20, "{found}");
 }
 
 #[test]

@@ -17,6 +17,7 @@ mod ort_detector;
 mod ort_output;
 mod outputs;
 mod profile;
+mod sessions;
 mod suppression;
 mod window;
 

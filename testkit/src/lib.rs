@@ -21,6 +21,8 @@ mod skip;
 pub mod sweep;
 pub mod synthetic;
 
-pub use repository::{onnx_runtime, program_of_venv, python_with_torch, repository};
+pub use repository::{
+    onnx_runtime, onnx_runtime_with_openvino, program_of_venv, python_with_torch, repository,
+};
 pub use runway::changi_02l;
 pub use skip::skipped;

@@ -41,12 +41,22 @@ pub fn onnx_runtime() -> &'static Path {
         });
         packages
             .flatten()
-            .map(|version| version.path().join("site-packages/onnxruntime/capi"))
-            .filter_map(|folder| fs::read_dir(folder).ok())
-            .flat_map(|files| files.flatten())
-            .map(|file| file.path())
-            .find(|path| path.to_string_lossy().contains("/libonnxruntime.so"))
+            .find_map(|version| onnx_runtime_in(&version.path().join("site-packages")))
             .expect("ONNX Runtime in .venv")
     });
     &FOUND
+}
+
+/// The build of ONNX Runtime that has OpenVINO; `None` where there is none for this kind of machine.
+pub fn onnx_runtime_with_openvino() -> Option<PathBuf> {
+    onnx_runtime_in(&installed(repository().join(".venv-openvino")))
+}
+
+/// Its library in a folder of Python packages.
+fn onnx_runtime_in(packages: &Path) -> Option<PathBuf> {
+    fs::read_dir(packages.join("onnxruntime/capi"))
+        .ok()?
+        .flatten()
+        .map(|file| file.path())
+        .find(|path| path.to_string_lossy().contains("/libonnxruntime.so"))
 }

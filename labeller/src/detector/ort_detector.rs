@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use ort::session::builder::GraphOptimizationLevel;
 use ort::session::{Session, SessionOutputs};
 use ort::value::TensorRef;
 
@@ -12,18 +11,13 @@ use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in}
 use super::layout::{Decoding, Layout};
 use super::metadata::ModelMetadata;
 use super::model_file::ModelFile;
-use super::onnx_runtime;
 use super::ort_output::{ReadFault, boxes_in, forms_of, inputs_in_words, outputs_in_words};
 use super::outputs::{BoxOutputs, Expected};
 use super::profile::ModelProfile;
+use super::sessions::Sessions;
 use super::window::{PictureView, Window};
 use super::{Detector, ScoredBox};
 use crate::error::{Error, Result};
-
-/// Where to look for weights outside the model's own file. Nowhere: the hash of the model would not cover them, and an untrusted
-/// model could read files of its choice.
-const EXTERNAL_WEIGHTS: &str = "session.model_external_initializers_file_folder_path";
-const NOWHERE: &str = "/dev/null";
 
 /// A window that tells whether a model takes any size: small, and not square. In units of what its sides must be multiples of.
 const PROBE_MULTIPLES: [u32; 2] = [5, 4];
@@ -44,7 +38,7 @@ pub struct OrtOptions {
 /// A detector from an ONNX file.
 pub struct OrtDetector {
     path: PathBuf,
-    session: Session,
+    sessions: Sessions,
     profile: ModelProfile,
     metadata: ModelMetadata,
     input: Input,
@@ -71,30 +65,9 @@ impl OrtDetector {
     /// Loads a model, runs it once on an empty window and finds out how it answers.
     pub fn of(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
         let path = model.path.as_path();
-        let runtime = onnx_runtime::runtime(options.library.as_deref())?;
-        let providers = options.device.providers(runtime)?;
-        let fault = |e: &dyn std::fmt::Display| {
-            Error::model(path, format!("ONNX Runtime cannot load it: {e}"))
-        };
-        let mut builder = Session::builder(&runtime.environment)
-            .map_err(|e| fault(&e))?
-            .with_optimization_level(GraphOptimizationLevel::All)
-            .map_err(|e| fault(&e))?
-            .with_intra_threads(options.threads)
-            .map_err(|e| fault(&e))?
-            // Threads that spin while waiting would take the cores that decode the next picture.
-            .with_intra_op_spinning(false)
-            .map_err(|e| fault(&e))?
-            .with_config_entry(EXTERNAL_WEIGHTS, NOWHERE)
-            .map_err(|e| fault(&e))?
-            .with_memory_pattern(options.device.takes_memory_pattern())
-            .map_err(|e| fault(&e))?
-            .with_execution_providers(providers)
-            .map_err(|e| options.device.fails(runtime, &e))?;
-        let session = builder
-            .commit_from_memory(&model.onnx)
-            .map_err(|e| fault(&e))?;
-        let metadata = metadata_of(&session);
+        let sessions = Sessions::load(model, options)?;
+        let session = sessions.any();
+        let metadata = metadata_of(session);
         if let Some(task) = metadata.other_task() {
             let message = format!(
                 "is a model for the task {task:?} by its metadata, expected one for \"detect\"; export a detector"
@@ -103,12 +76,12 @@ impl OrtDetector {
         }
         let profile = ModelProfile::find(model, metadata.profile.as_deref())?;
         let input =
-            Input::of(&session, &profile, metadata.stride_px, options.batch).map_err(|fault| {
-                Error::model(path, format!("{fault}; {}", inputs_in_words(&session)))
+            Input::of(session, &profile, metadata.stride_px, options.batch).map_err(|fault| {
+                Error::model(path, format!("{fault}; {}", inputs_in_words(session)))
             })?;
         let mut detector = Self {
             path: path.to_owned(),
-            session,
+            sessions,
             profile,
             metadata,
             input,
@@ -138,7 +111,7 @@ impl OrtDetector {
             Batch::UpTo(_) => 1,
         };
         self.planes.resize(windows * numbers_in(size_px), 0.0);
-        let inputs = inputs_in_words(&self.session);
+        let inputs = inputs_in_words(self.sessions.any());
         let expected = Expected {
             said: self.profile.layout,
             window_px: size_px,
@@ -214,9 +187,10 @@ impl OrtDetector {
         let fault = |e: ort::Error| Error::model(path, format!("ONNX Runtime cannot run it: {e}"));
         let [width, height] = size_px.map(|side_px| side_px as usize);
         let numbers = &self.planes[..windows * numbers_in(size_px)];
-        let input = TensorRef::from_array_view(([windows, CHANNELS, height, width], numbers))
-            .map_err(fault)?;
-        let outputs = self.session.run(ort::inputs![input]).map_err(fault)?;
+        let shape = [windows, CHANNELS, height, width];
+        let input = TensorRef::from_array_view((shape, numbers)).map_err(fault)?;
+        let session = self.sessions.for_shape(shape)?;
+        let outputs = session.run(ort::inputs![input]).map_err(fault)?;
         read(&outputs).map_err(|fault| Error::model(path, fault))
     }
 }
