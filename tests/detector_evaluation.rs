@@ -212,7 +212,6 @@ fn openvino_finds_what_onnx_runtime_finds_on_the_processor() {
     let tiny = Tiny::made().copy();
     evaluated(&tiny, &["--mode", "full"]);
     let plain = pictured(&tiny, "auto_segmentation");
-    fs::remove_dir_all(tiny.path("judged")).unwrap();
     let openvino = ["--device", "openvino", "--onnx-runtime", text(&library)];
     evaluated(&tiny, &[&["--mode", "full"], &openvino[..]].concat());
     let rounded = pictured(&tiny, "auto_segmentation");
