@@ -373,10 +373,10 @@ pub(crate) struct RuntimeArgs {
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
-    /// Where the model runs: cpu, cuda, tensorrt, openvino, coreml or directml, and :N for the N-th one
+    /// Where the model runs: cpu, cuda, tensorrt, openvino, coreml or directml, and :N for number N
     ///
-    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). `openvino` is OpenVINO on the processor, which is
-    /// faster where that has bfloat16, and `openvino:N` Intel's GPU number N.
+    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Numbers start at 0. `openvino` is OpenVINO on the
+    /// processor, which is faster on processors with bfloat16, and `openvino:N` is Intel's GPU number N.
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub(crate) device: Device,
 }

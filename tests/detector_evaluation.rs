@@ -207,7 +207,7 @@ fn pictured(tiny: &Tiny, mode: &str) -> Vec<Pictured> {
 #[test]
 fn openvino_finds_what_onnx_runtime_finds_on_the_processor() {
     let Some(library) = onnx_runtime_with_openvino() else {
-        return skipped("no build of ONNX Runtime with OpenVINO for this kind of machine");
+        return skipped("no build of ONNX Runtime with OpenVINO for this machine or its Python");
     };
     let tiny = Tiny::made().copy();
     evaluated(&tiny, &["--mode", "full"]);
@@ -230,6 +230,13 @@ fn openvino_finds_what_onnx_runtime_finds_on_the_processor() {
         }
     }
     assert!(found > 20, "{found}");
+    let boxes =
+        |pictures: &[Pictured]| pictures.iter().map(|(_, found)| found.len()).sum::<usize>();
+    let (plain, rounded) = (boxes(&plain), boxes(&rounded));
+    assert!(
+        rounded <= plain + 3,
+        "{rounded} boxes, {plain} without OpenVINO"
+    );
 }
 
 #[test]

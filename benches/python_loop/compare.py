@@ -9,6 +9,7 @@ slow.
 import json
 import os
 import resource
+import shlex
 import shutil
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import time
 from pathlib import Path
 
 ROUNDS = int(os.environ.get("ROUNDS", "3"))
-OPTIONS = os.environ.get("DTD_OPTIONS", "").split()
+OPTIONS = shlex.split(os.environ.get("DTD_OPTIONS", ""))
 SAHI_PICTURES = 20
 ALL = 1_000_000
 HERE = Path(__file__).parent

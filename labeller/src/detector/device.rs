@@ -73,7 +73,7 @@ impl Provider {
             Self::OpenVino => Facts {
                 word: "openvino",
                 is_numbered: true,
-                advice: "the Python package onnxruntime-openvino has it, and needs Intel's driver for a GPU",
+                advice: "the Python package onnxruntime-openvino has it; a GPU needs Intel's driver, too",
             },
             Self::CoreMl => Facts {
                 word: "coreml",
@@ -197,7 +197,7 @@ impl Device {
 }
 
 /// OpenVINO's properties for a run on the processor, as JSON. ONNX Runtime asks it for 32-bit floats, which takes twice the time where
-/// the processor multiplies 16-bit ones; and each session would pin its threads to the same first cores.
+/// the processor has instructions for bfloat16; and each session would pin its threads to the same first cores.
 fn openvino_on_processor() -> String {
     #[cfg(target_arch = "x86_64")]
     let has_bfloat16 = std::arch::is_x86_feature_detected!("avx512bf16");
@@ -226,7 +226,7 @@ impl Serialize for Device {
 pub enum UnknownDevice {
     /// No provider is called so.
     #[error(
-        "expected cpu, cuda, tensorrt, openvino, coreml or directml, and :N for the N-th one, e.g. cuda:1"
+        "expected cpu, cuda, tensorrt, openvino, coreml or directml, and :N for number N from 0 on, e.g. cuda:1"
     )]
     Provider,
     /// The part after the colon.

@@ -1,13 +1,15 @@
 //! ONNX Runtime's sessions of one model: one for all windows, or on a device that is faster when it knows the size in advance, one for
 //! each size of window.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fmt::Display;
 
 use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::value::ValueType;
 
+use super::device::Device;
 use super::model_file::ModelFile;
 use super::onnx_runtime::{self, Runtime};
 use super::ort_detector::OrtOptions;
@@ -23,7 +25,7 @@ pub(super) type InputShape = [usize; 4];
 
 /// The sessions of a model.
 pub(super) struct Sessions {
-    /// Takes every shape that the model takes.
+    /// Takes every shape that the model takes. It tells what the model is, and runs all windows if there are no others.
     any: Session,
     of_shape: Option<SessionsOfShape>,
 }
@@ -32,27 +34,44 @@ pub(super) struct Sessions {
 struct SessionsOfShape {
     model: ModelFile,
     options: OrtOptions,
-    /// Names of the input's open lengths; empty for a fixed one.
-    open_lengths: Vec<String>,
-    made: HashMap<InputShape, Session>,
+    open_lengths: OpenLengths,
+    /// By the open lengths.
+    made: HashMap<Vec<usize>, Session>,
 }
+
+/// For each length of the input, its name if it is open and no other has the same name.
+type OpenLengths = Vec<Option<String>>;
 
 impl Sessions {
     /// Loads a model.
     pub(super) fn load(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
-        let any = session(model, options, &[])?;
-        let open_lengths = open_lengths_of(&any);
-        let of_shape = options.device.prefers_known_shapes() && !open_lengths.is_empty();
-        let of_shape = of_shape.then(|| SessionsOfShape {
-            model: model.clone(),
-            options: options.clone(),
-            open_lengths,
-            made: HashMap::new(),
-        });
-        Ok(Self { any, of_shape })
+        if options.device.prefers_known_shapes() {
+            let to_describe = OrtOptions {
+                device: Device::CPU,
+                ..options.clone()
+            };
+            let any = session(model, &to_describe, &[])?;
+            let open_lengths = open_lengths_of(&any);
+            if open_lengths.iter().any(Option::is_some) {
+                let of_shape = SessionsOfShape {
+                    model: model.clone(),
+                    options: options.clone(),
+                    open_lengths,
+                    made: HashMap::new(),
+                };
+                return Ok(Self {
+                    any,
+                    of_shape: Some(of_shape),
+                });
+            }
+        }
+        Ok(Self {
+            any: session(model, options, &[])?,
+            of_shape: None,
+        })
     }
 
-    /// The one that takes every shape: it tells what the model is.
+    /// The one that takes every shape.
     pub(super) fn any(&self) -> &Session {
         &self.any
     }
@@ -68,39 +87,41 @@ impl Sessions {
 
 impl SessionsOfShape {
     fn get(&mut self, shape: InputShape) -> Result<&mut Session> {
-        if !self.made.contains_key(&shape) {
-            let lengths = self.open_lengths.iter().zip(shape);
-            let lengths = lengths.filter(|(name, _)| !name.is_empty());
-            let lengths: Vec<(&str, usize)> = lengths
-                .map(|(name, length)| (name.as_str(), length))
-                .collect();
-            let session = session(&self.model, &self.options, &lengths)?;
-            self.made.insert(shape, session);
+        let lengths = self.open_lengths.iter().zip(shape);
+        let lengths: Vec<(&str, usize)> = lengths
+            .filter_map(|(name, length)| Some((name.as_deref()?, length)))
+            .collect();
+        match self
+            .made
+            .entry(lengths.iter().map(|&(_, length)| length).collect())
+        {
+            Entry::Occupied(made) => Ok(made.into_mut()),
+            Entry::Vacant(place) => {
+                Ok(place.insert(session(&self.model, &self.options, &lengths)?))
+            }
         }
-        Ok(self.made.get_mut(&shape).expect("made above"))
     }
 }
 
-/// Names of the lengths of a model's only input, empty for those that are fixed; none if no length has a name of its own.
-fn open_lengths_of(session: &Session) -> Vec<String> {
+/// The open lengths of a model's only input; none if it has several inputs, or one that is no tensor.
+fn open_lengths_of(session: &Session) -> OpenLengths {
     let [input] = session.inputs() else {
-        return Vec::new();
+        return OpenLengths::new();
     };
     let ValueType::Tensor {
-        dimension_symbols, ..
+        dimension_symbols: names,
+        ..
     } = input.dtype()
     else {
-        return Vec::new();
+        return OpenLengths::new();
     };
-    let names: Vec<&String> = dimension_symbols
+    let is_own = |name: &String| {
+        !name.is_empty() && names.iter().filter(|other| *other == name).count() == 1
+    };
+    names
         .iter()
-        .filter(|name| !name.is_empty())
-        .collect();
-    let different: HashSet<&String> = names.iter().copied().collect();
-    if different.is_empty() || different.len() < names.len() {
-        return Vec::new();
-    }
-    dimension_symbols.iter().cloned().collect()
+        .map(|name| is_own(name).then(|| name.clone()))
+        .collect()
 }
 
 /// Loads a model; these open lengths of its input are fixed.
@@ -113,8 +134,18 @@ fn session(model: &ModelFile, options: &OrtOptions, lengths: &[(&str, usize)]) -
     } = options;
     let runtime: &Runtime = onnx_runtime::runtime(library.as_deref())?;
     let providers = device.providers(runtime, *threads)?;
-    let fault =
-        |e: &dyn Display| Error::model(&model.path, format!("ONNX Runtime cannot load it: {e}"));
+    let fault = |e: &dyn Display| {
+        let lengths = lengths
+            .iter()
+            .map(|(name, length)| format!("{name} = {length}"));
+        let lengths: Vec<String> = lengths.collect();
+        let with = if lengths.is_empty() { "" } else { " with " };
+        let message = format!(
+            "ONNX Runtime cannot load it{with}{}: {e}",
+            lengths.join(", ")
+        );
+        Error::model(&model.path, message)
+    };
     let mut builder = Session::builder(&runtime.environment)
         .map_err(|e| fault(&e))?
         .with_optimization_level(GraphOptimizationLevel::All)
