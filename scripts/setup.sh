@@ -73,6 +73,7 @@ if ! cmp -s scripts/requirements-openvino.txt "$stamp"; then
     rm -rf .venv-openvino
     .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --target .venv-openvino \
         -r scripts/requirements-openvino.txt >&2
+    # Where there is no wheel for this machine or its Python, nothing was unpacked, and the test is skipped.
     mkdir -p .venv-openvino
     cp scripts/requirements-openvino.txt "$stamp"
 fi

@@ -1,4 +1,5 @@
-//! Where a model runs: on the processor, or on an accelerator through one of ONNX Runtime's execution providers.
+//! Where a model runs: on the processor, by ONNX Runtime itself or by OpenVINO, or on an accelerator through one of its other execution
+//! providers.
 //!
 //! Only what the loaded library was built with can be asked for, and then it is used or the run fails: nothing falls back to the
 //! processor in silence. Operators that an accelerator lacks run on the processor, as ONNX Runtime assigns them.
