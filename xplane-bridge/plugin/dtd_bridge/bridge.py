@@ -14,6 +14,7 @@ from . import NAME, VERSION, callbacks, capture, messages
 from . import datarefs as names
 from .callbacks import Callbacks
 from .capture import Answer
+from .coded_frames import CodedFrames
 from .datarefs import Datarefs
 from .flight import Flights
 from .found import Found
@@ -55,6 +56,8 @@ class Bridge:
         self._traffic = Traffic(xp)
         self._flights = Flights(self._stage, self._datarefs, self._frame, self._ground, self._traffic, xp)
         self._found = Found(xp, self._datarefs)
+        self._coded = CodedFrames(xp, self._stage, self._datarefs, self._send)
+        self._pixels.draw_code = self._coded.draw
         self._settle_frames = 1
         self._client: Connection | None = None
         self._waiting: deque[Asked] = deque()
@@ -81,6 +84,10 @@ class Bridge:
         self._callbacks.note(callbacks.AFTER)
         self._stage.step()
         self._found.step()
+        self._coded.step()
+        if self._coded.is_busy and (error := self._stage.error or self._pixels.error):
+            self._stage.error = self._pixels.error = None
+            self._coded.fail(error)
         self._take_events()
         if self._task is None:
             self._begin_next()
@@ -129,15 +136,36 @@ class Bridge:
         if self._task is not None:
             self._task.close()
             self._task = None
+        self._coded.end()
         self._pixels.forget()
         self._screenshots.proven = False
         self._leave_stage()
         self._found.client_left()
 
     def _begin_next(self) -> None:
-        if self._waiting and self._waiting[0].connection.takes_more():
-            asked = self._waiting.popleft()
-            self._task = self._run(asked.header)
+        while self._waiting and self._waiting[0].connection.takes_more():
+            header = self._waiting[0].header
+            if header["message"] == "capture" and header.get("deliver") == "coded":
+                self._waiting.popleft()
+                self._show_coded(header)
+                continue
+            # Answers keep the order of the requests.
+            if not self._coded.is_busy:
+                self._waiting.popleft()
+                self._coded.end()
+                self._task = self._run(header)
+            return
+
+    def _show_coded(self, header: Header) -> None:
+        """A capture that is answered from the draw callback of its frame."""
+        try:
+            request = messages.capture(header)
+            self._check_capture()
+            self._coded.show(request)
+        except Refusal as refusal:
+            # Answers keep the order of the requests.
+            self._coded.fail(str(refusal))
+            self._send(_error(str(refusal)))
 
     def _advance(self, task: Task) -> Answer | None:
         """Advances a request; returns its answer when it is done."""
@@ -208,6 +236,7 @@ class Bridge:
                 "version": self._version(),
                 "plugin": f"{NAME} {VERSION}",
                 "pixels": pixels,
+                "frame_codes": True,
                 "window": self._window(),
                 "drawn_size": {"width_px": width, "height_px": height},
             }
@@ -264,6 +293,12 @@ class Bridge:
 
     def _capture(self, header: Header) -> Task:
         request = messages.capture(header)
+        self._check_capture()
+        return (yield from capture.take(
+            request, self._stage, self._pixels, self._screenshots, self._datarefs, self._settle_frames, self._xp
+        ))
+
+    def _check_capture(self) -> None:
         if not self._stage.frozen:
             raise Refusal("a capture needs a frozen simulator: send freeze first")
         if self._pixels.pattern_code is not None:
@@ -273,9 +308,6 @@ class Bridge:
                 "X-Plane was paused while it was to run: rain does not fall. Freeze again" if self._stage.time_runs
                 else "X-Plane was taken out of its pause while frozen: nothing stands still. Freeze again"
             )
-        return (yield from capture.take(
-            request, self._stage, self._pixels, self._screenshots, self._datarefs, self._settle_frames, self._xp
-        ))
 
     def _command(self, header: Header) -> Task:
         path = header.get("path")
@@ -326,6 +358,7 @@ class Bridge:
         return _at_once({"message": "terrain", "elevation_msl_m": height_msl_m})
 
     def _leave_stage(self) -> None:
+        self._coded.end()
         self._pixels.pattern_code = None
         self._stage.put_back()
         self._stage.release()

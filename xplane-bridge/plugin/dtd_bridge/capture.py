@@ -52,7 +52,7 @@ def take(
     request: Capture, stage: Stage, pixels: Pixels, screenshots: Screenshots, datarefs: Datarefs, settle_frames: int, xp: Xp
 ) -> Generator[None, None, Answer]:
     """Shows a tick and returns its ``frame``."""
-    _check_window(request, datarefs)
+    check_window(request, datarefs)
     if request.deliver == "picture" and pixels.no_readback:
         raise Refusal(f"{pixels.no_readback}; take the pictures off the screen instead (--pixels screen)")
     deadline = time.monotonic() + TIME_LIMIT_S
@@ -94,24 +94,42 @@ def take(
             # Disturbed; the settling time limits how often.
             continue
         tried += 1
-        same = (
-            _near(pose, request.pose)
-            and _near(camera, request.camera)
-            and abs(hfov_deg - tick.hfov_deg) < ANGLE_DEG
-            and abs(vfov_deg - tick.vfov_deg) < ANGLE_DEG
-        )
-        if same or tried == TRIES:
+        if is_as_wanted(request, pose, camera, hfov_deg, vfov_deg) or tried == TRIES:
             _check_shape(request, vfov_deg, tick.vfov_deg)
             stage.mark_as_shown()
-            return _answer(request, stage.frames, pose, camera, hfov_deg, picture)
+            return answer(request, stage.frames, pose, camera, hfov_deg, picture)
 
 
 def tick_of(request: Capture) -> Tick:
-    """What a request shows. The vertical field of view follows from the picture's shape, by the tangents."""
-    half = math.tan(math.radians(request.hfov_deg) / 2) * request.height_px / request.width_px
-    return Tick(
-        request.pose, request.flap_ratio, request.gear_ratio, request.camera, request.hfov_deg, 2 * math.degrees(math.atan(half))
+    """What a request shows. X-Plane's angles are those of its window: margins around the picture widen them, by the tangents."""
+    per_pixel = 2 * math.tan(math.radians(request.hfov_deg) / 2) / request.width_px
+    hfov_deg, vfov_deg = (
+        2 * math.degrees(math.atan(per_pixel * (side + 2 * margin) / 2))
+        for side, margin in ((request.width_px, request.margin_x_px), (request.height_px, request.margin_y_px))
     )
+    if not request.margin_x_px:
+        # Exactly as it was asked for.
+        hfov_deg = request.hfov_deg
+    return Tick(request.pose, request.flap_ratio, request.gear_ratio, request.camera, hfov_deg, vfov_deg)
+
+
+def is_as_wanted(request: Capture, pose: Pose, camera: Pose, hfov_deg: float, vfov_deg: float) -> bool:
+    """Whether what X-Plane gives back is the request, but for rounding."""
+    tick = tick_of(request)
+    return (
+        _near(pose, request.pose)
+        and _near(camera, request.camera)
+        and abs(hfov_deg - tick.hfov_deg) < ANGLE_DEG
+        and abs(vfov_deg - tick.vfov_deg) < ANGLE_DEG
+    )
+
+
+def _of_picture(request: Capture, window_hfov_deg: float) -> float:
+    """The horizontal field of view of the picture within the window's."""
+    if not request.margin_x_px:
+        return window_hfov_deg
+    share = request.width_px / (request.width_px + 2 * request.margin_x_px)
+    return 2 * math.degrees(math.atan(math.tan(math.radians(window_hfov_deg) / 2) * share))
 
 
 def _settle(stage: Stage, frames: int, deadline: float) -> Wait:
@@ -192,9 +210,10 @@ def _new_picture(
     return picture
 
 
-def _answer(
+def answer(
     request: Capture, frame: int, pose: Pose, camera: Pose, hfov_deg: float, picture: Frame | None
 ) -> Answer:
+    """The answer to a request: what was drawn in a frame, with the window's field of view."""
     payload = b""
     if picture is not None:
         width, height, payload = picture
@@ -209,22 +228,24 @@ def _answer(
         "view": request.view,
         "sim_frame": frame,
         "pose": pose.header(),
-        "camera": {**camera.header(), "hfov_deg": hfov_deg},
+        "camera": {**camera.header(), "hfov_deg": _of_picture(request, hfov_deg)},
         "width_px": request.width_px,
         "height_px": request.height_px,
     }
     return header, payload
 
 
-def _check_window(request: Capture, datarefs: Datarefs) -> None:
+def check_window(request: Capture, datarefs: Datarefs) -> None:
     """The field of view is horizontal: a window of another shape would show more or less above and below."""
     width, height = (datarefs.get(name) for name in names.WINDOW_SIZE)
     if width <= 0 or height <= 0:
         raise Refusal(f"X-Plane's window has {width:.0f}x{height:.0f} pixels: is it minimised?")
-    if abs(width * request.height_px / request.width_px - height) > 1.0:
+    wanted_width, wanted_height = request.width_px + 2 * request.margin_x_px, request.height_px + 2 * request.margin_y_px
+    if abs(width * wanted_height / wanted_width - height) > 1.0:
+        margins = f" with margins of {request.margin_x_px} and {request.margin_y_px}" if request.margin_x_px or request.margin_y_px else ""
         raise Refusal(
             f"X-Plane's window is {width:.0f}x{height:.0f}, which has not the shape of a picture of "
-            f"{request.width_px}x{request.height_px}: set its size (Settings > Graphics)"
+            f"{request.width_px}x{request.height_px}{margins}: set its size (Settings > Graphics)"
         )
 
 

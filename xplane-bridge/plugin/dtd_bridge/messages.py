@@ -65,8 +65,14 @@ class Capture:
     hfov_deg: float
     width_px: int
     height_px: int
-    # "picture": read back; "drawn": on the screen; "screenshot": as X-Plane writes it.
+    # "picture": read back; "drawn": on the screen; "coded": on the screen for one frame, with its number; "screenshot": as X-Plane
+    # writes it.
     deliver: str
+    # Of the window around the picture, on the left and right, and above and below.
+    margin_x_px: int = 0
+    margin_y_px: int = 0
+    # Whether the aircraft is shown in a wrong place, to measure the lag of the scene.
+    probe: bool = False
 
 
 @dataclass(frozen=True)
@@ -146,8 +152,11 @@ def capture(header: Mapping[str, Any]) -> Capture:
     """A ``capture`` request."""
     camera, controls = part(header, "camera"), part(header, "controls")
     deliver = header.get("deliver", "picture")
-    if deliver not in ("picture", "drawn", "screenshot"):
-        raise Refusal(f"deliver is {deliver!r}, expected picture, drawn or screenshot")
+    if deliver not in ("picture", "drawn", "coded", "screenshot"):
+        raise Refusal(f"deliver is {deliver!r}, expected picture, drawn, coded or screenshot")
+    margins = {key: whole(header, key, 0, MAX_PICTURE_SIDE_PX) for key in ("margin_x_px", "margin_y_px") if key in header}
+    if margins and deliver not in ("drawn", "coded"):
+        raise Refusal(f"a picture with margins is delivered as {deliver!r}, expected drawn or coded")
     hfov_deg = number(camera, "hfov_deg")
     if not 0 < hfov_deg < 180:
         raise Refusal(f"hfov_deg is {hfov_deg}, expected more than 0 and less than 180")
@@ -162,6 +171,8 @@ def capture(header: Mapping[str, Any]) -> Capture:
         width_px=whole(header, "width_px", 1, MAX_PICTURE_SIDE_PX),
         height_px=whole(header, "height_px", 1, MAX_PICTURE_SIDE_PX),
         deliver=deliver,
+        **margins,
+        probe=header.get("probe", False) is True,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Callable
 
 from . import callbacks
 from . import datarefs as names
@@ -35,6 +35,8 @@ class Pixels:
         self.pattern_code: int | None = None
         # How often it was drawn.
         self.patterns_drawn = 0
+        # Draws over the finished frame, in a frame that carries its number.
+        self.draw_code: Callable[[OpenGl], None] | None = None
         self.error: str | None = None
         self._gl: OpenGl | None = None
         # X-Plane 11 only: 12 draws with Vulkan or Metal, which plugins cannot access.
@@ -99,8 +101,10 @@ class Pixels:
             if self.pattern_code is not None and self._gl:
                 self._draw_pattern(self._gl, self.pattern_code)
                 self.patterns_drawn += 1
+            elif self.draw_code is not None and self._gl:
+                self.draw_code(self._gl)
         except Exception as error:
-            self.error = f"cannot draw the check pattern: {error!r}"
+            self.error = f"cannot draw over the frame: {error!r}"
         return 1
 
     def _draw_pattern(self, gl: OpenGl, code: int) -> None:

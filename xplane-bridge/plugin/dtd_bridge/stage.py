@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Callable
 
 from . import callbacks
 from . import datarefs as names
@@ -66,6 +67,8 @@ class Stage:
         self._before: Pose | None = None
         # Whether every frame since the tick was reported as drawn has shown it.
         self._still_shown = False
+        # Asked in each camera callback what to show from this frame on, if anything is shown frame by frame.
+        self.next_tick: Callable[[], Tick | None] | None = None
         self.error: str | None = None
 
     @property
@@ -228,6 +231,8 @@ class Stage:
                 self._holds_camera = False
                 return 0
             self._callbacks.note(callbacks.CAMERA)
+            if self.next_tick is not None:
+                self._tick = self.next_tick() or self._tick
             self._write(self._tick, position)
             self._written += 1
             return 1
