@@ -3,6 +3,7 @@
 //! Input: conditions, flights to fly, poses and cameras to draw. Output: flight states and pictures. Everything has a timeout;
 //! whatever may be lost (UDP) is requested again; every setting is read back.
 
+mod block;
 mod commands;
 mod conditions;
 mod connect_options;

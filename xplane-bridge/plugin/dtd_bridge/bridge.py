@@ -59,6 +59,7 @@ class Bridge:
         self._coded = CodedFrames(xp, self._stage, self._datarefs, self._send)
         self._pixels.draw_code = self._coded.draw
         self._settle_frames = 1
+        self._margins_px = (0, 0)
         self._client: Connection | None = None
         self._waiting: deque[Asked] = deque()
         self._task: Task | None = None
@@ -145,7 +146,7 @@ class Bridge:
     def _begin_next(self) -> None:
         while self._waiting and self._waiting[0].connection.takes_more():
             header = self._waiting[0].header
-            if header["message"] == "capture" and header.get("deliver") == "coded":
+            if header["message"] == "capture" and header.get("deliver") in messages.CODED:
                 self._waiting.popleft()
                 self._show_coded(header)
                 continue
@@ -159,7 +160,7 @@ class Bridge:
     def _show_coded(self, header: Header) -> None:
         """A capture that is answered from the draw callback of its frame."""
         try:
-            request = messages.capture(header)
+            request = messages.capture(header, self._margins_px)
             self._check_capture()
             self._coded.show(request)
         except Refusal as refusal:
@@ -278,6 +279,7 @@ class Bridge:
             raise Refusal("X-Plane draws ideal pictures along straight lines: imaging has to be left out")
         messages.runway(messages.part(header, "runway"))
         self._settle_frames = messages.whole(header, "settle_frames", 1, 600)
+        self._margins_px = messages.margins(header)
         running_at = messages.clock(messages.part(header, "running_at")) if header.get("running_at") else None
         self._stage.check_it_is_live()
         self._traffic.clear()
@@ -292,7 +294,7 @@ class Bridge:
         )
 
     def _capture(self, header: Header) -> Task:
-        request = messages.capture(header)
+        request = messages.capture(header, self._margins_px)
         self._check_capture()
         return (yield from capture.take(
             request, self._stage, self._pixels, self._screenshots, self._datarefs, self._settle_frames, self._xp

@@ -1,4 +1,4 @@
-"""Captures that are shown for one drawn frame each, while the camera rests: `deliver` = "coded".
+"""Captures that are shown for one drawn frame each, while the camera rests: ``deliver`` is coded or probe.
 
 The camera callback is the only place that moves on to the next request and writes pose and camera. The draw callback of the same frame
 reads both back, answers the request with the frame's number, and draws that number into the margins around the picture. The client grabs
@@ -103,7 +103,7 @@ class CodedFrames:
         width, height = gl.viewport_size()
         screen_width, screen_height = self._xp.getScreenSize()
         across, up = screen_width / width, screen_height / height
-        code = code_of(self._numbers.number, self._numbers.steady, shown.probe, shown.view)
+        code = code_of(self._numbers.number, self._numbers.steady, shown.deliver == "probe", shown.view)
         self._xp.setGraphicsState(0, 0, 0, 0, 0, 0, 0)
         for left, top, right, bottom, rgb in rectangles(code, width, height, shown.margin_x_px, shown.margin_y_px):
             gl.fill(left * across, screen_height - bottom * up, right * across, screen_height - top * up, rgb)

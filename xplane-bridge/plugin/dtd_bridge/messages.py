@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Mapping
 
 MAX_PICTURE_SIDE_PX = 8192
+# Captures that are shown for one drawn frame.
+CODED = ("coded", "probe")
 
 
 class Refusal(Exception):
@@ -65,14 +67,12 @@ class Capture:
     hfov_deg: float
     width_px: int
     height_px: int
-    # "picture": read back; "drawn": on the screen; "coded": on the screen for one frame, with its number; "screenshot": as X-Plane
-    # writes it.
+    # "picture": read back; "drawn": on the screen; "coded": on the screen for one frame, with its number; "probe": the same with the
+    # aircraft in a wrong place, to measure the lag of the scene; "screenshot": as X-Plane writes it.
     deliver: str
-    # Of the window around the picture, on the left and right, and above and below.
+    # Of the window around the picture: left and right, above and below.
     margin_x_px: int = 0
     margin_y_px: int = 0
-    # Whether the aircraft is shown in a wrong place, to measure the lag of the scene.
-    probe: bool = False
 
 
 @dataclass(frozen=True)
@@ -148,15 +148,21 @@ def pose(header: Mapping[str, Any]) -> Pose:
     )
 
 
-def capture(header: Mapping[str, Any]) -> Capture:
-    """A ``capture`` request."""
+def margins(header: Mapping[str, Any]) -> tuple[int, int]:
+    """The window's margins around the picture, by a ``freeze`` request."""
+    value = header.get("margins_px", [0, 0])
+    if not isinstance(value, list) or len(value) != 2:
+        raise Refusal(f"margins_px is {value!r}, expected two numbers")
+    left, top = (whole({"margins_px": side}, "margins_px", 0, MAX_PICTURE_SIDE_PX) for side in value)
+    return left, top
+
+
+def capture(header: Mapping[str, Any], margins_px: tuple[int, int] = (0, 0)) -> Capture:
+    """A ``capture`` request for a picture in the middle of a window with these margins."""
     camera, controls = part(header, "camera"), part(header, "controls")
     deliver = header.get("deliver", "picture")
-    if deliver not in ("picture", "drawn", "coded", "screenshot"):
-        raise Refusal(f"deliver is {deliver!r}, expected picture, drawn, coded or screenshot")
-    margins = {key: whole(header, key, 0, MAX_PICTURE_SIDE_PX) for key in ("margin_x_px", "margin_y_px") if key in header}
-    if margins and deliver not in ("drawn", "coded"):
-        raise Refusal(f"a picture with margins is delivered as {deliver!r}, expected drawn or coded")
+    if deliver not in ("picture", "drawn", *CODED, "screenshot"):
+        raise Refusal(f"deliver is {deliver!r}, expected picture, drawn, coded, probe or screenshot")
     hfov_deg = number(camera, "hfov_deg")
     if not 0 < hfov_deg < 180:
         raise Refusal(f"hfov_deg is {hfov_deg}, expected more than 0 and less than 180")
@@ -171,8 +177,8 @@ def capture(header: Mapping[str, Any]) -> Capture:
         width_px=whole(header, "width_px", 1, MAX_PICTURE_SIDE_PX),
         height_px=whole(header, "height_px", 1, MAX_PICTURE_SIDE_PX),
         deliver=deliver,
-        **margins,
-        probe=header.get("probe", False) is True,
+        margin_x_px=margins_px[0],
+        margin_y_px=margins_px[1],
     )
 
 

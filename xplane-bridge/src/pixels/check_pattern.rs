@@ -119,7 +119,7 @@ fn bits_of(code: u32) -> u64 {
 }
 
 /// CRC-16 with polynomial 0x1021 and start 0xffff over the code's bytes, the highest first; Python's `binascii.crc_hqx`.
-fn checksum(code: u32) -> u16 {
+pub(crate) fn checksum(code: u32) -> u16 {
     code.to_be_bytes().iter().fold(0xffff, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte) << 8, |crc: u16, _| {
             let carry = crc & 0x8000 != 0;

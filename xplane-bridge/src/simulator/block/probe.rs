@@ -1,0 +1,170 @@
+//! How many frames the scene is behind the code: seen in a probe, a frame with the aircraft in another place.
+//!
+//! The camera rests, so a patch of background changes only while the displaced aircraft is in it: in one grab, which tells the lag.
+
+use std::collections::BTreeMap;
+
+use crate::pixels::Rectangle;
+
+/// The longest lag that a probe can tell, frames.
+pub(super) const MOST_LAG: u64 = 4;
+/// A grab beyond the longest lag, which shows the scene as it is without the probe.
+const AFTER: u64 = MOST_LAG + 1;
+/// A pixel has changed if a colour differs by more than this, grey levels ...
+const CHANGED_LEVELS: u8 = 6;
+/// ... and by this many times what differs between two grabs without a probe.
+const NOISE_FACTOR: f64 = 3.0;
+/// Fewer changed pixels are noise.
+const LEAST_PIXELS: usize = 3;
+/// A grab that shows the probe has at least this share of the changed pixels of the clearest one.
+const CLEAR_SHARE: f64 = 0.3;
+
+/// What a probe told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// The scene is this many frames behind.
+    Behind(u64),
+    /// The aircraft cannot be seen at all: fog, night, outside the picture.
+    Unseen,
+    /// Grabs are missing, or several show it.
+    Unclear,
+}
+
+/// A probe that is under way: the patch of each grab where the displaced aircraft will be.
+#[derive(Debug)]
+pub(super) struct Probe {
+    /// The patch in the picture.
+    pub(super) patch: Rectangle,
+    /// The frame in which it was written, once that is known.
+    frame: Option<u64>,
+    patches: BTreeMap<u64, Vec<u8>>,
+}
+
+impl Probe {
+    pub(super) fn new(patch: Rectangle) -> Self {
+        Self {
+            patch,
+            frame: None,
+            patches: BTreeMap::new(),
+        }
+    }
+
+    /// The frame in which it was written.
+    pub(super) fn written_in(&mut self, frame: u64) {
+        self.frame = Some(frame);
+    }
+
+    /// A grab's patch.
+    pub(super) fn see(&mut self, grab: u64, patch: Vec<u8>) {
+        self.patches.insert(grab, patch);
+        let from = self.frame.unwrap_or(grab).saturating_sub(2 * AFTER);
+        self.patches = self.patches.split_off(&from);
+    }
+
+    /// The frame in which it was written, and what it told, once enough grabs have come.
+    pub(super) fn outcome(&self) -> Option<(u64, Outcome)> {
+        let frame = self.frame?;
+        let (last, _) = self.patches.last_key_value()?;
+        (*last >= frame + AFTER).then(|| (frame, self.judge(frame)))
+    }
+
+    fn judge(&self, frame: u64) -> Outcome {
+        let before = self.patches.range(..frame).next_back();
+        let mut after = self.patches.range(frame + AFTER..);
+        let (background, other) = match (before, after.next()) {
+            (Some((_, before)), after) => (before, after.or_else(|| self.patches.range(..frame).rev().nth(1))),
+            (None, Some((_, background))) => (background, after.next()),
+            (None, None) => return Outcome::Unclear,
+        };
+        let threshold = other.map_or(CHANGED_LEVELS, |(_, other)| {
+            let noise = levels_of_noise(background, other) * NOISE_FACTOR;
+            CHANGED_LEVELS.max(noise.min(f64::from(u8::MAX)) as u8)
+        });
+        let changed: Vec<Option<usize>> = (0..=MOST_LAG)
+            .map(|lag| {
+                let patch = self.patches.get(&(frame + lag))?;
+                Some(changed_pixels(patch, background, threshold))
+            })
+            .collect();
+        let most = changed.iter().flatten().copied().max().unwrap_or(0);
+        if most < LEAST_PIXELS {
+            let all_there = changed.iter().all(Option::is_some);
+            return if all_there {
+                Outcome::Unseen
+            } else {
+                Outcome::Unclear
+            };
+        }
+        let clear = |count: &Option<usize>| {
+            count.is_some_and(|count| count as f64 >= CLEAR_SHARE * most as f64)
+        };
+        let mut lags = (0..=MOST_LAG).zip(&changed).filter(|(_, count)| clear(count));
+        match (lags.next(), lags.next()) {
+            (Some((lag, _)), None) => Outcome::Behind(lag),
+            _ => Outcome::Unclear,
+        }
+    }
+}
+
+/// How many pixels differ by more than a threshold in a colour.
+fn changed_pixels(a: &[u8], b: &[u8], threshold: u8) -> usize {
+    let pairs = a.as_chunks::<3>().0.iter().zip(b.as_chunks::<3>().0);
+    pairs
+        .filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > threshold))
+        .count()
+}
+
+/// The difference that one pixel in a hundred exceeds.
+fn levels_of_noise(a: &[u8], b: &[u8]) -> f64 {
+    let mut differences: Vec<u8> = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).collect();
+    differences.sort_unstable();
+    let at = differences.len().saturating_sub(1 + differences.len() / 100);
+    differences.get(at).copied().map_or(0.0, f64::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A patch of ten pixels.
+    fn patch(level: u8) -> Vec<u8> {
+        vec![level; 30]
+    }
+
+    /// A probe in frame 100, of which these grabs show something else than the background.
+    fn told(grabs: impl IntoIterator<Item = u64>, showing: &[u64], background: u8) -> Option<(u64, Outcome)> {
+        let mut probe = Probe::new(Rectangle { x_px: 0, y_px: 0, width_px: 5, height_px: 2 });
+        for grab in grabs {
+            let level = if showing.contains(&grab) { background + 30 } else { background };
+            probe.see(grab, patch(level));
+            if grab == 100 {
+                probe.written_in(100);
+            }
+        }
+        probe.outcome()
+    }
+
+    #[test]
+    fn the_lag_is_the_grab_in_which_the_aircraft_is_elsewhere() {
+        for lag in 0..=MOST_LAG {
+            assert_eq!(told(97..=105, &[100 + lag], 90), Some((100, Outcome::Behind(lag))));
+        }
+    }
+
+    #[test]
+    fn it_is_told_only_when_every_grab_may_have_come() {
+        assert_eq!(told(97..=104, &[102], 90), None);
+    }
+
+    #[test]
+    fn nothing_seen_is_no_lag_and_two_grabs_are_unclear() {
+        assert_eq!(told(97..=105, &[], 90), Some((100, Outcome::Unseen)));
+        assert_eq!(told(97..=105, &[101, 102], 90), Some((100, Outcome::Unclear)));
+    }
+
+    #[test]
+    fn a_missing_grab_could_have_shown_it() {
+        let without_102 = (97..=105).filter(|grab| *grab != 102);
+        assert_eq!(told(without_102, &[], 90), Some((100, Outcome::Unclear)));
+    }
+}

@@ -1,0 +1,511 @@
+//! The order of a block: which tick is shown next, which grab shows which tick, and which pictures are proven.
+//!
+//! Input: the numbers of drawn frames, in which requests were answered, and grabs with the number that they carry. Output: the pictures
+//! of all ticks in their order, each once. No clock, no socket: everything can be replayed in a test.
+//!
+//! A grab with number m shows the scene of frame m - lag. The lag is measured by probes (`probe.rs`) at both ends of a block and between
+//! its segments, and has to be the same each time: pictures count when the probe after them has told the lag that they were taken with.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::mem;
+
+use super::probe::{Outcome, Probe};
+use crate::pixels::Rectangle;
+
+/// Requests that are shown but not seen yet, at most: enough to use every drawn frame.
+const MOST_UNSEEN: usize = 6;
+/// So many pictures without a loss allow one more.
+const WIDEN_AFTER: u32 = 32;
+/// Grabs in a row without a change before a scene counts as settled.
+const EQUAL_GRABS: u32 = 3;
+/// A scene that has not settled within so many frames never does: moving water.
+const RESTLESS_GRABS: u32 = 90;
+/// Probes in a row that are unclear, and changes of the lag in a block, before every tick is held.
+const MOST_UNCLEAR: u32 = 6;
+const MOST_CHANGES: u32 = 3;
+
+/// A picture, as far as the order of a block depends on it.
+pub(super) trait Scene {
+    /// The bytes of a part.
+    fn part(&self, area: Rectangle) -> Vec<u8>;
+
+    /// Whether exposure, shadows and loading have come to rest since an earlier picture of the same tick.
+    fn is_settled_after(&self, before: &Self) -> bool;
+}
+
+/// Content of a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Show {
+    /// A tick of the block.
+    Tick(u32),
+    /// The same with the aircraft in another place.
+    Probe(u32),
+}
+
+/// A picture of a tick.
+#[derive(Debug)]
+pub(super) struct Taken<P> {
+    pub(super) tick: u32,
+    /// The frame in which the tick was written.
+    pub(super) frame: u64,
+    pub(super) picture: P,
+}
+
+/// How a block was recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Tally {
+    /// Ticks that were shown again, because their picture was lost or not proven.
+    pub(super) repeated: u32,
+    /// Probes that told the lag.
+    pub(super) seen: u32,
+    /// Probes whose aircraft could not be seen.
+    pub(super) unseen: u32,
+    /// How often the lag changed.
+    pub(super) changes: u32,
+    /// Ticks that were held until they had settled.
+    pub(super) held: u32,
+}
+
+/// The place of a probe's aircraft in the picture, by tick; `None` if it is not in the picture.
+pub(super) type ProbePlace = Box<dyn Fn(u32) -> Option<Rectangle> + Send>;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// The first tick is held until the scene is at rest.
+    Settling { equal: u32, seen: u32 },
+    /// A tick is held while a probe is watched.
+    Probing,
+    /// Every drawn frame shows another tick.
+    Moving { lag: u64 },
+    /// Every tick is held until it has settled.
+    Held,
+}
+
+#[derive(Debug)]
+struct Grab<P> {
+    number: u64,
+    steady: u64,
+    picture: P,
+}
+
+#[derive(Debug)]
+struct Unproven<P> {
+    taken: Taken<P>,
+    /// The grab that showed it, if a probe has to confirm it.
+    grab: Option<u64>,
+}
+
+/// A block that is being recorded.
+pub(super) struct Sequence<P> {
+    ticks: u32,
+    /// Ticks between two probes.
+    segment: u32,
+    settle_frames: u64,
+    probe_place: ProbePlace,
+    known_lag: Option<u64>,
+    phase: Phase,
+    /// The next tick that was never shown, and those to show again.
+    next_tick: u32,
+    again: VecDeque<u32>,
+    delivered: u32,
+    since_probe: u32,
+    /// Sent and not answered yet.
+    sent: VecDeque<Show>,
+    /// What is shown from a frame on.
+    shown: BTreeMap<u64, Show>,
+    /// Answered ticks without a picture, by frame.
+    unseen: BTreeMap<u64, u32>,
+    most_unseen: usize,
+    without_loss: u32,
+    undecided: VecDeque<Grab<P>>,
+    last_settling: Option<P>,
+    probe: Option<Probe>,
+    /// A probe was sent, and nothing after it.
+    ends_with_probe: bool,
+    unclear: u32,
+    confirmed_up_to: u64,
+    pictures: BTreeMap<u32, Unproven<P>>,
+    spent: Vec<P>,
+    tally: Tally,
+}
+
+impl<P: Scene> Sequence<P> {
+    /// A block of this many ticks with a probe after each `segment`. `known_lag` is used where no probe can be seen.
+    pub(super) fn new(
+        ticks: u32,
+        segment: u32,
+        settle_frames: u32,
+        known_lag: Option<u64>,
+        probe_place: ProbePlace,
+    ) -> Self {
+        Self {
+            ticks,
+            segment: segment.max(1),
+            settle_frames: u64::from(settle_frames.max(1)),
+            probe_place,
+            known_lag,
+            phase: Phase::Settling { equal: 0, seen: 0 },
+            next_tick: 0,
+            again: VecDeque::new(),
+            delivered: 0,
+            since_probe: 0,
+            sent: VecDeque::new(),
+            shown: BTreeMap::new(),
+            unseen: BTreeMap::new(),
+            most_unseen: MOST_UNSEEN,
+            without_loss: 0,
+            undecided: VecDeque::new(),
+            last_settling: None,
+            probe: None,
+            ends_with_probe: false,
+            unclear: 0,
+            confirmed_up_to: 0,
+            pictures: BTreeMap::new(),
+            spent: Vec::new(),
+            tally: Tally::default(),
+        }
+    }
+
+    /// The next request to send, if one may be sent now.
+    pub(super) fn next_show(&mut self) -> Option<Show> {
+        let show = match self.phase {
+            Phase::Settling { .. } if self.shown.is_empty() && self.sent.is_empty() => {
+                Some(Show::Tick(0))
+            }
+            Phase::Settling { .. } => None,
+            Phase::Probing if self.probe.is_none() => self.new_probe(),
+            Phase::Probing => None,
+            Phase::Moving { .. } => self.next_while_moving(),
+            Phase::Held => self.next_while_held(),
+        };
+        // An aircraft in a wrong place must not stay.
+        let show = show.or_else(|| {
+            let tick = self.next_tick.saturating_sub(1);
+            self.ends_with_probe.then_some(Show::Tick(tick))
+        })?;
+        self.ends_with_probe = matches!(show, Show::Probe(_));
+        self.sent.push_back(show);
+        Some(show)
+    }
+
+    fn next_while_moving(&mut self) -> Option<Show> {
+        if self.probe.is_none() && self.is_probe_due() {
+            return self.new_probe();
+        }
+        let under_way = self.sent.len() + self.unseen.len();
+        if under_way >= self.most_unseen {
+            return None;
+        }
+        self.next_tick(self.pictures.len() < 2 * self.segment as usize)
+    }
+
+    fn next_while_held(&mut self) -> Option<Show> {
+        if !self.sent.is_empty() || !self.unseen.is_empty() || self.probe.is_some() {
+            return None;
+        }
+        if self.since_probe >= self.segment && self.delivered + 1 < self.ticks {
+            return self.new_probe();
+        }
+        let tick = self.next_tick(self.pictures.is_empty());
+        self.tally.held += u32::from(tick.is_some());
+        tick
+    }
+
+    fn next_tick(&mut self, has_room: bool) -> Option<Show> {
+        if let Some(tick) = self.again.pop_front() {
+            return Some(Show::Tick(tick));
+        }
+        (has_room && self.next_tick < self.ticks).then(|| {
+            self.next_tick += 1;
+            self.since_probe += 1;
+            Show::Tick(self.next_tick - 1)
+        })
+    }
+
+    fn is_probe_due(&self) -> bool {
+        let is_unproven = self.pictures.values().any(|picture| picture.grab.is_some());
+        let is_waiting = self.sent.is_empty()
+            && self.unseen.is_empty()
+            && self.again.is_empty()
+            && (self.next_tick == self.ticks || self.pictures.len() >= 2 * self.segment as usize);
+        is_unproven && (self.since_probe >= self.segment || is_waiting)
+    }
+
+    /// A probe, if the aircraft is in the picture; else what follows from not seeing it.
+    fn new_probe(&mut self) -> Option<Show> {
+        self.since_probe = 0;
+        let tick = self.next_tick.saturating_sub(1);
+        if let Some(patch) = (self.probe_place)(tick) {
+            self.probe = Some(Probe::new(patch));
+            return Some(Show::Probe(tick));
+        }
+        let now = self.shown.keys().next_back().copied().unwrap_or(0);
+        let newest = self.pictures.values().filter_map(|picture| picture.grab).max();
+        self.told(now.max(newest.unwrap_or(0)), Outcome::Unseen);
+        None
+    }
+
+    /// The oldest unanswered request was written in a frame.
+    pub(super) fn answered(&mut self, frame: u64) {
+        let Some(show) = self.sent.pop_front() else {
+            return;
+        };
+        self.shown.insert(frame, show);
+        match show {
+            Show::Tick(tick) => {
+                let has_picture = tick < self.delivered || self.pictures.contains_key(&tick);
+                if !has_picture && !matches!(self.phase, Phase::Settling { .. } | Phase::Probing) {
+                    self.unseen.insert(frame, tick);
+                }
+            }
+            Show::Probe(_) => {
+                if let Some(probe) = &mut self.probe {
+                    probe.written_in(frame);
+                }
+            }
+        }
+        self.decide();
+    }
+
+    /// A grab of the frame with a number, `steady` frames after a doubtful one.
+    pub(super) fn grabbed(&mut self, number: u64, steady: u32, picture: P) {
+        self.undecided.push_back(Grab {
+            number,
+            steady: u64::from(steady),
+            picture,
+        });
+        self.decide();
+    }
+
+    fn decide(&mut self) {
+        while let Some(grab) = self.undecided.pop_front() {
+            if !self.is_certain(grab.number) {
+                self.undecided.push_front(grab);
+                return;
+            }
+            self.take(grab);
+        }
+        let oldest = self.shown.keys().rev().nth(2 * MOST_UNSEEN + 16).copied();
+        if let Some(oldest) = oldest {
+            self.shown = self.shown.split_off(&oldest);
+        }
+    }
+
+    /// Whether every request that a grab may show has been answered.
+    fn is_certain(&self, number: u64) -> bool {
+        let (least, _) = self.frames_behind();
+        let last = self.shown.keys().next_back();
+        self.sent.is_empty() || last.is_some_and(|last| *last >= number.saturating_sub(least))
+    }
+
+    /// By how many frames at least and at most a grab's scene is behind its number.
+    fn frames_behind(&self) -> (u64, u64) {
+        match self.phase {
+            Phase::Moving { lag } => (lag, lag),
+            Phase::Settling { .. } | Phase::Probing | Phase::Held => (0, self.settle_frames),
+        }
+    }
+
+    /// What a grab shows for certain, and since which frame.
+    fn content(&self, grab: &Grab<P>) -> Option<(u64, Show)> {
+        let (least, most) = self.frames_behind();
+        let newest = grab.number.checked_sub(least)?;
+        let (since, show) = self.shown.range(..=newest).next_back()?;
+        let is_whole = grab.steady >= most.min(7) && *since + most <= grab.number;
+        is_whole.then_some((*since, *show))
+    }
+
+    fn take(&mut self, grab: Grab<P>) {
+        if let Some(probe) = &mut self.probe {
+            probe.see(grab.number, grab.picture.part(probe.patch));
+        }
+        let number = grab.number;
+        match (self.phase, self.content(&grab)) {
+            (Phase::Settling { equal, seen }, Some((_, Show::Tick(_)))) => {
+                self.settle(grab.picture, equal, seen);
+            }
+            (Phase::Moving { .. } | Phase::Held, Some((since, Show::Tick(tick)))) => {
+                self.keep(number, since, tick, grab.picture);
+            }
+            _ => self.spent.push(grab.picture),
+        }
+        self.miss(number);
+        if let Some((frame, outcome)) = self.probe.as_ref().and_then(Probe::outcome) {
+            self.probe = None;
+            self.told(frame, outcome);
+        }
+    }
+
+    fn settle(&mut self, picture: P, equal: u32, seen: u32) {
+        let is_equal = self
+            .last_settling
+            .as_ref()
+            .is_some_and(|before| picture.is_settled_after(before));
+        let equal = if is_equal { equal + 1 } else { 0 };
+        self.spent.extend(self.last_settling.replace(picture));
+        self.phase = if equal >= EQUAL_GRABS || seen + 1 >= RESTLESS_GRABS {
+            self.spent.extend(self.last_settling.take());
+            Phase::Probing
+        } else {
+            Phase::Settling {
+                equal,
+                seen: seen + 1,
+            }
+        };
+    }
+
+    fn keep(&mut self, grab: u64, since: u64, tick: u32, picture: P) {
+        if self.unseen.remove(&since).is_none() {
+            self.spent.push(picture);
+            return;
+        }
+        self.without_loss += 1;
+        if self.without_loss >= WIDEN_AFTER && self.most_unseen < MOST_UNSEEN {
+            self.without_loss = 0;
+            self.most_unseen += 1;
+        }
+        let taken = Taken {
+            tick,
+            frame: since,
+            picture,
+        };
+        let grab = matches!(self.phase, Phase::Moving { .. }).then_some(grab);
+        self.pictures.insert(tick, Unproven { taken, grab });
+    }
+
+    /// Ticks that no later grab can show are shown again.
+    fn miss(&mut self, number: u64) {
+        let (least, _) = self.frames_behind();
+        let is_past = |since: &u64| {
+            let next = self.shown.range(since + 1..).next();
+            next.is_some_and(|(next, _)| number >= least + next - 1)
+        };
+        let past: Vec<u64> = self.unseen.keys().copied().filter(|since| is_past(since)).collect();
+        for since in past {
+            if let Some(tick) = self.unseen.remove(&since) {
+                self.again.push_back(tick);
+                self.tally.repeated += 1;
+                self.most_unseen = (self.most_unseen / 2).max(1);
+                self.without_loss = 0;
+            }
+        }
+    }
+
+    /// A probe told the lag of the frames around it.
+    fn told(&mut self, frame: u64, outcome: Outcome) {
+        match outcome {
+            Outcome::Behind(_) => self.tally.seen += 1,
+            Outcome::Unseen => self.tally.unseen += 1,
+            Outcome::Unclear => {}
+        }
+        self.unclear = if outcome == Outcome::Unclear {
+            self.unclear + 1
+        } else {
+            0
+        };
+        match (self.phase, outcome) {
+            (_, Outcome::Unclear) if self.unclear >= MOST_UNCLEAR => self.hold_every_tick(),
+            (Phase::Moving { .. }, Outcome::Unclear) => self.since_probe = self.segment,
+            (_, Outcome::Unclear) => {}
+            (Phase::Moving { lag }, Outcome::Behind(found)) if found != lag => {
+                self.tally.changes += 1;
+                self.forget_unproven();
+                if self.tally.changes > MOST_CHANGES {
+                    self.hold_every_tick();
+                } else {
+                    self.phase = Phase::Probing;
+                }
+            }
+            (Phase::Moving { .. }, _) => self.confirmed_up_to = frame,
+            (_, Outcome::Behind(lag)) => {
+                self.known_lag = Some(lag);
+                self.move_with(lag, frame);
+            }
+            (Phase::Held, Outcome::Unseen) => {}
+            (_, Outcome::Unseen) => match self.known_lag {
+                Some(lag) => self.move_with(lag, frame),
+                None => self.hold_every_tick(),
+            },
+        }
+    }
+
+    fn move_with(&mut self, lag: u64, since: u64) {
+        self.confirmed_up_to = since;
+        self.since_probe = 0;
+        self.phase = Phase::Moving { lag };
+    }
+
+    fn hold_every_tick(&mut self) {
+        self.forget_unproven();
+        self.since_probe = 0;
+        self.phase = Phase::Held;
+    }
+
+    /// What was taken since the last probe is taken again.
+    fn forget_unproven(&mut self) {
+        let confirmed = self.confirmed_up_to;
+        let doubtful = self
+            .pictures
+            .extract_if(.., |_, picture| picture.grab.is_some_and(|grab| grab > confirmed));
+        let mut again: Vec<u32> = Vec::new();
+        for (tick, picture) in doubtful {
+            again.push(tick);
+            self.spent.push(picture.taken.picture);
+        }
+        let unseen = mem::take(&mut self.unseen).into_values();
+        let sent = self.sent.iter().filter_map(|show| match show {
+            Show::Tick(tick) => Some(*tick),
+            Show::Probe(_) => None,
+        });
+        again.extend(unseen.chain(sent).chain(self.again.drain(..)));
+        again.retain(|tick| *tick >= self.delivered && !self.pictures.contains_key(tick));
+        again.sort_unstable();
+        again.dedup();
+        self.tally.repeated += again.len() as u32;
+        self.again = again.into();
+    }
+
+    /// The next picture, in the order of the ticks, once it is proven.
+    pub(super) fn deliver(&mut self) -> Option<Taken<P>> {
+        let first = self.pictures.first_entry()?;
+        let is_next = *first.key() == self.delivered;
+        let is_proven = first.get().grab.is_none_or(|grab| grab <= self.confirmed_up_to);
+        (is_next && is_proven).then(|| {
+            self.delivered += 1;
+            first.remove().taken
+        })
+    }
+
+    /// Pictures that are not needed.
+    pub(super) fn spent(&mut self) -> Vec<P> {
+        mem::take(&mut self.spent)
+    }
+
+    /// Whether every tick has been delivered.
+    pub(super) fn is_done(&self) -> bool {
+        self.delivered == self.ticks
+    }
+
+    /// Whether a request has to be answered before anything else happens.
+    pub(super) fn waits_for_answer(&self) -> bool {
+        !self.sent.is_empty()
+    }
+
+    /// The first tick whose picture is not proven yet.
+    pub(super) fn waits_for_tick(&self) -> u32 {
+        self.delivered
+    }
+
+    /// The lag that the probes of this block told, or that was known before.
+    pub(super) fn lag(&self) -> Option<u64> {
+        self.known_lag
+    }
+
+    /// How it went.
+    pub(super) fn tally(&self) -> Tally {
+        self.tally
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,216 @@
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
+
+use super::*;
+
+/// A picture that knows what it shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Fake {
+    show: Show,
+    aircraft_is_visible: bool,
+    brightness: u8,
+}
+
+impl Scene for Fake {
+    fn part(&self, _: Rectangle) -> Vec<u8> {
+        let is_here = matches!(self.show, Show::Probe(_)) && self.aircraft_is_visible;
+        vec![if is_here { 40 } else { 120 }; 3 * 30]
+    }
+
+    fn is_settled_after(&self, before: &Self) -> bool {
+        self.brightness == before.brightness
+    }
+}
+
+/// What goes wrong on the way from a drawn frame to the sequence.
+#[derive(Debug, Clone, Copy)]
+struct World {
+    /// The scene's lag, and the one from a frame on.
+    lag: u64,
+    later: Option<(u64, u64)>,
+    /// Shares of frames: not grabbed, grabbed twice, drawn without the camera.
+    lost: f64,
+    doubled: f64,
+    broken: f64,
+    /// Answers come this many frames late.
+    late_answers: usize,
+    aircraft_is_visible: bool,
+}
+
+const GOOD: World = World {
+    lag: 2,
+    later: None,
+    lost: 0.0,
+    doubled: 0.0,
+    broken: 0.0,
+    late_answers: 0,
+    aircraft_is_visible: true,
+};
+
+struct Recorded {
+    shown: Vec<Show>,
+    frames: u64,
+    tally: Tally,
+    lag: Option<u64>,
+}
+
+/// Records a block of this many ticks in a world, as plugin, screen and client would together.
+fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Recorded {
+    let mut random = ChaCha12Rng::seed_from_u64(seed);
+    let patch = Rectangle {
+        x_px: 0,
+        y_px: 0,
+        width_px: 6,
+        height_px: 5,
+    };
+    let mut sequence = Sequence::<Fake>::new(ticks, 20, 5, known_lag, Box::new(move |_| Some(patch)));
+    let mut waiting: VecDeque<Show> = VecDeque::new();
+    let mut answers: VecDeque<(u64, u64)> = VecDeque::new();
+    let (mut written, mut number, mut steady) = (Vec::new(), 0_u64, -1_i64);
+    let mut shown = Vec::new();
+    for frame in 0..40 * u64::from(ticks) + 4_000 {
+        while let Some(show) = sequence.next_show() {
+            waiting.push_back(show);
+        }
+        // The plugin: one request a frame, or the last one again; a frame without the camera shows it, too, and has no number.
+        let is_broken = random.random_bool(world.broken);
+        let next = (!is_broken).then(|| waiting.pop_front()).flatten();
+        let Some(now) = next.or(written.last().copied()) else {
+            continue;
+        };
+        written.push(now);
+        if is_broken {
+            steady = -1;
+        } else {
+            number += 1;
+            steady = (steady + 1).min(7);
+            if next.is_some() {
+                answers.push_back((frame + world.late_answers as u64, number));
+            }
+        }
+        while answers.front().is_some_and(|(due, _)| *due <= frame) {
+            let (_, number) = answers.pop_front().unwrap();
+            sequence.answered(number);
+        }
+        // The screen: the scene of some frames ago under the number of this one.
+        let lag = match world.later {
+            Some((from, lag)) if frame >= from => lag,
+            _ => world.lag,
+        };
+        let show = written[written.len().saturating_sub(1 + lag as usize)];
+        let picture = Fake {
+            show,
+            aircraft_is_visible: world.aircraft_is_visible,
+            brightness: (30 - frame.min(30)) as u8,
+        };
+        if !is_broken && !random.random_bool(world.lost) {
+            sequence.grabbed(number, steady as u32, picture);
+            if random.random_bool(world.doubled) {
+                sequence.grabbed(number, steady as u32, picture);
+            }
+        }
+        while let Some(taken) = sequence.deliver() {
+            assert_eq!(taken.tick, shown.len() as u32, "ticks come in their order");
+            shown.push(taken.picture.show);
+        }
+        sequence.spent();
+        if sequence.is_done() {
+            return Recorded {
+                shown,
+                frames: frame + 1,
+                tally: sequence.tally(),
+                lag: sequence.lag(),
+            };
+        }
+    }
+    panic!("not done: {world:?}, seed {seed}, tick {}", sequence.delivered);
+}
+
+fn of_their_ticks(recorded: &Recorded) -> bool {
+    let expected = (0..recorded.shown.len() as u32).map(Show::Tick);
+    recorded.shown.iter().copied().eq(expected)
+}
+
+#[test]
+fn every_lag_up_to_four_frames_is_found_and_costs_little() {
+    for lag in 0..=4 {
+        let recorded = record(1_000, None, World { lag, ..GOOD }, lag);
+        assert!(of_their_ticks(&recorded), "lag {lag}");
+        assert_eq!(recorded.lag, Some(lag));
+        assert_eq!(recorded.tally.repeated, 0, "lag {lag}");
+        let frames_per_picture = recorded.frames as f64 / 1_000.0;
+        assert!(frames_per_picture < 1.2, "lag {lag}: {frames_per_picture}");
+    }
+}
+
+#[test]
+fn lost_doubled_and_doubtful_frames_never_give_a_picture_of_another_tick() {
+    let mut random = ChaCha12Rng::seed_from_u64(7);
+    for seed in 0..40 {
+        let world = World {
+            lag: random.random_range(0..=4),
+            lost: random.random_range(0.0..0.2),
+            doubled: random.random_range(0.0..0.2),
+            broken: random.random_range(0.0..0.03),
+            late_answers: random.random_range(0..4),
+            ..GOOD
+        };
+        let recorded = record(500, None, world, seed);
+        assert!(of_their_ticks(&recorded), "{world:?}");
+    }
+}
+
+#[test]
+fn a_lag_that_changes_in_mid_block_costs_pictures_but_mixes_none() {
+    for seed in 0..40 {
+        let world = World {
+            lag: seed % 5,
+            later: Some((60 + 13 * seed, (seed + 1 + seed % 4) % 5)),
+            ..GOOD
+        };
+        let recorded = record(500, None, world, seed);
+        assert!(of_their_ticks(&recorded), "{world:?}");
+        assert_eq!(recorded.tally.changes, 1, "{world:?}");
+        assert!(recorded.tally.repeated > 0, "{world:?}");
+    }
+}
+
+#[test]
+fn where_the_aircraft_cannot_be_seen_the_known_lag_holds() {
+    let fog = World {
+        aircraft_is_visible: false,
+        lag: 3,
+        ..GOOD
+    };
+    let recorded = record(300, Some(3), fog, 1);
+    assert!(of_their_ticks(&recorded));
+    assert_eq!((recorded.tally.seen, recorded.tally.held), (0, 0));
+    assert!(recorded.tally.unseen > 0);
+}
+
+#[test]
+fn without_any_known_lag_every_tick_is_held_until_it_has_settled() {
+    let fog = World {
+        aircraft_is_visible: false,
+        lag: 4,
+        ..GOOD
+    };
+    let recorded = record(100, None, fog, 1);
+    assert!(of_their_ticks(&recorded));
+    assert_eq!(recorded.tally.held, 100);
+    assert_eq!(recorded.lag, None);
+}
+
+#[test]
+fn undisturbed_blocks_repeat_nothing() {
+    for seed in 0..200 {
+        let world = World {
+            lag: seed % 5,
+            late_answers: seed as usize % 3,
+            ..GOOD
+        };
+        let recorded = record(100, None, world, seed);
+        assert!(of_their_ticks(&recorded));
+        assert_eq!(recorded.tally.repeated, 0, "{world:?}");
+    }
+}
