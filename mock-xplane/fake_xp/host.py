@@ -15,6 +15,7 @@ import time
 from typing import Any
 
 from fake_xp import FakeGl, FakeXp, Kind
+from xp_rules import ENABLE, START
 
 # The stand-in has no screen to wait for; without a pause an idle plugin would take a whole core.
 FRAME_PAUSE_S = 0.001
@@ -122,7 +123,9 @@ class LoggingXp(FakeXp):
     """Logs into the stand-in's log."""
 
     def log(self, text: str) -> None:
-        self.world._ask("log", text)
+        super().log(text)
+        if text:
+            self.world._ask("log", text)
 
 
 def run(settings: dict[str, Any]) -> None:
@@ -160,11 +163,15 @@ def run(settings: dict[str, Any]) -> None:
     plugin.read_settings = lambda _path: link
     plugin.ProfileFile = KeptInMemory
     interface = plugin.PythonInterface()
-    interface.XPluginStart()
-    interface.XPluginEnable()
+    with xp.inside(START):
+        interface.XPluginStart()
+    with xp.inside(ENABLE):
+        interface.XPluginEnable()
     steal_every = settings["steal_camera_every_frames"]
     for frame in itertools.count(1):
         xp.frame()
         if steal_every and frame % steal_every == 0:
             xp.steal_camera()
+        if xp.misplaced:
+            sys.exit(f"the plugin called what X-Plane does not allow there: {xp.misplaced}")
         time.sleep(FRAME_PAUSE_S)

@@ -31,11 +31,12 @@ use crate::window::DisplayWindow;
 /// [`Quirk::CameraTaken`] takes the camera repeatedly, at this interval in frames.
 const CAMERA_TAKEN_EVERY: u32 = 401;
 const FAKE_XP: &str = include_str!("../../fake_xp/fake_xp.py");
+const RULES: &str = include_str!("../../fake_xp/xp_rules.py");
 const HOST: &str = include_str!("../../fake_xp/host.py");
-/// Creates the two settings modules from the first line, and runs the host.
+/// Creates the modules from the settings in the first line, and runs the host.
 const BOOTSTRAP: &str = "import json, sys, types
 settings = json.loads(sys.stdin.buffer.readline())
-for name in ('fake_xp', 'host'):
+for name in ('xp_rules', 'fake_xp', 'host'):
     module = sys.modules[name] = types.ModuleType(name)
     exec(compile(settings[name], name + '.py', 'exec'), module.__dict__)
 sys.modules['host'].run(settings)";
@@ -118,6 +119,7 @@ pub(super) async fn run(
         .steal_camera_every_frames
         .or_else(|| quirks.has(Quirk::CameraTaken).then_some(CAMERA_TAKEN_EVERY));
     let settings = json!({
+        "xp_rules": RULES,
         "fake_xp": FAKE_XP,
         "host": HOST,
         "plugin": options.folder,
