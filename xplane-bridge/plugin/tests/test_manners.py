@@ -33,6 +33,12 @@ class Faults(WithBridge):
             self.xp.frame()
         self.xp.failing.discard(place)
 
+    def begin(self, client, request):
+        """Frames until the request has begun."""
+        client.send(request)
+        while self.bridge._task is None:
+            self.xp.frame()
+
     def four_captures(self, client, first):
         for tick in range(first, first + 4):
             answer, picture = client.ask(capture(tick))
@@ -43,29 +49,26 @@ class Faults(WithBridge):
             (BEFORE, "the loop before the flight model"), (AFTER, "the loop after the flight model"),
             (CAMERA, "the camera's callback"), (DRAW, "a draw callback"),
         ):  # fmt: skip
-            for idle_frames in (0, 1):
-                with self.subTest(place, idle_frames=idle_frames):
+            for in_a_capture in (False, True):
+                with self.subTest(place, in_a_capture=in_a_capture):
                     self.setUp()
                     client = self.frozen()
                     self.four_captures(client, 0)
-                    # Between two captures, or in the middle of one.
-                    for _ in range(idle_frames):
-                        client.send(capture(10))
-                        self.xp.frame()
+                    if in_a_capture:
+                        self.begin(client, capture(10))
                     self.fail_for(place, 6)
-                    if idle_frames:
+                    if in_a_capture:
                         self.assertEqual(client.receive()[0]["message"], "frame")
                     self.four_captures(client, 20)
-                    happened = place != DRAW or idle_frames
-                    self.assertEqual(len(sentences(self.xp.lines, "injected")), int(bool(happened)), self.xp.lines)
-                    if happened:
-                        self.assertIn(what, sentences(self.xp.lines, "injected")[0])
+                    said = sentences(self.xp.lines, "injected")
+                    # Between two captures nothing is drawn.
+                    self.assertEqual(len(said), int(place != DRAW or in_a_capture), self.xp.lines)
+                    self.assertTrue(all(what in line for line in said), said)
 
     def test_the_check_pattern_is_drawn_after_a_fault(self):
         client = self.frozen()
-        client.send({"message": "check_pattern", "code": 1})
-        self.xp.frame()
-        self.fail_for(DRAW, 3)
+        self.begin(client, {"message": "check_pattern", "code": 1})
+        self.fail_for(DRAW, 6)
         self.assertEqual(client.receive()[0]["message"], "check_pattern_shown")
         client.ask({"message": "check_pattern", "code": None})
         self.four_captures(client, 0)
