@@ -101,6 +101,7 @@ class Bridge:
         self._callbacks.note(callbacks.BEFORE)
         self._stage.begin_frame()
         self._found.step()
+        self._server.give_time()
         self._take_events()
         if self._client is not None:
             self._found.remember()
@@ -126,6 +127,7 @@ class Bridge:
         except ValueError as error:
             # JSON has no NaN: X-Plane gave us one.
             self._client.answer(*_error(f"X-Plane has no sound numbers for this answer: {error}"))
+        self._client.hand_over()
 
     def _take_events(self) -> None:
         while True:
