@@ -1,8 +1,8 @@
 """A strict fake of XPPython3's module ``xp``, limited to what our plugin uses.
 
 It follows X-Plane's order within a frame (flight loops, camera, drawing), its habits (the camera's list must be changed in place,
-values are 32-bit, writes to read-only datarefs are ignored) and its prohibitions (no call from another thread). What it knows about
-the simulated world comes from a :class:`World`: an in-memory one for tests, or the stand-in's at the other end of a pipe
+values are 32-bit, writes to read-only datarefs are ignored) and its prohibitions: no call from another thread, nor from a place that
+``xp_rules.py`` forbids. It records the names of all look-ups. What it knows about the simulated world comes from a :class:`World`: an in-memory one for tests, or the stand-in's at the other end of a pipe
 (``host.py``).
 
 Made for this project from XPPython3's documentation; it has never been compared with a running X-Plane.
@@ -10,12 +10,15 @@ Made for this project from XPPython3's documentation; it has never been compared
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import threading
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Callable, Protocol
+from typing import Any, Callable, Iterator, Protocol
+
+import xp_rules as rules
 
 
 @dataclass(frozen=True)
@@ -89,10 +92,17 @@ class FakeXp:
         self.world = world
         self.quirks = quirks
         self.lines: list[str] = []
+        self.flushed_lines = 0
         # Whether anybody looks at the frames, and what was drawn over this one: left, bottom, right, top, red, green, blue.
         self.shows_frames = False
         self.rectangles: list[tuple[float, ...]] = []
         self.cycle = 0
+        # Names that were looked up, calls from a place that is forbidden to them, and places where every call fails.
+        self.looked_up: set[str] = set()
+        self.misplaced: list[tuple[str, str]] = []
+        self.failing: set[str] = set()
+        # The callback in progress; None while no plugin is called, as in a test's own code.
+        self._place: str | None = None
         self._thread = threading.get_ident()
         self._frames = 0
         # Callback and phase.
@@ -103,9 +113,7 @@ class FakeXp:
         self._accessors: dict[int, tuple[str, Callable[[Any], float], Any]] = {}
         self._planes: tuple[Any, Any] | None = None
         self._next_id = 1
-        self._drawing = False
         self._windows = False
-        self._before_flight_model = False
         self._screenshot_wanted = False
         self._screenshot_frame = 0
         self._screenshots = 0
@@ -124,9 +132,7 @@ class FakeXp:
         camera_first = "camera_callback_order" in self.quirks and self._frames % 2 == 0
         frame = self.world.begin_frame()
         self.cycle = 2 * frame if two_cycles else frame
-        self._before_flight_model = True
         self._run_loops(self.FlightLoop_Phase_BeforeFlightModel)
-        self._before_flight_model = False
         if camera_first:
             self._run_camera()
         self._run_loops(self.FlightLoop_Phase_AfterFlightModel)
@@ -138,9 +144,8 @@ class FakeXp:
         for when in (1, 0) if "draw_before_is_one" in self.quirks else (0, 1):
             for callback, phase, registered, refcon in list(self._draws):
                 if registered == when:
-                    self._drawing = True
-                    callback(phase, when, refcon)
-                    self._drawing = False
+                    with self.inside(rules.DRAW):
+                        callback(phase, when, refcon)
             self._windows = True
         self._windows = False
         self._take_screenshot()
@@ -148,7 +153,37 @@ class FakeXp:
         if self.shows_frames:
             self.world.show_frame(self.rectangles)
         for name, read, refcon in self._accessors.values():
-            self.world.publish(name, read(refcon))
+            with self.inside(rules.ACCESSOR):
+                value = read(refcon)
+            self.world.publish(name, value)
+
+    @contextlib.contextmanager
+    def inside(self, place: str) -> Iterator[None]:
+        """X-Plane calls the plugin from this place."""
+        outer, self._place = self._place, place
+        try:
+            yield
+        finally:
+            self._place = outer
+
+    def disable(self, plugin: Any) -> None:
+        """Disables the plugin's interface, as X-Plane does at its end and when Python plugins are reloaded."""
+        self._must_not_hang()
+        with self.inside(rules.DISABLE):
+            plugin.XPluginDisable()
+        if self._loops or self._draws or self._camera is not None:
+            raise FakeXpError("a plugin that is disabled left flight loops, draw callbacks or the camera")
+
+    def _must_not_hang(self) -> None:
+        """X-Plane 12 hangs for ever if planes are released, or their plugin disabled, while other aircraft are defined."""
+        if self._planes is not None and self.world.others_fly() and not self.is_x_plane_11:
+            self.misplaced.append(("releasePlanes", "while other aircraft are defined"))
+            raise FakeXpError("planes are given up while other aircraft are defined: X-Plane 12 hangs")
+
+    @property
+    def is_x_plane_11(self) -> bool:
+        """Whether the world is X-Plane 11's."""
+        return self.world.get("sim/version/xplane_internal_version", 0) < 120_000
 
     def steal_camera(self) -> None:
         """As a view key does: the current camera callback is notified, and not called again."""
@@ -156,7 +191,8 @@ class FakeXp:
             callback, refcon = self._camera
             self._camera = None
             self.world.lose_camera()
-            callback(None, 1, refcon)
+            with self.inside(rules.CAMERA):
+                callback(None, 1, refcon)
 
     def _take_screenshot(self) -> None:
         """Of all that was drawn, windows included; the camera goes with it."""
@@ -182,15 +218,18 @@ class FakeXp:
         self._files = [file for file in self._files if self._frames < file[2] + WRITTEN_FRAMES]
 
     def _run_loops(self, phase: int) -> None:
+        place = rules.BEFORE if phase == self.FlightLoop_Phase_BeforeFlightModel else rules.AFTER
         for loop in [l for l in self._loops if l in self._scheduled]:
             if loop not in self._loops or self._loops[loop][1] != phase:
                 continue
-            if self._loops[loop][0](0.016, 0.016, self.cycle, None) == 0:
-                self._scheduled.discard(loop)
+            with self.inside(place):
+                if self._loops[loop][0](0.016, 0.016, self.cycle, None) == 0:
+                    self._scheduled.discard(loop)
 
     def must_be_drawing(self) -> None:
         """OpenGL exists in draw callbacks only."""
-        if not self._drawing:
+        self._here()
+        if self._place != rules.DRAW:
             raise FakeXpError("OpenGL is called outside a draw callback")
 
     @property
@@ -204,16 +243,25 @@ class FakeXp:
             callback, refcon = self._camera
             asked = [0.0] * 7
             # Only changes to this very list count.
-            if callback(asked, 0, refcon) == 1:
+            with self.inside(rules.CAMERA):
+                answer = callback(asked, 0, refcon)
+            if answer == 1:
                 position = [as_float32(value) for value in asked]
             elif "camera_taken" in self.quirks and self._camera == (callback, refcon):
                 # A callback that returns 0 gives up the camera.
                 self._camera = None
         self.world.place_camera(position)
 
-    def _here(self) -> None:
+    def _here(self, function: str = "") -> None:
+        """Checks from where a function is called."""
         if threading.get_ident() != self._thread:
+            self.misplaced.append((function or "a function", "another thread"))
             raise FakeXpError("xp is called from a thread that is not X-Plane's")
+        if self._place in self.failing:
+            raise RuntimeError(f"injected into {self._place}")
+        if self._place is not None and self._place not in rules.PLACES.get(function, (self._place,)):
+            self.misplaced.append((function, self._place))
+            raise FakeXpError(f"{function} is called from {self._place}: X-Plane does not allow that")
 
     def _new_id(self) -> int:
         self._next_id += 1
@@ -222,8 +270,13 @@ class FakeXp:
     # What XPPython3 offers.
 
     def log(self, text: str) -> None:
-        self._here()
-        self.lines.append(text)
+        """An empty text flushes the file."""
+        if threading.get_ident() != self._thread:
+            raise FakeXpError("xp is called from a thread that is not X-Plane's")
+        if text:
+            self.lines.append(text)
+        else:
+            self.flushed_lines = len(self.lines)
 
     def getCycleNumber(self) -> int:
         self._here()
@@ -241,26 +294,28 @@ class FakeXp:
 
     def countAircraft(self) -> tuple[int, int, int]:
         """Aircraft that exist, those that fly, and the plugin that controls the others."""
-        self._here()
+        self._here("countAircraft")
         return 20, 2 if self.world.others_fly() else 1, -1 if self._planes is None else 1
 
     def acquirePlanes(self, aircraft: Any = None, callback: Any = None, refCon: Any = None) -> int:
-        self._here()
+        self._here("acquirePlanes")
         self._planes = (callback, refCon)
         return 1
 
     def releasePlanes(self) -> None:
-        self._here()
+        self._here("releasePlanes")
+        self._must_not_hang()
         self._planes = None
 
     def setActiveAircraftCount(self, count: int) -> None:
-        self._here()
+        self._here("setActiveAircraftCount")
         if self._planes is None:
             raise FakeXpError("the number of aircraft is set without having acquired them")
         self.world.let_others_fly(count > 1)
 
     def findDataRef(self, name: str) -> Any:
         self._here()
+        self.looked_up.add(name)
         kind = self.world.kind(name)
         return None if kind is None else (name, kind)
 
@@ -280,7 +335,7 @@ class FakeXp:
         return self.world.get(name, 0)
 
     def _set(self, ref: Any, types: tuple[str, ...], value: float) -> None:
-        self._here()
+        self._here("set")
         name, kind = ref
         if kind.length is not None or kind.type not in types:
             raise FakeXpError(f"{name} is written as {types}, but is {kind}")
@@ -334,7 +389,7 @@ class FakeXp:
         return read.split(b"\0")[0].decode()
 
     def _set_array(self, ref: Any, values: list[Any], offset: int, count: int) -> None:
-        self._here()
+        self._here("set")
         name, kind = ref
         if kind.length is None:
             raise FakeXpError(f"{name} is no array")
@@ -359,7 +414,7 @@ class FakeXp:
         writeFloat: Any = None,
         readRefCon: Any = None,
     ) -> int:
-        self._here()
+        self._here("registerDataAccessor")
         read = readFloat or readInt
         if read is None:
             raise FakeXpError(f"{name} cannot be read")
@@ -368,29 +423,34 @@ class FakeXp:
         return accessor
 
     def unregisterDataAccessor(self, accessor: int) -> None:
+        self._here("unregisterDataAccessor")
         del self._accessors[accessor]
 
     def createFlightLoop(self, callback: Callable[..., float], phase: int = 0, refCon: Any = None) -> int:
-        self._here()
+        self._here("createFlightLoop")
         loop = self._new_id()
         self._loops[loop] = (callback, phase)
         return loop
 
     def scheduleFlightLoop(self, flightLoopID: int, interval: float = 0.0, relativeToNow: int = 1) -> None:
-        self._here()
+        self._here("scheduleFlightLoop")
         self._scheduled.add(flightLoopID)
 
     def destroyFlightLoop(self, flightLoopID: int) -> None:
-        self._here()
+        self._here("destroyFlightLoop")
         del self._loops[flightLoopID]
         self._scheduled.discard(flightLoopID)
 
     def controlCamera(self, howLong: int, callback: Callable[..., int], refCon: Any = None) -> None:
-        self._here()
-        self._camera = (callback, refCon)
+        """Whoever had the camera is told so, even if it is the same callback."""
+        self._here("controlCamera")
+        former, self._camera = self._camera, (callback, refCon)
+        if former is not None:
+            with self.inside(rules.CAMERA):
+                former[0](None, 1, former[1])
 
     def dontControlCamera(self) -> None:
-        self._here()
+        self._here("dontControlCamera")
         self._camera = None
 
     def isCameraBeingControlled(self) -> int:
@@ -398,14 +458,14 @@ class FakeXp:
         return 0 if self._camera is None else self.ControlCameraForever
 
     def registerDrawCallback(self, callback: Callable[..., int], phase: int, after: int, refCon: Any) -> int:
-        self._here()
+        self._here("registerDrawCallback")
         if phase != self.Phase_Window:
             raise FakeXpError(f"phase {phase} is not drawn in any X-Plane since 11.50")
         self._draws.append((callback, phase, after, refCon))
         return 1
 
     def unregisterDrawCallback(self, callback: Callable[..., int], phase: int, after: int, refCon: Any) -> int:
-        self._here()
+        self._here("unregisterDrawCallback")
         self._draws.remove((callback, phase, after, refCon))
         return 1
 
@@ -434,29 +494,30 @@ class FakeXp:
     def placeUserAtLocation(
         self, latitude: float, longitude: float, elevation: float, heading: float, speed: float
     ) -> None:
-        self._here()
-        if "late_start_crashes" in self.quirks and not self._before_flight_model:
+        self._here("placeUserAtLocation")
+        if "late_start_crashes" in self.quirks and self._place != rules.BEFORE:
             raise FakeXpError("a flight is started outside the flight loops before the flight model: X-Plane crashes")
         self.world.place_user(latitude, longitude, as_float32(elevation), as_float32(heading), as_float32(speed))
 
     def createProbe(self, probeType: int) -> int:
-        self._here()
+        self._here("createProbe")
         return self._new_id()
 
     def destroyProbe(self, probe: int) -> None:
-        self._here()
+        self._here("destroyProbe")
 
     def probeTerrainXYZ(self, probe: int, x: float, y: float, z: float) -> ProbeInfo:
-        self._here()
+        self._here("probeTerrainXYZ")
         hit = self.world.ground_below(x, y, z)
         return ProbeInfo(self.ProbeMissed) if hit is None else ProbeInfo(self.ProbeHitTerrain, *hit)
 
     def findCommand(self, path: str) -> str | None:
         self._here()
+        self.looked_up.add(path)
         return path if self.world.knows_command(path) else None
 
     def commandOnce(self, command: str) -> None:
-        self._here()
+        self._here("commandOnce")
         self.world.command(command)
         if command == SCREENSHOT:
             self._screenshot_wanted = True

@@ -15,16 +15,18 @@ import time
 from typing import Any
 
 from fake_xp import FakeGl, FakeXp, Kind
+from held_lock import HeldPipe, pause_until
+from xp_rules import ENABLE, START
 
 # The stand-in has no screen to wait for; without a pause an idle plugin would take a whole core.
-FRAME_PAUSE_S = 0.001
+LEAST_PAUSE_S = 0.001
 
 
 class PipeWorld:
     """Implements ``fake_xp.World``."""
 
-    def __init__(self, questions: Any, answers: Any, cockpit_view: bool) -> None:
-        self._questions, self._answers = questions, answers
+    def __init__(self, pipe: HeldPipe, cockpit_view: bool) -> None:
+        self._pipe = pipe
         self._kinds: dict[str, Kind | None] = {}
         self._published: dict[str, float] = {}
         self.cockpit_view = cockpit_view
@@ -32,9 +34,8 @@ class PipeWorld:
         self._path = tempfile.TemporaryDirectory(prefix="dtd-stand-in-")
 
     def _ask(self, *question: Any) -> Any:
-        self._questions.write(json.dumps(question).encode() + b"\n")
-        self._questions.flush()
-        line = self._answers.readline()
+        self._pipe.write(json.dumps(question).encode() + b"\n")
+        line = self._pipe.readline()
         if not line:
             # The stand-in is gone.
             sys.exit(0)
@@ -102,7 +103,7 @@ class PipeWorld:
 
     def render(self, width: int, height: int, windows: bool = False) -> bytes:
         count = self._ask("render", width, height, windows)
-        return self._answers.read(count)
+        return self._pipe.read(count)
 
 
 class KeptInMemory:
@@ -122,13 +123,16 @@ class LoggingXp(FakeXp):
     """Logs into the stand-in's log."""
 
     def log(self, text: str) -> None:
-        self.world._ask("log", text)
+        super().log(text)
+        if text:
+            self.world._ask("log", text)
 
 
 def run(settings: dict[str, Any]) -> None:
-    """Forever, or until the stand-in goes away."""
+    """Forever, or until the stand-in goes away. The interpreter lock is held all the time, as XPPython3 does between callbacks: the
+    plugin's threads run only while a callback waits."""
     quirks = frozenset(settings["quirks"])
-    world = PipeWorld(sys.stdout.buffer, sys.stdin.buffer, "cockpit_view" in quirks)
+    world = PipeWorld(HeldPipe(sys.stdin.fileno(), sys.stdout.fileno()), "cockpit_view" in quirks)
     # The plugin's output must not be mistaken for a question.
     sys.stdout = sys.stderr
     xp = LoggingXp(world, quirks)
@@ -160,11 +164,17 @@ def run(settings: dict[str, Any]) -> None:
     plugin.read_settings = lambda _path: link
     plugin.ProfileFile = KeptInMemory
     interface = plugin.PythonInterface()
-    interface.XPluginStart()
-    interface.XPluginEnable()
+    with xp.inside(START):
+        interface.XPluginStart()
+    with xp.inside(ENABLE):
+        interface.XPluginEnable()
     steal_every = settings["steal_camera_every_frames"]
+    period_s = settings["real_frame_period_s"] or 0.0
     for frame in itertools.count(1):
+        began_s = time.monotonic()
         xp.frame()
         if steal_every and frame % steal_every == 0:
             xp.steal_camera()
-        time.sleep(FRAME_PAUSE_S)
+        if xp.misplaced:
+            sys.exit(f"the plugin called what X-Plane does not allow there: {xp.misplaced}")
+        pause_until(max(began_s + period_s, time.monotonic() + LEAST_PAUSE_S))

@@ -51,7 +51,15 @@ DATAREFS = {
     "sim/flightmodel/position/true_airspeed": (Kind("float", None, False), 0),
     "sim/flightmodel/position/indicated_airspeed": (Kind("float", None, False), 0),
     "sim/flightmodel/failures/onground_any": (Kind("int", None, False), 0),
+    # X-Plane 12 has its own names and keeps those of 11.
+    "sim/weather/region/change_mode": (Kind("int"), 7),
+    "sim/cockpit2/controls/flap_handle_request_ratio": (Kind("float"), 0),
     "sim/cockpit2/controls/flap_ratio": (Kind("float"), 0),
+    "sim/cockpit/switches/gear_handle_status": (Kind("int"), 1),
+    "sim/cockpit/electrical/landing_lights_on": (Kind("int"), 0),
+    "sim/cockpit2/switches/landing_lights_switch": (Kind("float", 16), 0),
+    "sim/flightmodel2/controls/flap1_deploy_ratio": (Kind("float", None, False), 0),
+    "sim/flightmodel2/gear/deploy_ratio": (Kind("float", 10, False), 1),
     "sim/flightmodel/controls/flaprat": (Kind("float"), 0),
     "sim/cockpit2/controls/gear_handle_down": (Kind("int"), 1),
     "sim/aircraft/parts/acf_gear_deploy": (Kind("float", 10), 0),
@@ -257,7 +265,7 @@ class PaperWorld:
         for axis, value in zip("xyz", self.world_to_local(latitude, longitude, altitude)):
             self.set(f"{position}local_{axis}", 0, value)
         self.set(position + "true_airspeed", 0, speed)
-        self.set("sim/flightmodel/controls/flaprat", 0, self.get("sim/cockpit2/controls/flap_ratio"))
+        self.set("sim/flightmodel2/controls/flap1_deploy_ratio", 0, self.get("sim/cockpit2/controls/flap_ratio"))
 
     def move_origin(self, latitude: float, longitude: float) -> None:
         """As X-Plane does when it loads scenery: the aircraft stays where it is on earth."""

@@ -79,7 +79,7 @@ async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
         datarefs::CHANGE_MODE,
         datarefs::USE_SYSTEM_TIME,
         "sim/graphics/view/view_is_external",
-        "sim/cockpit/electrical/landing_lights_on",
+        "sim/cockpit2/switches/landing_lights_switch[0]",
     ];
     let mut watch = Subscription::start(address, names.map(str::to_owned), 20)
         .await

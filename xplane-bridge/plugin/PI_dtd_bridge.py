@@ -23,13 +23,12 @@ if str(HERE) not in sys.path:
 from dtd_bridge import NAME, VERSION  # noqa: E402
 from dtd_bridge import datarefs as names  # noqa: E402
 from dtd_bridge.bridge import Bridge  # noqa: E402
+from dtd_bridge.log import log  # noqa: E402
 from dtd_bridge.profile import ProfileFile  # noqa: E402
 from dtd_bridge.settings import read_settings  # noqa: E402
 from dtd_bridge.xp_api import Xp  # noqa: E402
 
 xp: Xp = module
-
-EVERY_FRAME = -1.0
 
 
 def _publish(name: str, read: Callable[[], float]) -> Any:
@@ -52,7 +51,6 @@ class PythonInterface:
     def __init__(self) -> None:
         self._bridge: Bridge | None = None
         self._settle_s = 0.0
-        self._flight_loop: Any = None
         self._accessors: list[Any] = []
 
     def XPluginStart(self) -> tuple[str, str, str]:
@@ -68,26 +66,22 @@ class PythonInterface:
         return f"{NAME} {VERSION}", "dtd.bridge", "Serves poses and pictures to dtd over the capture link"
 
     def XPluginEnable(self) -> int:
-        """Starts listening. A plugin that cannot is still enabled: its log says why, and its port reads 0."""
+        """Starts listening, and creates all flight loops. A plugin that cannot is still enabled: its log says why, and its port reads
+        0."""
         try:
             settings = read_settings(HERE / "dtd_bridge.ini")
             self._settle_s = settings.weather_settle_s
             self._bridge = Bridge(xp, settings, profile=ProfileFile(HERE / "dtd_profile.json"))
-            self._flight_loop = xp.createFlightLoop(self._on_frame, xp.FlightLoop_Phase_AfterFlightModel, None)
-            xp.scheduleFlightLoop(self._flight_loop, EVERY_FRAME)
         except Exception:
             self._log_failure("cannot serve the capture link")
         return 1
 
     def XPluginDisable(self) -> None:
-        """Restores everything."""
+        """Gives back what needs no frame."""
+        bridge, self._bridge = self._bridge, None
         try:
-            if self._flight_loop is not None:
-                xp.destroyFlightLoop(self._flight_loop)
-                self._flight_loop = None
-            if self._bridge is not None:
-                self._bridge.close()
-                self._bridge = None
+            if bridge is not None:
+                bridge.close()
         except Exception:
             self._log_failure("cannot stop cleanly")
 
@@ -102,14 +96,6 @@ class PythonInterface:
     def XPluginReceiveMessage(self, _from_who: int, _message: int, _param: Any) -> None:
         """Nothing is needed: scenery loads are detected by their dataref, and no local coordinates are kept."""
 
-    def _on_frame(self, _since_last: float, _since_loop: float, _counter: int, _refcon: Any) -> float:
-        try:
-            if self._bridge is not None:
-                self._bridge.step()
-        except Exception:
-            self._log_failure("failed in a frame")
-        return EVERY_FRAME
-
     def _read_port(self) -> float:
         return self._bridge.port if self._bridge is not None else 0
 
@@ -118,4 +104,4 @@ class PythonInterface:
 
     @staticmethod
     def _log_failure(what: str) -> None:
-        xp.log(f"{NAME} {what}:\n{traceback.format_exc()}")
+        log(xp, f"{NAME} {what}:\n{traceback.format_exc()}")

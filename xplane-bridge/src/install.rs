@@ -21,7 +21,7 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as embedded in this program: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 28] = [
+const FILES: [(&str, &str); 30] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
@@ -34,6 +34,8 @@ const FILES: [(&str, &str); 28] = [
     plugin_file!("dtd_bridge/flight.py"),
     plugin_file!("dtd_bridge/found.py"),
     plugin_file!("dtd_bridge/local_frame.py"),
+    plugin_file!("dtd_bridge/log.py"),
+    plugin_file!("dtd_bridge/loops.py"),
     plugin_file!("dtd_bridge/messages.py"),
     plugin_file!("dtd_bridge/opengl.py"),
     plugin_file!("dtd_bridge/pixels.py"),

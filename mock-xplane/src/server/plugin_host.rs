@@ -31,11 +31,13 @@ use crate::window::DisplayWindow;
 /// [`Quirk::CameraTaken`] takes the camera repeatedly, at this interval in frames.
 const CAMERA_TAKEN_EVERY: u32 = 401;
 const FAKE_XP: &str = include_str!("../../fake_xp/fake_xp.py");
+const RULES: &str = include_str!("../../fake_xp/xp_rules.py");
+const HELD_LOCK: &str = include_str!("../../fake_xp/held_lock.py");
 const HOST: &str = include_str!("../../fake_xp/host.py");
-/// Creates the two settings modules from the first line, and runs the host.
+/// Creates the modules from the settings in the first line, and runs the host.
 const BOOTSTRAP: &str = "import json, sys, types
 settings = json.loads(sys.stdin.buffer.readline())
-for name in ('fake_xp', 'host'):
+for name in ('xp_rules', 'fake_xp', 'held_lock', 'host'):
     module = sys.modules[name] = types.ModuleType(name)
     exec(compile(settings[name], name + '.py', 'exec'), module.__dict__)
 sys.modules['host'].run(settings)";
@@ -51,6 +53,8 @@ pub struct PluginOptions {
     pub window_px: (u32, u32),
     /// Simulated time between two frames, seconds.
     pub frame_period_s: f64,
+    /// Real time between two frames, seconds: the pace of a screen. `None` draws as fast as possible.
+    pub real_frame_period_s: Option<f64>,
     /// Takes the camera from the plugin every this many frames, as a view key does.
     pub steal_camera_every_frames: Option<u32>,
     /// Moves the local origin every this many frames, as loading scenery does.
@@ -68,6 +72,7 @@ impl PluginOptions {
             python: "python3".into(),
             window_px: (1_920, 1_280),
             frame_period_s: Self::FRAME_PERIOD_S,
+            real_frame_period_s: None,
             steal_camera_every_frames: None,
             move_origin_every_frames: None,
         }
@@ -118,7 +123,9 @@ pub(super) async fn run(
         .steal_camera_every_frames
         .or_else(|| quirks.has(Quirk::CameraTaken).then_some(CAMERA_TAKEN_EVERY));
     let settings = json!({
+        "xp_rules": RULES,
         "fake_xp": FAKE_XP,
+        "held_lock": HELD_LOCK,
         "host": HOST,
         "plugin": options.folder,
         "is_x_plane_11": is_x_plane_11,
@@ -127,6 +134,7 @@ pub(super) async fn run(
         "token": host.token.as_ref().map(LinkToken::secret),
         "pace": pace,
         "steal_camera_every_frames": steal_every,
+        "real_frame_period_s": options.real_frame_period_s,
         "quirks": quirk_names,
         "shows_frames": stage.is_some(),
     });

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from . import datarefs as names
 from .datarefs import Datarefs
+from .log import log
 from .messages import Refusal
 from .stage import Stage
 from .xp_api import Xp
@@ -112,4 +113,4 @@ class Autopilot:
         text = f"the autopilot does not show {switch.what} {wanted} after {switch.command}: {found}"
         if switch.needed:
             raise Refusal(f"{text}. Fly an aircraft that has an autopilot, with its power on and nothing failed")
-        self._xp.log(text)
+        log(self._xp, text)

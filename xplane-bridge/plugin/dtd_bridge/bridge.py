@@ -1,7 +1,8 @@
 """The bridge: one step per simulator frame, in X-Plane's main thread.
 
 Requests come from the sockets' threads through a queue, run one after the other in order, and are answered. A request that takes
-several frames is a generator; each step of the bridge runs it to its next ``yield``.
+several frames is a generator; each step of the bridge runs it to its next ``yield``. Steps are made before the flight model, where
+everything may be called; after it, only values are patched.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from .datarefs import Datarefs
 from .flight import Flights
 from .found import Found
 from .local_frame import LocalFrame
+from .log import Faults, log
+from .loops import FlightLoops
 from .messages import Refusal
 from .pixels import Pixels
 from .profile import ProfileFile, still_pictures_move
@@ -45,27 +48,31 @@ class Bridge:
     def __init__(self, xp: Xp, settings: Settings, gl_library: Any = None, profile: ProfileFile | None = None) -> None:
         self._xp = xp
         self._settings = settings
+        self._faults = Faults(xp)
         self._datarefs = Datarefs(xp)
         self._frame = LocalFrame(xp.worldToLocal, xp.localToWorld)
         self._profile = profile
         self._callbacks = Callbacks(xp)
-        self._stage = Stage(xp, self._datarefs, self._frame, self._callbacks)
-        self._pixels = Pixels(xp, self._datarefs, self._callbacks, gl_library)
+        self._stage = Stage(xp, self._datarefs, self._frame, self._callbacks, self._faults)
+        self._pixels = Pixels(xp, self._datarefs, self._faults, gl_library)
         self._screenshots = Screenshots(xp)
         self._ground = Ground(xp)
-        self._traffic = Traffic(xp)
-        self._flights = Flights(self._stage, self._datarefs, self._frame, self._ground, self._traffic, xp)
+        self._traffic = Traffic(xp, self._datarefs)
+        self._loops = FlightLoops(xp, self._faults, self._before_flight_model, self._after_flight_model)
+        self._flights = Flights(self._stage, self._datarefs, self._frame, self._ground, self._traffic, self._loops, xp)
         self._found = Found(xp, self._datarefs)
-        self._coded = CodedFrames(xp, self._stage, self._datarefs, self._send)
-        self._pixels.draw_code = self._coded.draw
+        self._coded = CodedFrames(xp, self._stage, self._datarefs, self._pixels, self._send)
         self._settle_frames = 1
         self._margins_px = (0, 0)
         self._client: Connection | None = None
         self._waiting: deque[Asked] = deque()
         self._task: Task | None = None
-        self._server = LinkServer(settings)
-        self._pixels.register()
-        xp.log(f"capture link on {settings.bind}, port {self._server.port}")
+        try:
+            self._server = LinkServer(settings)
+        except Exception:
+            self._loops.close()
+            raise
+        log(xp, f"capture link on {settings.bind}, port {self._server.port}")
 
     @property
     def port(self) -> int:
@@ -73,23 +80,38 @@ class Bridge:
         return self._server.port
 
     def close(self) -> None:
-        """Restores X-Plane."""
+        """Gives back what needs no frame: values, the camera, callbacks. Commands and planes are not possible while X-Plane disables
+        the plugin."""
+        self._loops.close()
         self._server.close()
-        self._leave()
-        self._found.give_back_everything()
+        self._end_requests()
+        self._stage.put_back()
+        self._stage.release()
         self._pixels.unregister()
-        self._ground.close()
+        left = [*self._found.give_back_values(), *self._traffic.what_is_left()]
+        if left:
+            log(self._xp, f"disabled in the middle of its work: {'; '.join(left)}")
+        self._faults.summarize()
 
-    def step(self) -> None:
-        """One frame."""
+    def _after_flight_model(self) -> None:
+        """Values only."""
         self._callbacks.note(callbacks.AFTER)
-        self._stage.step()
+        self._stage.patch()
+        self._flights.sample()
+
+    def _before_flight_model(self) -> None:
+        """One frame."""
+        self._callbacks.note(callbacks.BEFORE)
+        self._stage.begin_frame()
         self._found.step()
         self._coded.step()
         if self._coded.is_busy and (error := self._stage.error or self._pixels.error):
             self._stage.error = self._pixels.error = None
             self._coded.fail(error)
+        self._server.give_time()
         self._take_events()
+        if self._client is not None:
+            self._found.remember()
         if self._task is None:
             self._begin_next()
         # A request that takes no frame must not delay the next one by a frame; a pose written now is still drawn in this frame.
@@ -101,6 +123,7 @@ class Bridge:
             self._send(answer)
             self._take_events()
             self._begin_next()
+        self._pixels.rest()
         self._stage.keep_view()
 
     def _send(self, answer: Answer) -> None:
@@ -111,6 +134,7 @@ class Bridge:
         except ValueError as error:
             # JSON has no NaN: X-Plane gave us one.
             self._client.answer(*_error(f"X-Plane has no sound numbers for this answer: {error}"))
+        self._client.hand_over()
 
     def _take_events(self) -> None:
         while True:
@@ -119,29 +143,36 @@ class Bridge:
             except queue.Empty:
                 return
             if isinstance(event, Opened):
-                self._leave()
-                self._client = event.connection
-                self._found.remember()
+                try:
+                    self._leave()
+                finally:
+                    self._client = event.connection
+                    self._datarefs.forget_missing()
             elif isinstance(event, Asked):
                 self._waiting.append(event)
             elif isinstance(event, Closed):
                 if event.connection is self._client:
                     self._leave()
             elif isinstance(event, Note):
-                self._xp.log(event.text)
+                log(self._xp, event.text)
 
     def _leave(self) -> None:
         """The client is gone: nothing it requested remains."""
+        self._end_requests()
+        self._leave_stage()
+        self._found.client_left()
+        self._faults.summarize()
+
+    def _end_requests(self) -> None:
         self._client = None
         self._waiting.clear()
-        if self._task is not None:
-            self._task.close()
-            self._task = None
+        task, self._task = self._task, None
+        if task is not None:
+            task.close()
+        self._loops.forget()
         self._coded.end()
         self._pixels.forget()
         self._screenshots.proven = False
-        self._leave_stage()
-        self._found.client_left()
 
     def _begin_next(self) -> None:
         while self._waiting and self._waiting[0].connection.takes_more():
@@ -179,7 +210,7 @@ class Bridge:
         except Refusal as refusal:
             return _error(str(refusal))
         except Exception as error:  # A bug of ours must not crash X-Plane.
-            self._xp.log(f"a request failed: {error!r}")
+            self._faults.caught("a request", error)
             return _error(f"the plugin failed: {error!r}")
 
     def _run(self, header: Header) -> Task:
@@ -189,7 +220,7 @@ class Bridge:
     def _task_of(self, header: Header) -> Task:
         message = header["message"]
         if message == "hello":
-            self._xp.log(f"client {printable(str(header.get('client')))}")
+            log(self._xp, f"client {printable(str(header.get('client')))}")
             return self._hello()
         if message == "capture":
             return self._capture(header)
@@ -323,16 +354,16 @@ class Bridge:
         if code is not None:
             code = messages.whole(header, "code", 0, 2**32 - 1)
         self._pixels.error = None
-        self._pixels.pattern_code = code
+        self._pixels.show_pattern(code)
         drawn = self._pixels.patterns_drawn
         for _ in range(FRAMES_LIMIT):
             yield
             if self._pixels.error:
-                self._pixels.pattern_code = None
+                self._pixels.show_pattern(None)
                 raise Refusal(self._pixels.error)
             if code is None or self._pixels.patterns_drawn > drawn:
                 return {"message": "check_pattern_shown", "sim_frame": self._stage.frames}, b""
-        self._pixels.pattern_code = None
+        self._pixels.show_pattern(None)
         raise Refusal("X-Plane called no draw callback: it cannot show the check pattern")
 
     def _keep_profile(self, header: Header) -> Task:
@@ -361,7 +392,7 @@ class Bridge:
 
     def _leave_stage(self) -> None:
         self._coded.end()
-        self._pixels.pattern_code = None
+        self._pixels.show_pattern(None)
         self._stage.put_back()
         self._stage.release()
         self._traffic.give_back()

@@ -8,6 +8,8 @@ from typing import Any, Generator
 from .xp_api import Xp
 
 BEFORE, AFTER, CAMERA, DRAW = "before_flight_model", "after_flight_model", "camera", "draw"
+# Of the draw callback that exists while the order is watched: after the windows.
+DRAWN_AFTER = 0
 
 
 class Callbacks:
@@ -24,11 +26,8 @@ class Callbacks:
 
     def watch(self, frames: int) -> Generator[None, None, dict[str, Any]]:
         """For this many frames: how often each order occurred, and how far X-Plane's cycle number advanced."""
-        loop = self._xp.createFlightLoop(self._on_frame, self._xp.FlightLoop_Phase_BeforeFlightModel, None)
-        self._xp.scheduleFlightLoop(loop, -1.0)
+        self._xp.registerDrawCallback(self._on_draw, self._xp.Phase_Window, DRAWN_AFTER, None)
         try:
-            # In a frame that is watched from its beginning.
-            yield
             self._seen = []
             cycle = self._xp.getCycleNumber()
             for _ in range(frames + 1):
@@ -37,7 +36,7 @@ class Callbacks:
             return {"frames": frames, "cycles": round(cycles * frames / (frames + 1)), "orders": self._orders()}
         finally:
             self._seen = None
-            self._xp.destroyFlightLoop(loop)
+            self._xp.unregisterDrawCallback(self._on_draw, self._xp.Phase_Window, DRAWN_AFTER, None)
 
     def _orders(self) -> dict[str, int]:
         """Frames begin with the callback before the flight model; the first and the last may be cut."""
@@ -49,6 +48,6 @@ class Callbacks:
                 orders[-1].append(what)
         return dict(Counter(" ".join(order) for order in orders[:-1]))
 
-    def _on_frame(self, _since_last: float, _since_loop: float, _counter: int, _refcon: Any) -> float:
-        self.note(BEFORE)
-        return -1.0
+    def _on_draw(self, _phase: int, _is_before: int, _refcon: object) -> int:
+        self.note(DRAW)
+        return 1

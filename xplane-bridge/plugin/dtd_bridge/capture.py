@@ -12,6 +12,7 @@ from typing import Any, Callable, Generator
 
 from . import datarefs as names
 from .datarefs import Datarefs
+from .log import log
 from .messages import Capture, Pose, Refusal
 from .pixels import Frame, Pixels
 from .screenshots import NOT_OURS, Screenshots
@@ -89,6 +90,8 @@ def take(
             screenshots.proven = False
             raise Refusal(NOT_OURS)
         _raise_if_failed(stage, pixels)
+        while stage.origin_moved():
+            yield
         pose, (camera, hfov_deg, vfov_deg) = stage.read_pose(), stage.read_camera()
         if not stage.is_shown() or (request.deliver != "drawn" and picture is None):
             # Disturbed; the settling time limits how often.
@@ -202,7 +205,7 @@ def _new_picture(
         before = picture
     else:
         if not pixels.restless:
-            xp.log("no two pictures in a row agree in a pause: something moves, and is not waited for any more")
+            log(xp, "no two pictures in a row agree in a pause: something moves, and is not waited for any more")
         pixels.restless = True
         picture = before
     if picture is not None:

@@ -18,6 +18,7 @@ from .frame_code import MARGIN_PX, code_of, rectangles
 from .frame_numbers import FrameNumbers
 from .messages import Capture, Refusal
 from .opengl import OpenGl
+from .pixels import Pixels
 from .stage import Stage, Tick
 from .xp_api import Xp
 
@@ -28,10 +29,11 @@ TRIES = 5
 class CodedFrames:
     """The requests that wait, and the one that is shown."""
 
-    def __init__(self, xp: Xp, stage: Stage, datarefs: Datarefs, answer: Callable[[Answer], None]) -> None:
+    def __init__(self, xp: Xp, stage: Stage, datarefs: Datarefs, pixels: Pixels, answer: Callable[[Answer], None]) -> None:
         self._xp = xp
         self._stage = stage
         self._datarefs = datarefs
+        self._pixels = pixels
         self._answer = answer
         self._numbers = FrameNumbers()
         self._waiting: deque[Capture] = deque()
@@ -65,12 +67,15 @@ class CodedFrames:
             self._numbers.begin(self._stage.frames)
             self._next()
             self._stage.next_tick = self._on_camera
+            self._pixels.show_codes(self.draw)
 
     def end(self) -> None:
         """Frames carry no code any more; what waits is forgotten."""
         self._waiting.clear()
-        self._shown, self._answered = None, True
-        self._stage.next_tick = None
+        self._answered = True
+        if self._shown is not None:
+            self._shown = self._stage.next_tick = None
+            self._pixels.show_codes(None)
 
     def step(self) -> None:
         """One frame, from the flight loop."""

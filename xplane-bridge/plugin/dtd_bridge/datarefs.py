@@ -1,4 +1,9 @@
-"""Access to X-Plane's datarefs by name, whatever their type, and the names that the plugin uses."""
+"""Access to X-Plane's datarefs by name, whatever their type, and the names that the plugin uses.
+
+X-Plane 12 keeps most datarefs of 11 as deprecated: looking one up writes a complaint into Log.txt, and for some shows an error over the
+scene. So a name that is not the running version's is not even looked up: :data:`ONLY_11` and :data:`ONLY_12` decide that for the whole
+plugin. The table in ``docs/x-plane.md`` has the successor of each.
+"""
 
 from __future__ import annotations
 
@@ -59,9 +64,10 @@ WINDOW_SIZE = (VIEW + "window_width", VIEW + "window_height")
 MODERN_DRIVER = VIEW + "using_modern_driver"
 VERSION = "sim/version/xplane_internal_version"
 
-# Current positions of flaps and gear, to be read; and what sets or requests them: X-Plane 12's first, then 11's.
-FLAPS_NOW = ("sim/flightmodel2/controls/flap1_deploy_ratio", "sim/flightmodel/controls/flaprat")
-GEAR_NOW = ("sim/flightmodel2/gear/deploy_ratio[0]", "sim/aircraft/parts/acf_gear_deploy[0]")
+# Current positions of flaps and gear, to be read; what requests them; and what is drawn. X-Plane 12 has no successor of the drawn ones
+# that can be written: its deploy ratios follow the handles at their own pace, and not at all in a pause.
+FLAPS_NOW = "sim/flightmodel2/controls/flap1_deploy_ratio"
+GEAR_NOW = "sim/flightmodel2/gear/deploy_ratio[0]"
 FLAPS_WANTED = ("sim/cockpit2/controls/flap_handle_request_ratio", "sim/cockpit2/controls/flap_ratio")
 FLAPS_DRAWN = ("sim/flightmodel/controls/flaprat", "sim/flightmodel/controls/flap2rat")
 GEAR_WANTED = ("sim/cockpit2/controls/gear_handle_down", "sim/cockpit/switches/gear_handle_status")
@@ -85,26 +91,46 @@ AIRSPEED_DIAL_KT = "sim/cockpit2/autopilot/airspeed_dial_kts"
 ALTITUDE_DIAL_FT = "sim/cockpit/autopilot/altitude"
 VERTICAL_SPEED_FPM = "sim/cockpit/autopilot/vertical_velocity"
 
+# Datarefs of X-Plane 11 that 12 has replaced, or has no use for here.
+ONLY_11 = frozenset({
+    USE_REAL_WEATHER, MODERN_DRIVER, LANDING_LIGHTS[0], FLAPS_WANTED[1], GEAR_WANTED[1],
+})  # fmt: skip
+# Datarefs that came with X-Plane 12.
+ONLY_12 = frozenset({CHANGE_MODE, FLAPS_WANTED[0]})
+# Deprecated in X-Plane 12, and used there all the same: nothing else can be written.
+WITHOUT_SUCCESSOR = frozenset({*FLAPS_DRAWN, GEAR_DRAWN})
+
 PUBLISHED_PORT = "dtd/bridge/capture_port"
 PUBLISHED_WEATHER_SETTLE_S = "dtd/bridge/weather_settle_s"
+
+# From this number on it is X-Plane 12.
+FIRST_OF_12 = 120_000
 
 _ELEMENT = re.compile(r"^(.*)\[(\d+)\]$")
 
 
 class Datarefs:
-    """Reads and writes by name; ``name[3]`` is one element of an array. Handles are cached."""
+    """Reads and writes by name; ``name[3]`` is one element of an array. Handles are cached, missing ones as well."""
 
     def __init__(self, xp: Xp) -> None:
         self._xp = xp
-        self._known: dict[str, tuple[Any, int, int | None]] = {}
+        self._known: dict[str, tuple[Any, int, int | None] | None] = {}
+        self._is_x_plane_11: bool | None = None
+
+    @property
+    def is_x_plane_11(self) -> bool:
+        """Whether the running version is 11."""
+        if self._is_x_plane_11 is None:
+            self._is_x_plane_11 = self.get_or(VERSION, 0.0) < FIRST_OF_12
+        return self._is_x_plane_11
+
+    def forget_missing(self) -> None:
+        """Looks for missing ones again: an aircraft may have been loaded."""
+        self._known = {name: found for name, found in self._known.items() if found is not None}
 
     def has(self, name: str) -> bool:
         """Whether this X-Plane has it."""
         return self._find(name) is not None
-
-    def first(self, names: Sequence[str]) -> str | None:
-        """The first of several names that this X-Plane has."""
-        return next((name for name in names if self.has(name)), None)
 
     def get(self, name: str) -> float:
         """Its value with full precision; rejects a name that X-Plane lacks."""
@@ -174,9 +200,13 @@ class Datarefs:
     def _find(self, name: str) -> tuple[Any, int, int | None] | None:
         if name not in self._known:
             match = _ELEMENT.match(name)
-            ref = self._xp.findDataRef(match.group(1) if match else name)
-            if not ref:
-                # Not cached: other plugins' datarefs come and go.
-                return None
-            self._known[name] = (ref, self._xp.getDataRefTypes(ref), int(match.group(2)) if match else None)
+            whole = match.group(1) if match else name
+            ref = self._xp.findDataRef(whole) if self._is_of_this_version(name, whole) else None
+            self._known[name] = (ref, self._xp.getDataRefTypes(ref), int(match.group(2)) if match else None) if ref else None
         return self._known[name]
+
+    def _is_of_this_version(self, *names: str) -> bool:
+        """Whether the running version is to be asked for it; the version itself is."""
+        if VERSION in names:
+            return True
+        return (ONLY_12 if self.is_x_plane_11 else ONLY_11).isdisjoint(names)

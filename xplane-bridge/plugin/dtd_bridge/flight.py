@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import struct
 import time
-from typing import Any, Generator
+from typing import Generator
 
 from . import autopilot, datarefs as names, scenery
 from .approach import Dials, before_threshold_m, dials
@@ -17,6 +17,7 @@ from .capture import Answer
 from .datarefs import Datarefs
 from .found import set_pause
 from .local_frame import LocalFrame
+from .loops import FlightLoops
 from .messages import Fly, Refusal, Runway, Start
 from .scenery import Ground
 from .stage import Stage
@@ -31,7 +32,7 @@ COLUMNS = (
 ROW = struct.Struct(f"<{len(COLUMNS)}d")
 
 # X-Plane itself calls a start, from a separate one-shot callback this much later: called from within another it crashed X-Plane at
-# times, and callbacks after the flight model must not start flights at all.
+# times.
 START_DELAY_S = 0.5
 START_LIMIT_S = 60.0
 # Engines of an air start run at once; X-Plane may report that a frame or two later.
@@ -48,14 +49,20 @@ class Flights:
     """Starts flights and flies them."""
 
     def __init__(
-        self, stage: Stage, datarefs: Datarefs, frame: LocalFrame, ground: Ground, traffic: Traffic, xp: Xp
+        self, stage: Stage, datarefs: Datarefs, frame: LocalFrame, ground: Ground, traffic: Traffic, loops: FlightLoops, xp: Xp
     ) -> None:
         self._stage = stage
         self._datarefs = datarefs
         self._frame = frame
         self._ground = ground
         self._traffic = traffic
+        self._loops = loops
         self._xp = xp
+        self._sampler = _Sampler(stage, datarefs, frame)
+
+    def sample(self) -> None:
+        """After the flight model: the state of this frame, if a flight is logged."""
+        self._sampler.sample()
 
     def travel(self, start: Start, already_started: bool) -> Generator[None, None, Answer]:
         """Starts a flight at a place, once, unless X-Plane has started it there, and holds the aircraft when the scenery has
@@ -70,7 +77,10 @@ class Flights:
         if not request.already_started:
             yield from self.travel(request.start, False)
         self._launch(request.start)
-        return (yield from _fly(request, self._stage, self._datarefs, self._frame, self._xp))
+        try:
+            return (yield from _fly(request, self._stage, self._datarefs, self._frame, self._sampler, self._xp))
+        finally:
+            self._sampler.end()
 
     def _begin(self, start: Start) -> Generator[None, None, None]:
         """X-Plane's own air start, for its engines: they run after it even if the aircraft was parked cold. The position is rounded
@@ -80,26 +90,24 @@ class Flights:
         set_pause(xp, self._datarefs, False)
         outcome: list[Exception | None] = []
 
-        def begin(*_: Any) -> float:
+        def begin() -> None:
             try:
                 xp.placeUserAtLocation(
                     pose.latitude_deg, pose.longitude_deg, pose.altitude_msl_m, pose.heading_true_deg, start.speed_mps
                 )
                 outcome.append(None)
-            except Exception as error:  # Nothing may escape into X-Plane.
+            except Exception as error:  # For the client.
                 outcome.append(error)
-            return 0.0
 
-        loop = xp.createFlightLoop(begin, xp.FlightLoop_Phase_BeforeFlightModel, None)
         deadline = time.monotonic() + START_LIMIT_S
         try:
-            xp.scheduleFlightLoop(loop, START_DELAY_S, 1)
+            self._loops.once(begin, START_DELAY_S)
             while not outcome:
                 if time.monotonic() > deadline:
                     raise Refusal(f"X-Plane did not call the start within {START_LIMIT_S:.0f} s: is a menu or a question open?")
                 yield
         finally:
-            xp.destroyFlightLoop(loop)
+            self._loops.forget()
         if outcome[0] is not None:
             raise Refusal(f"X-Plane cannot begin a flight there: {outcome[0]!r}")
 
@@ -130,7 +138,7 @@ class Flights:
 
 
 def _fly(
-    request: Fly, stage: Stage, datarefs: Datarefs, frame: LocalFrame, xp: Xp
+    request: Fly, stage: Stage, datarefs: Datarefs, frame: LocalFrame, sampler: _Sampler, xp: Xp
 ) -> Generator[None, None, Answer]:
     """From the launch to the rollout."""
     yield
@@ -146,11 +154,15 @@ def _fly(
         yield
         pilot.step()
     crew.set(*_progress(_row(0.0, stage, datarefs, frame), request.runway))
-    clock = _Clock(datarefs)
+    sampler.begin()
     log = bytearray()
-    rows, time_s, touchdown_s = 0, 0.0, None
-    while touchdown_s is None or time_s < touchdown_s + AFTER_TOUCHDOWN_S:
-        row = _row(time_s, stage, datarefs, frame)
+    rows, touchdown_s = 0, None
+    while True:
+        while (row := sampler.take()) is None:
+            yield
+        time_s = row[0]
+        if touchdown_s is not None and time_s >= touchdown_s + AFTER_TOUCHDOWN_S:
+            break
         log += ROW.pack(*row)
         rows += 1
         on_ground = row[13] != 0.0
@@ -169,12 +181,45 @@ def _fly(
                 f"the flight has not landed within {request.time_limit_s:.0f} s; it is {distance_m:.0f} m before the "
                 f"threshold of {request.runway.name} at {altitude_msl_m:.0f} m"
             )
-        yield
-        # A frame in which no simulated time passed (a pause) has no state of its own.
-        while not clock.has_advanced():
-            yield
-        time_s = clock.elapsed_s
     return {"message": "flown", "columns": list(COLUMNS), "rows": rows}, bytes(log)
+
+
+class _Sampler:
+    """The states of a flight, each read after the flight model, where pose and time belong together; taken before the next one."""
+
+    def __init__(self, stage: Stage, datarefs: Datarefs, frame: LocalFrame) -> None:
+        self._stage = stage
+        self._datarefs = datarefs
+        self._frame = frame
+        self._clock: _Clock | None = None
+        self._row: tuple[float, ...] | None = None
+        self._refusal: Refusal | None = None
+
+    def begin(self) -> None:
+        """From the next frame on; its time is 0."""
+        self.end()
+        self._clock = _Clock(self._datarefs)
+
+    def end(self) -> None:
+        """No more."""
+        self._clock = self._row = self._refusal = None
+
+    def sample(self) -> None:
+        """Reads this frame's state. A frame in which no simulated time passed (a pause) has none of its own."""
+        if self._clock is None or self._refusal is not None:
+            return
+        try:
+            if self._clock.has_advanced():
+                self._row = _row(self._clock.elapsed_s, self._stage, self._datarefs, self._frame)
+        except Refusal as refusal:
+            self._refusal = refusal
+
+    def take(self) -> tuple[float, ...] | None:
+        """The state since the last call, if there was one."""
+        if self._refusal is not None:
+            raise self._refusal
+        row, self._row = self._row, None
+        return row
 
 
 class _Clock:
@@ -183,21 +228,25 @@ class _Clock:
 
     def __init__(self, datarefs: Datarefs) -> None:
         self._datarefs = datarefs
-        self._first_s = self._now_s = datarefs.get(names.FLIGHT_TIME_S)
+        self._first_s: float | None = None
+        self._now_s = datarefs.get(names.FLIGHT_TIME_S)
 
     @property
     def elapsed_s(self) -> float:
-        """Simulated time from creation to the last update."""
-        return self._now_s - self._first_s
+        """Simulated time from the first update to the last one."""
+        return 0.0 if self._first_s is None else self._now_s - self._first_s
 
     def has_advanced(self) -> bool:
-        """Updates; returns whether time has passed since the last update."""
+        """Updates; returns whether time has passed since the last update. The first one counts in any case."""
         before_s, self._now_s = self._now_s, self._datarefs.get(names.FLIGHT_TIME_S)
         if self._now_s < before_s:
             raise Refusal(
                 f"X-Plane began another flight in the middle of this one ({names.FLIGHT_TIME_S} fell from {before_s:.1f} s to "
                 f"{self._now_s:.1f} s): leave X-Plane alone while it flies"
             )
+        if self._first_s is None:
+            self._first_s = self._now_s
+            return True
         return self._now_s > before_s
 
 
@@ -281,13 +330,12 @@ def _row(time_s: float, stage: Stage, datarefs: Datarefs, frame: LocalFrame) -> 
     local = stage.read_local_pose()
     pose = frame.read(local)
     x, y, z = (datarefs.get(name) for name in names.LOCAL_VELOCITY)
-    flaps, gear = datarefs.first(names.FLAPS_NOW), datarefs.first(names.GEAR_NOW)
     return (
         time_s,
         *pose.header().values(),
         *frame.velocity_ned(local, (x, y, z)),
         datarefs.get(names.TRUE_AIRSPEED),
-        datarefs.get(flaps) if flaps else 0.0,
-        datarefs.get(gear) if gear else 0.0,
+        datarefs.get_or(names.FLAPS_NOW, 0.0),
+        datarefs.get_or(names.GEAR_NOW, 0.0),
         1.0 if datarefs.get(names.ON_GROUND) != 0 else 0.0,
     )

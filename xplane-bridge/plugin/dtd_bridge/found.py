@@ -12,6 +12,7 @@ import time
 
 from . import datarefs as names
 from .datarefs import Datarefs
+from .log import log
 from .xp_api import Xp
 
 # Restored at once: written in this order, the switch of the vertical angle last.
@@ -70,6 +71,16 @@ class Found:
         self._put_back(OF_THE_WORLD)
         self._values = self._left_at = None
 
+    def give_back_values(self) -> list[str]:
+        """As far as that needs no command, while X-Plane disables the plugin; returns what the user has to do."""
+        if self._values is None:
+            return []
+        self._put_back((*OF_THE_STAGE, *OF_THE_WORLD))
+        self._values = self._left_at = None
+        if not self._paused and self._datarefs.get(names.PAUSED) != 0:
+            return ["X-Plane stays paused, press P"]
+        return []
+
     def _put_back(self, wanted: tuple[str, ...]) -> None:
         values = self._values or {}
         for name in wanted:
@@ -83,7 +94,7 @@ def command(xp: Xp, path: str) -> None:
     if found:
         xp.commandOnce(found)
     else:
-        xp.log(f"this X-Plane has no command {path}")
+        log(xp, f"this X-Plane has no command {path}")
 
 
 def set_pause(xp: Xp, datarefs: Datarefs, wanted: bool) -> None:

@@ -7,7 +7,7 @@ stable.
 from __future__ import annotations
 
 import time
-from typing import Any, Callable, Generator
+from typing import Callable, Generator
 
 from .messages import Refusal
 from .stage import Stage
@@ -25,28 +25,24 @@ class Ground:
 
     def __init__(self, xp: Xp) -> None:
         self._xp = xp
-        self._probe: Any = None
 
     def height_msl_m(self, latitude: float, longitude: float) -> float | None:
-        """At a place; ``None`` where none is loaded."""
+        """At a place; ``None`` where none is loaded. The probe lives only that long: none is left to be destroyed when X-Plane
+        disables the plugin."""
         xp = self._xp
-        if self._probe is None:
-            self._probe = xp.createProbe(xp.ProbeY)
-        altitude = 0.0
-        # A probe goes along the local y axis, which leans away from the vertical with distance from the local origin: the second
-        # probe starts where the first one landed and hits below the place itself.
-        for _ in range(2):
-            hit = xp.probeTerrainXYZ(self._probe, *xp.worldToLocal(latitude, longitude, altitude))
-            if hit.result != xp.ProbeHitTerrain:
-                return None
-            _, _, altitude = xp.localToWorld(hit.locationX, hit.locationY, hit.locationZ)
-        return altitude
-
-    def close(self) -> None:
-        """Releases the probe."""
-        if self._probe is not None:
-            self._xp.destroyProbe(self._probe)
-            self._probe = None
+        probe = xp.createProbe(xp.ProbeY)
+        try:
+            altitude = 0.0
+            # A probe goes along the local y axis, which leans away from the vertical with distance from the local origin: the second
+            # look starts where the first one landed and hits below the place itself.
+            for _ in range(2):
+                hit = xp.probeTerrainXYZ(probe, *xp.worldToLocal(latitude, longitude, altitude))
+                if hit.result != xp.ProbeHitTerrain:
+                    return None
+                _, _, altitude = xp.localToWorld(hit.locationX, hit.locationY, hit.locationZ)
+            return altitude
+        finally:
+            xp.destroyProbe(probe)
 
 
 def wait(

@@ -6,11 +6,13 @@ so the camera has to be taken back afterwards. That makes it slow: suitable for 
 
 from __future__ import annotations
 
+import os
 import struct
 import time
 from pathlib import Path
 from typing import Callable, Generator
 
+from .log import log
 from .messages import Refusal
 from .pixels import Frame
 from .xp_api import Xp
@@ -18,6 +20,9 @@ from .xp_api import Xp
 COMMAND = "sim/operation/screenshot"
 # Live clients wait 0.2 or 0.3 s; a large picture on a slow disk takes longer.
 FILE_LIMIT_S = 10.0
+# Users keep thousands of files in the folder: it is listed when its time of change differs, and otherwise this often, since not every
+# file system keeps that time.
+LIST_GAP_S = 0.5
 MAX_FILE_BYTES = 192 << 20
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 END = b"\0\0\0\0IEND\xaeB`\x82"
@@ -35,6 +40,10 @@ class Screenshots:
     def __init__(self, xp: Xp) -> None:
         self._xp = xp
         self._folder = Path(xp.getSystemPath()) / "Output" / "screenshots"
+        # Names in the folder when it was last listed, and its time of change then.
+        self._names: set[str] = set()
+        self._changed_ns: int | None = None
+        self._listed_at = -LIST_GAP_S
         # Whether this client's were seen to show what the camera sees.
         self.proven = False
 
@@ -47,7 +56,7 @@ class Screenshots:
         command = self._xp.findCommand(COMMAND)
         if command is None:
             raise Refusal(f"X-Plane does not know the command {COMMAND}")
-        before = self._names()
+        before = self._list()
         self._xp.commandOnce(command)
         if not camera_is_ours():
             # Nothing was drawn since.
@@ -55,7 +64,7 @@ class Screenshots:
         deadline = time.monotonic() + FILE_LIMIT_S
         while time.monotonic() < deadline:
             yield
-            for name in sorted(self._names() - before):
+            for name in sorted(self._list() - before):
                 png = _whole(self._folder / name)
                 if png is not None:
                     self._remove(name)
@@ -64,19 +73,24 @@ class Screenshots:
             f"X-Plane wrote no screenshot into {self._folder} within {FILE_LIMIT_S:.0f} s: is the disk full, or the folder not to be written?"
         )
 
-    def _names(self) -> set[str]:
+    def _list(self) -> set[str]:
+        """The names in the folder; those of the last listing if nothing has changed."""
         try:
-            return {entry.name for entry in self._folder.iterdir() if entry.suffix == ".png"}
+            changed_ns, now = self._folder.stat().st_mtime_ns, time.monotonic()
+            if changed_ns != self._changed_ns or now - self._listed_at >= LIST_GAP_S:
+                self._names = {name for name in os.listdir(self._folder) if name.endswith(".png")}
+                self._changed_ns, self._listed_at = changed_ns, now
         except FileNotFoundError:
             # X-Plane makes it with the first one.
-            return set()
+            self._names = set()
+        return self._names
 
     def _remove(self, name: str) -> None:
         """A sweep would fill the disk."""
         try:
             (self._folder / name).unlink()
         except OSError as error:
-            self._xp.log(f"the screenshot {name} cannot be removed: {error}")
+            log(self._xp, f"the screenshot {name} cannot be removed: {error}")
 
 
 def _whole(path: Path) -> bytes | None:

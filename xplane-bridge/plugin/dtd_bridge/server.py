@@ -1,5 +1,9 @@
 """The sockets of the capture link, in separate threads. Nothing here calls ``xp``: X-Plane is not thread-safe.
 
+XPPython3 keeps Python's interpreter lock between two callbacks, so these threads run only while a callback waits for them. The main
+thread does that when there is something for them to do (:meth:`LinkServer.give_time`, :meth:`Connection.hand_over`); otherwise each step
+of theirs, of which a request takes several, would cost a frame.
+
 A connection for the screen (:class:`Watchers`) takes no seat and is served by its own thread; the main thread never sees it.
 
 What the main thread sees: a queue of events (:class:`Opened`, :class:`Asked`, :class:`Closed`, :class:`Note`), and a
@@ -12,6 +16,7 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import queue
+import select
 import socket
 import threading
 import time
@@ -36,6 +41,10 @@ MAX_OUTSTANDING = 128
 MAX_QUEUED_BYTES = 64 << 20
 # Maximum connections for the screen. A client needs one, and another one while it looks for the window.
 MAX_WATCHERS = 4
+# How long a frame of X-Plane waits for these threads at most, while there is something for them to do.
+GIVE_TIME_S = 0.004
+# Interval of looking whether there still is.
+LOOK_AGAIN_S = 0.0002
 # Delay after a client could not be accepted: others must first release the scarce resource, descriptors or threads.
 ACCEPT_PAUSE_S = 0.1
 
@@ -48,6 +57,8 @@ class Connection:
         self._outbox: queue.Queue[bytes | None] = queue.Queue()
         self._room = threading.Semaphore(MAX_OUTSTANDING)
         self._closed = threading.Event()
+        # Set while no answer waits for the writer.
+        self._handed_over = threading.Event()
         # Deadline for reading everything.
         self._deadline: float | None = time.monotonic() + HELLO_TIMEOUT_S
         self._lock = threading.Lock()
@@ -62,8 +73,28 @@ class Connection:
         message = pack(header, payload)
         with self._lock:
             self._queued_bytes += len(message)
+        self._handed_over.clear()
         self._outbox.put(message)
         self._heard(-1)
+
+    def hand_over(self) -> None:
+        """Waits until the writer has begun to send the last answer, which it does without the interpreter lock."""
+        self._handed_over.wait(GIVE_TIME_S)
+
+    def is_unanswered(self) -> bool:
+        """Whether a request of it is being processed."""
+        with self._lock:
+            return self._unanswered > 0
+
+    def has_request(self) -> bool:
+        """Whether bytes have come that its reader has not read, though it may."""
+        if self._closed.is_set() or not self.takes_more():
+            return False
+        try:
+            return bool(select.select([self._stream], [], [], 0)[0])
+        except (OSError, ValueError):
+            # Closed in between, or more descriptors than select takes.
+            return False
 
     def takes_more(self) -> bool:
         """Whether the client has read enough of its answers for the next request to be started."""
@@ -151,6 +182,8 @@ class Connection:
 
     def _write(self) -> None:
         while (message := self._outbox.get()) is not None:
+            if self._outbox.empty():
+                self._handed_over.set()
             try:
                 self._stream.sendall(message)
             except OSError:
@@ -207,6 +240,11 @@ class Watchers:
                 self._there.remove(longest)
             self._there.add(connection)
             return True
+
+    def are_busy(self) -> bool:
+        """Whether a picture is being grabbed."""
+        with self._lock:
+            return any(connection.is_unanswered() for connection in self._there)
 
     def leave(self, connection: Connection) -> None:
         """Releases the space."""
@@ -277,6 +315,15 @@ class LinkServer:
                 "its plugin may not show this computer's screen: put `grab = on` below the token in [link] of dtd_bridge.ini, and restart X-Plane"
             )
         return screen_grab.no_way_here()
+
+    def give_time(self) -> None:
+        """Lets the threads run, from the main thread: as long as a request waits to be read, and briefly while a screen is grabbed."""
+        deadline = time.monotonic() + GIVE_TIME_S
+        while self._is_busy() and time.monotonic() < deadline:
+            time.sleep(LOOK_AGAIN_S)
+
+    def _is_busy(self) -> bool:
+        return self._watchers.are_busy() or any(connection.has_request() for connection in list(self._open))
 
     def close(self) -> None:
         """Stops listening and closes all connections."""

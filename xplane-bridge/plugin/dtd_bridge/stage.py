@@ -1,9 +1,9 @@
 """Freezing and posing: the flight model stopped, time stopped, pose and camera of a tick written together.
 
-X-Plane asks for the camera once a frame, before it draws; whether that is before or after our flight loop of the frame is
-undocumented, so nothing here depends on it. In that one callback both pose and camera of the tick are converted with the current
-local origin and written, so no frame shows the pose of one tick from the camera of another; the flight loop writes the pose, too,
-for what X-Plane computes in between. What counts is that the callback came at all: it does not when somebody took the camera (a
+X-Plane asks for the camera once a frame, before it draws. In that one callback both pose and camera of the tick are converted with the
+current local origin and written, so no frame shows the pose of one tick from the camera of another; the flight loop after the flight
+model writes the pose, too, for what X-Plane computes in between, and nothing depends on which of the two comes first. Requests are served
+before the flight model, between two frames. What counts is that the callback came at all: it does not when somebody took the camera (a
 view key, a screenshot). Such frames do not count, and the camera is taken back, in an external view: in any other the cockpit is
 drawn around it.
 """
@@ -20,6 +20,7 @@ from .callbacks import Callbacks
 from .datarefs import Datarefs
 from .found import command, set_pause
 from .local_frame import LocalFrame, LocalPose, wrapped_360
+from .log import Faults
 from .messages import Clock, Pose, Refusal
 from .xp_api import Xp
 
@@ -27,6 +28,10 @@ from .xp_api import Xp
 GEARS = 10
 # An external view shows within a frame or two; the command is repeated after this many.
 VIEW_FRAMES = 30
+# A camera callback that failed this often in a row will not succeed.
+FAULTS_LIMIT = 10
+# X-Plane moves its local origin by kilometres.
+ORIGIN_MOVED_M = 0.01
 FREE_CAMERA = "sim/view/free_camera"
 # Windows over the scene, as far as X-Plane has commands for them.
 CLOSING = (
@@ -50,9 +55,12 @@ class Tick:
 class Stage:
     """The frozen aircraft and the camera. All of it in X-Plane's main thread."""
 
-    def __init__(self, xp: Xp, datarefs: Datarefs, frame: LocalFrame, callbacks_seen: Callbacks) -> None:
+    def __init__(
+        self, xp: Xp, datarefs: Datarefs, frame: LocalFrame, callbacks_seen: Callbacks, faults: Faults
+    ) -> None:
         self._xp = xp
         self._callbacks = callbacks_seen
+        self._faults = faults
         self._datarefs = datarefs
         self._frame = frame
         self._tick: Tick | None = None
@@ -61,6 +69,13 @@ class Stage:
         self._frames = 0
         self._written = 0
         self._holds_camera = False
+        # How often the camera was taken: whoever loses it is told, also an earlier one of our own callbacks, to which this number is
+        # its reference.
+        self._camera_number = 0
+        # Where the camera was placed last.
+        self._camera: LocalPose | None = None
+        # Camera callbacks that failed, one after the other.
+        self._failed_in_a_row = 0
         self._asked_for_view_at: int | None = None
         self._frozen = False
         # Where the aircraft was when it was frozen.
@@ -139,16 +154,19 @@ class Stage:
         self._datarefs.set_if_there((names.MOUSE_IS_YOKE,), 0)
         self._datarefs.set_if_there(names.LANDING_LIGHTS, 1)
 
-    def step(self) -> None:
-        """One frame: undoes whatever X-Plane or another flight has changed since the last one."""
+    def begin_frame(self) -> None:
+        """Before the flight model: looks back at the frame that was drawn."""
         self._frames += 1
+        if self._frozen and (not self.is_shown() or not self.is_still() or self.scenery_is_loading()):
+            self._still_shown = False
+
+    def patch(self) -> None:
+        """After the flight model: undoes whatever X-Plane or another flight has changed since the last frame."""
         if not self._frozen:
             return
         self._hold()
         if self._tick is not None:
             self.write_pose(self._tick.pose)
-        if not self.is_shown() or not self.is_still() or self.scenery_is_loading():
-            self._still_shown = False
         if self._running_at is not None:
             self._datarefs.set(names.USE_SYSTEM_TIME, 0)
             self._datarefs.set(names.DATE_DAYS, self._running_at.day_of_year - 1)
@@ -170,6 +188,7 @@ class Stage:
         """From the next frame on, until told otherwise."""
         self._tick = tick
         self._still_shown = False
+        self._failed_in_a_row = 0
         self.error = None
 
     def mark_as_shown(self) -> None:
@@ -199,8 +218,10 @@ class Stage:
             return
         self._asked_for_view_at = None
         if not self._holds_camera:
+            self._camera_number += 1
+            self._xp.controlCamera(self._xp.ControlCameraForever, self.on_camera, self._camera_number)
+            # Not before: taking the camera tells the callback that had it, which may be ours.
             self._holds_camera = True
-            self._xp.controlCamera(self._xp.ControlCameraForever, self.on_camera, None)
 
     def _is_external(self) -> bool:
         return self._datarefs.get_or(names.VIEW_IS_EXTERNAL, 1.0) != 0
@@ -223,10 +244,12 @@ class Stage:
             return f"X-Plane shows the cockpit and {FREE_CAMERA} does not help: choose an outside view"
         return "the camera was not to be had: switch off other camera plugins"
 
-    def on_camera(self, position: list[float] | None, is_losing_control: int, _refcon: object) -> int:
+    def on_camera(self, position: list[float] | None, is_losing_control: int, number: object) -> int:
         """X-Plane asks for the camera's position. The list must be changed in place; 1 means that it was, and 0 gives the camera
         up."""
         try:
+            if number != self._camera_number:
+                return 0
             if is_losing_control or self._tick is None or position is None:
                 self._holds_camera = False
                 return 0
@@ -235,10 +258,14 @@ class Stage:
                 self._tick = self.next_tick() or self._tick
             self._write(self._tick, position)
             self._written += 1
+            self._failed_in_a_row = 0
             return 1
-        except Exception as error:  # Nothing may escape into X-Plane.
-            self.error = f"cannot place aircraft and camera: {error!r}"
-            self._holds_camera = False
+        except Exception as error:  # Nothing may escape into X-Plane. The frame does not count, and the camera is taken again.
+            self._faults.caught("the camera's callback", error)
+            self._holds_camera = self._still_shown = False
+            self._failed_in_a_row += 1
+            if self._failed_in_a_row >= FAULTS_LIMIT:
+                self.error = f"cannot place aircraft and camera: {error!r}"
             return 0
 
     def _write(self, tick: Tick, position: list[float]) -> None:
@@ -247,7 +274,7 @@ class Stage:
         self._datarefs.set_if_there((names.NON_PROPORTIONAL_VIEW,), 1)
         self._datarefs.set(names.FIELD_OF_VIEW, tick.hfov_deg)
         self._datarefs.set_if_there((names.VERTICAL_FIELD_OF_VIEW,), tick.vfov_deg)
-        camera = self._frame.place(tick.camera)
+        self._camera = camera = self._frame.place(tick.camera)
         # Pitch comes before heading here, and the zoom is 1: the field of view is set.
         position[:] = [camera.x, camera.y, camera.z, camera.theta, camera.psi, camera.phi, 1.0]
 
@@ -267,6 +294,13 @@ class Stage:
         self._datarefs.set_if_there(names.FLAPS_DRAWN, flap_ratio)
         self._datarefs.set_if_there(names.GEAR_WANTED, 1 if gear_ratio > 0.5 else 0)
         self._datarefs.set_array(names.GEAR_DRAWN, [gear_ratio] * GEARS)
+
+    def origin_moved(self) -> bool:
+        """Whether X-Plane has moved its local origin since the last frame was drawn: that frame's coordinates cannot be converted."""
+        if self._tick is None or self._camera is None:
+            return False
+        now, then = self._frame.place(self._tick.camera), self._camera
+        return math.dist((now.x, now.y, now.z), (then.x, then.y, then.z)) > ORIGIN_MOVED_M
 
     def read_local_pose(self) -> LocalPose:
         """The aircraft's position in X-Plane, local coordinates."""

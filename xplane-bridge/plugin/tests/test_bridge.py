@@ -13,12 +13,13 @@ import unittest
 from pathlib import Path
 from unittest import mock
 
-from dtd_bridge import capture as capturing, flight as flying, found, scenery, server, wire
+from dtd_bridge import capture as capturing, flight as flying, found, pixels as drawing, scenery, server, wire
 from dtd_bridge.bridge import Bridge
 from dtd_bridge.profile import ProfileFile
 from dtd_bridge.settings import Settings, SettingsError, read_settings
 from fake_xp import FakeGl, FakeXp, Kind
 from paper_world import GROUND_MSL_M, PaperWorld
+from xp_rules import BEFORE, DISABLE, ENABLE, MESSAGE, START, STOP
 
 RUNWAY = {
     "airport": "WSSS", "name": "02L",
@@ -95,7 +96,8 @@ class Client:
 class WithBridge(unittest.TestCase):
     def setUp(self):
         self.world = PaperWorld()
-        self.xp = FakeXp(self.world, QUIRKS)
+        self.xp = xp = FakeXp(self.world, QUIRKS)
+        self.addCleanup(lambda: self.assertEqual(xp.misplaced, [], "called from a place where X-Plane does not allow it"))
         # Scenery is there at once unless a test says otherwise.
         self.patch(scenery, HOLD_S=0.0, PROBE_GAP_S=0.0)
         self.gl = FakeGl(self.xp)
@@ -108,20 +110,21 @@ class WithBridge(unittest.TestCase):
             setattr(module, name, value)
 
     def start(self, **settings):
-        self.bridge = Bridge(self.xp, Settings(port=0, **settings), self.gl, self.profile)
-        self.xp.scheduleFlightLoop(self.xp.createFlightLoop(self._loop, FakeXp.FlightLoop_Phase_AfterFlightModel))
+        with self.xp.inside(ENABLE):
+            self.bridge = Bridge(self.xp, Settings(port=0, **settings), self.gl, self.profile)
         self.bridge.step_in_frame = self.xp.frame
-        self.addCleanup(self.bridge.close)
+        self.addCleanup(self.close, self.xp, self.bridge)
         return self.another()
+
+    @staticmethod
+    def close(xp, bridge):
+        with xp.inside(DISABLE):
+            bridge.close()
 
     def another(self):
         client = Client(self.bridge, self.xp)
         self.addCleanup(client.stream.close)
         return client
-
-    def _loop(self, *_):
-        self.bridge.step()
-        return -1
 
     def frozen(self):
         client = self.start()
@@ -248,12 +251,13 @@ class Profiles(WithBridge):
             self.setUp()
             self.xp.quirks = quirks
             client = self.frozen()
-            loops = len(self.xp._loops)
             self.assertRegex(client.refused({"message": "watch_callbacks", "frames": 20}), "capture first")
             client.ask(capture())
             answer, _ = client.ask({"message": "watch_callbacks", "frames": 20})
             self.assertEqual(answer, {"message": "callbacks", "frames": 20, "cycles": cycles, "orders": orders})
-            self.assertEqual(len(self.xp._loops), loops)
+            for _ in range(drawing.IDLE_FRAMES + 1):
+                self.xp.frame()
+            self.assertEqual(self.xp._draws, [])
 
 
 class Capturing(WithBridge):
@@ -522,7 +526,8 @@ class Capturing(WithBridge):
         second = self.another()
         self.assertEqual(second.ask({"message": "hello", "client": "test"})[0]["message"], "hello")
         self.assertEqual(self.world.get("sim/time/use_system_time"), 0)
-        self.bridge._found.give_back_everything()
+        with self.xp.inside(BEFORE):
+            self.bridge._found.give_back_everything()
         self.assertEqual(self.world.get("sim/time/use_system_time"), 1)
 
     def test_an_x_plane_without_pause_on_is_paused_by_the_toggle(self):
@@ -793,18 +798,23 @@ class AsXPPython3Loads(unittest.TestCase):
     def run_through(self, modules, xp):
         module = self.load(modules)
         interface = module.PythonInterface()
-        name, signature, _ = interface.XPluginStart()
+        with xp.inside(START):
+            name, signature, _ = interface.XPluginStart()
         self.assertEqual((name.split()[0], signature), ("dtd_bridge", "dtd.bridge"))
         module.read_settings = lambda path: Settings(port=0)
-        self.assertEqual(interface.XPluginEnable(), 1)
+        with xp.inside(ENABLE):
+            self.assertEqual(interface.XPluginEnable(), 1)
         xp.frame()
         self.assertGreater(xp.world.published["dtd/bridge/capture_port"], 0)
         self.assertEqual(xp.world.published["dtd/bridge/weather_settle_s"], 15.0)
-        interface.XPluginReceiveMessage(0, 104, 0)
-        interface.XPluginDisable()
+        with xp.inside(MESSAGE):
+            interface.XPluginReceiveMessage(0, 104, 0)
+        xp.disable(interface)
         xp.frame()
         self.assertEqual(xp.world.published["dtd/bridge/capture_port"], 0)
-        interface.XPluginStop()
+        with xp.inside(STOP):
+            interface.XPluginStop()
+        self.assertEqual((xp.misplaced, xp._accessors), ([], {}))
 
     def test_under_x_plane_12(self):
         xp = FakeXp(PaperWorld())

@@ -1,4 +1,5 @@
-"""The table of ``docs/x-plane.md`` lists exactly the datarefs and commands of X-Plane that the client or the plugin uses."""
+"""The table of ``docs/x-plane.md`` lists exactly the datarefs and commands of X-Plane that the client or the plugin uses, each with the
+versions of X-Plane in which it is touched, and with its successor where X-Plane 12 has replaced it."""
 
 import paths
 
@@ -30,19 +31,56 @@ def used():
     return found - {"sim/flightmodel/position", "sim/graphics/view", "sim/weather", "sim/weather/region", "sim/time", "sim/autopilot"}
 
 
-def documented():
+def documented(version=None):
+    """The names of the table, or those that are touched in a version of X-Plane: ``"11"`` or ``"12"``."""
     rows = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if line.startswith("| `sim/")]
     names = [name for row in rows for name in NAME.findall(row.split("|")[1])]
     assert len(names) == len(set(names)), f"twice: {sorted(name for name in names if names.count(name) > 1)}"
     for row in rows:
-        assert all(cell.strip() for cell in row.strip().strip("|").split("|")), f"an empty cell: {row}"
-    return set(names)
+        cells = [cell.strip() for cell in row.strip().strip("|").split("|")]
+        assert all(cells), f"an empty cell: {row}"
+        # One version or both, and what is to be said about 12: a successor, or why there is none.
+        assert re.fullmatch(r"11, 12|12|11; 12: .+|11, 12: no successor that can be written", cells[1]), f"which version: {row}"
+    return {
+        name
+        for row in rows
+        if version is None or version in row.split("|")[2].split(";")[0].split(":")[0]
+        for name in NAME.findall(row.split("|")[1])
+    }
 
 
 class Documented(unittest.TestCase):
     def test_the_table_has_every_name_that_is_used_and_no_other(self):
         self.assertEqual(sorted(used() - documented()), [], "used, but not in docs/x-plane.md")
         self.assertEqual(sorted(documented() - used()), [], "in docs/x-plane.md, but not used")
+
+    def test_the_plugin_touches_each_name_in_the_versions_that_the_table_says(self):
+        from dtd_bridge import datarefs
+
+        eleven, twelve = documented("11"), documented("12")
+        mine = {value for value in vars(datarefs).values() if isinstance(value, str)} | {
+            name for value in vars(datarefs).values() if isinstance(value, tuple) for name in value if isinstance(name, str)
+        }
+        for name in sorted(name for name in mine if name.startswith("sim/") and not name.endswith("/")):
+            plain = name.split("[")[0]
+            wanted = (name not in datarefs.ONLY_12, name not in datarefs.ONLY_11)
+            self.assertEqual((plain in eleven, plain in twelve), wanted, name)
+
+    def test_what_12_has_no_successor_for_is_named_with_that_reason(self):
+        from dtd_bridge import datarefs
+
+        rows = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if "no successor that can be written |" in line]
+        named = {name for row in rows for name in NAME.findall(row.split("|")[1])}
+        self.assertEqual(named, set(datarefs.WITHOUT_SUCCESSOR))
+
+    def test_the_client_names_those_of_one_version_as_the_table_does(self):
+        """By the comments of its constants, which begin with the version."""
+        text = (BRIDGE / "src" / "datarefs.rs").read_text(encoding="utf-8").split("mod tests")[0]
+        eleven, twelve = documented("11"), documented("12")
+        found = re.findall(r'/// (X-Plane (1[12])[^\n]*)\n(?:///[^\n]*\n)*pub (?:\(crate\) )?const \w+: &str =\s+"(sim/[^"\[]+)', text)
+        self.assertGreater(len(found), 40)
+        for _, version, name in found:
+            self.assertEqual((name in eleven, name in twelve), (version == "11", version == "12"), name)
 
 
 if __name__ == "__main__":
