@@ -71,8 +71,29 @@ pub struct ScenarioRecord {
     pub rig: String,
     /// Identifiers of the views, in the order of the tables.
     pub views: Vec<String>,
+    /// How the pictures were taken, if the camera rested for blocks of ticks; missing if every picture was settled by itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blocks: Option<Blocks>,
     /// What made it.
     pub versions: Versions,
+}
+
+/// A recording in blocks: the camera of a view rests for a block of ticks, while the aircraft moves from drawn frame to drawn frame; then
+/// the next view shows the same ticks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Blocks {
+    /// Ticks in a block; the last one may be shorter.
+    pub ticks: u32,
+    /// By how many drawn frames the scene was behind the number of its frame: every value that occurred.
+    pub frames_behind: Vec<u32>,
+    /// Blocks of all views.
+    pub count: u32,
+    /// Blocks in which a probe measured that. In the others the aircraft could not be seen, and the last value was kept.
+    pub measured: u32,
+    /// Ticks that were held until their picture had settled, because no value was known.
+    pub held_ticks: u32,
+    /// Ticks that were shown again, because their frame was lost or in doubt.
+    pub repeated_ticks: u32,
 }
 
 /// Versions of everything involved in a recording.

@@ -11,6 +11,7 @@
 //! ```
 
 mod attempt;
+mod blocks;
 mod encoders;
 mod error;
 mod event;

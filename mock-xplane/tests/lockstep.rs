@@ -489,6 +489,7 @@ async fn memory_that_cannot_be_drawn_into_is_refused_and_the_conversation_goes_o
         settle_frames: 0,
         imaging: Vec::new(),
         running_at: None,
+        margins_px: None,
     };
     let mut tall = capture(1, 0);
     (tall.height_px, tall.deliver) = (30 * 40, Deliver::Slot(0));

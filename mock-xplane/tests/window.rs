@@ -57,7 +57,7 @@ async fn every_picture_of_the_window_is_grabbed_to_the_last_bit_and_never_the_on
         Arc::new(X11Window::open(Some(xvfb.display()), SIZE).unwrap());
     let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::of_display(xvfb.display()));
     let display = &mut Told(stage.clone());
-    let mut source = ScreenSource::set_up(&screen, SIZE, None, display)
+    let mut source = ScreenSource::set_up(&screen, SIZE, false, None, display)
         .await
         .unwrap();
     let window = stage.describe().unwrap();

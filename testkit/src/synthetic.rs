@@ -353,6 +353,7 @@ impl SyntheticCorpus {
                 weather_name: weathers[number % weathers.len()].into(),
                 weather: calm(20_000.0),
             },
+            blocks: None,
             versions: Versions {
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 simulator: "geometry".into(),

@@ -22,6 +22,7 @@ pub use choice::PixelChoice;
 pub use error::PixelError;
 pub use payload::Payload;
 pub use picture::{Rectangle, RgbPicture};
+pub(crate) use screen::{CodedGrabs, CodedPicture, CodedWindow, margins_around};
 pub use screen::{FfmpegScreen, Grab, Lag, RemoteScreen, Screen, ScreenSource};
 pub use screenshots::Screenshots;
 
@@ -50,6 +51,11 @@ pub trait PixelSource: Debug + Send {
 
     /// Maximum delay of its pictures, if measured.
     fn lag(&self) -> Option<Lag> {
+        None
+    }
+
+    /// Where numbered frames can be grabbed, if the window has margins for the numbers.
+    fn coded_window(&self) -> Option<CodedWindow> {
         None
     }
 

@@ -40,6 +40,7 @@ use crate::link::{
 use crate::pixels::{Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
+pub use block::{BlockOfTicks, BlockRecording, BlockReport};
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
 };
@@ -93,6 +94,8 @@ pub struct SimulatorDescription {
     pub profile: KnownProfile,
     /// Whether a tape gives the answers.
     pub replayed: bool,
+    /// Whether it can show a tick for one drawn frame, with the frame's number in the margins around the picture.
+    pub frame_codes: bool,
 }
 
 /// A connected simulator.
@@ -125,6 +128,8 @@ pub struct Simulator {
     outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,
     sharing: Sharing,
     spare_buffers: Vec<Vec<u8>>,
+    /// How many frames the scene is behind the code, as the last block showed it.
+    frames_behind: Option<u64>,
 }
 
 impl Simulator {
@@ -196,6 +201,7 @@ impl Simulator {
                 screen,
                 profile,
                 replayed,
+                frame_codes,
             } = answer
             else {
                 return Err(wrong("hello", &answer));
@@ -220,6 +226,7 @@ impl Simulator {
                 imaging,
                 profile,
                 replayed,
+                frame_codes,
             };
             let generation = Generation::of_version(version);
             let web_api = match (generation, web_api) {
@@ -253,6 +260,7 @@ impl Simulator {
                 outstanding: VecDeque::new(),
                 sharing,
                 spare_buffers: Vec::new(),
+                frames_behind: None,
             })
         })
     }
@@ -354,6 +362,7 @@ impl Simulator {
                 settle_frames: self.frames_to_settle(),
                 imaging: if ideal { vec![] } else { views.to_vec() },
                 running_at: self.running_at(),
+                margins_px: self.margins_px(),
             })
             .await?;
             self.set_clock_exactly().await
@@ -372,6 +381,7 @@ impl Simulator {
             settle_frames,
             imaging: vec![],
             running_at,
+            margins_px: self.margins_px(),
         })
         .await
     }
@@ -391,6 +401,11 @@ impl Simulator {
         let needed =
             conditions.weather.rain_ratio > 0.0 || profile.is_some_and(Profile::time_has_to_run);
         needed.then_some(conditions.clock)
+    }
+
+    /// Margins of the window around the pictures, if there are any.
+    fn margins_px(&self) -> Option<[u32; 2]> {
+        self.pixels.coded_window().map(|window| window.margins_px)
     }
 
     /// Settle frames: as many as were set, or were measured to be needed.

@@ -1,11 +1,13 @@
 //! `frames.parquet`: exact times, and the evidence that every view shows its tick.
 
+use std::collections::BTreeSet;
+
 use super::Faults;
 use crate::calibration::Calibration;
 use crate::corpus::ScenarioFolder;
 use crate::echo::{aircraft_mismatch, camera_mismatch};
 use crate::frames::{Frames, TickRow};
-use crate::scenario::ScenarioRecord;
+use crate::scenario::{Blocks, ScenarioRecord};
 use crate::units::SimTime;
 
 const TABLE: &str = ScenarioFolder::FRAMES;
@@ -65,7 +67,8 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
                 );
             }
             // In the order of the requests, so that no picture of another tick is between the views of one.
-            if let Some(last) = last_sim_frame.filter(|last| stamp.sim_frame <= *last) {
+            let in_order = record.blocks.is_none();
+            if let Some(last) = last_sim_frame.filter(|last| in_order && stamp.sim_frame <= *last) {
                 let message = format!(
                     "sim_frame_{view} is {}, expected more than {last}",
                     stamp.sim_frame
@@ -75,6 +78,9 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
             last_sim_frame = Some(stamp.sim_frame);
         }
     }
+    if let Some(blocks) = &record.blocks {
+        check_blocks(blocks, frames, faults);
+    }
     for (row, pair) in frames.rows.windows(2).enumerate() {
         if let [before, after] = pair {
             check_continuity(row + 1, before, after, faults);
@@ -83,6 +89,33 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
     for (row, three) in frames.rows.windows(3).enumerate() {
         if let [first, second, third] = three {
             check_steadiness(row + 2, [first, second, third], faults);
+        }
+    }
+}
+
+/// A tick that was lost is shown again after later ones, but only within its block: no frame has two ticks, and all frames of a block
+/// and view come before those of the next.
+fn check_blocks(blocks: &Blocks, frames: &Frames, faults: &mut Faults) {
+    let block_ticks = blocks.ticks.max(1) as usize;
+    let mut last_of_block: Option<u64> = None;
+    for (block, rows) in frames.rows.chunks(block_ticks).enumerate() {
+        for (index, view) in frames.views.iter().enumerate() {
+            let mut seen = BTreeSet::new();
+            for (at, frame) in rows.iter().enumerate() {
+                let Some(stamp) = frame.views.get(index) else {
+                    continue;
+                };
+                let row = block * block_ticks + at;
+                let is_late = last_of_block.is_none_or(|last| stamp.sim_frame > last);
+                if !seen.insert(stamp.sim_frame) || !is_late {
+                    let message = format!(
+                        "sim_frame_{view} is {}, expected one that no other tick has, after {last_of_block:?}, the last of the block before",
+                        stamp.sim_frame
+                    );
+                    faults.view_row(view, TABLE, row, "simulator frames out of order", message);
+                }
+            }
+            last_of_block = seen.last().copied().or(last_of_block);
         }
     }
 }

@@ -148,6 +148,7 @@ fn record(id: &str) -> ScenarioRecord {
         flight: Flight::Live,
         rig: "pair".into(),
         views: VIEWS.map(str::to_owned).to_vec(),
+        blocks: None,
         versions: Versions {
             dtd: "0".into(),
             simulator: "none".into(),

@@ -64,14 +64,7 @@ pub(super) async fn capture(
         let view = due % views.len();
         let id = &views[view].0;
         let seen = check(&request(due), &frame, id, last_sim_frame)?;
-        if let Some(color) = blank(&frame.rgb, weather) {
-            return Err(ScenarioError::Blank {
-                tick: frame.tick,
-                view: id.clone(),
-                color,
-                visibility_m: weather.visibility_m,
-            });
-        }
+        check_content(&frame, id, weather)?;
         last_sim_frame = Some(seen.sim_frame);
         attempt
             .unless_cancelled(encoders.write(view, frame.rgb))
@@ -95,7 +88,7 @@ pub(super) async fn capture(
     Ok(drawn)
 }
 
-fn request(
+pub(super) fn request(
     (picture, deliver): (Picture, Deliver),
     tick: u32,
     state: &FlightState,
@@ -118,7 +111,7 @@ fn request(
 
 /// Rejects a picture that does not show what was requested, within the precision of X-Plane's 32-bit floats, or that is not newer
 /// than the previous one.
-fn check(
+pub(super) fn check(
     asked: &CaptureRequest,
     frame: &CapturedFrame,
     view: &str,
@@ -171,6 +164,23 @@ fn check(
         pose: frame.pose,
         camera: frame.camera,
     })
+}
+
+/// Rejects an empty picture.
+pub(super) fn check_content(
+    frame: &CapturedFrame,
+    view: &str,
+    weather: &Weather,
+) -> Result<(), ScenarioError> {
+    match blank(&frame.rgb, weather) {
+        Some(color) => Err(ScenarioError::Blank {
+            tick: frame.tick,
+            view: view.to_owned(),
+            color,
+            visibility_m: weather.visibility_m,
+        }),
+        None => Ok(()),
+    }
 }
 
 /// No component of a black pixel is brighter: codecs and screens round.

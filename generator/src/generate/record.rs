@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use dataset::calibration::{Calibration, Conventions};
+use dataset::calibration::{Calibration, CameraEntry, Conventions};
 use dataset::claim::Claim;
+use dataset::conditions::Weather;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::frames::{Frames, TickRow, ViewStamp};
 use dataset::imaging::Imaging;
 use dataset::plan::{Common, LiveStart, Picture, Plan, PlannedScenario};
 use dataset::pose::FlightState;
-use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::seal::{commit_folder, seal_folder};
 use dataset::units::Degrees;
 use tokio::task::spawn_blocking;
@@ -17,6 +18,7 @@ use xplane_bridge::Simulator;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 
 use super::attempt::Attempt;
+use super::blocks::capture_blocks;
 use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;
@@ -143,7 +145,7 @@ async fn record_into(
         picture,
         &common.video,
     );
-    let drawn = match capture(
+    let (drawn, blocks) = match capture_pictures(
         &mut simulator,
         (&states, &views, picture),
         &parameters.conditions.weather,
@@ -152,7 +154,7 @@ async fn record_into(
     )
     .await
     {
-        Ok(drawn) => drawn,
+        Ok(captured) => captured,
         // If an encoder failed, that is the reason, and `error` only its consequence.
         Err(error) => return Err(encoders.abandon().await.unwrap_or(error)),
     };
@@ -178,10 +180,27 @@ async fn record_into(
     );
     let record = ScenarioRecord {
         schema_version: calibration.schema_version(),
+        blocks,
         ..record
     };
     record.write(&folder.record_path())?;
     Ok((states.len() as u32, simulator))
+}
+
+/// In blocks if the simulator can, otherwise each picture by itself.
+async fn capture_pictures(
+    simulator: &mut Simulator,
+    what: (&[FlightState], &[(String, CameraEntry)], Picture),
+    weather: &Weather,
+    encoders: &mut Encoders,
+    attempt: &Attempt<'_, '_>,
+) -> Result<(Vec<Vec<Drawn>>, Option<Blocks>), ScenarioError> {
+    if simulator.can_record_blocks() {
+        let (drawn, blocks) = capture_blocks(simulator, what, weather, encoders, attempt).await?;
+        return Ok((drawn, Some(blocks)));
+    }
+    let drawn = capture(simulator, what, weather, encoders, attempt).await?;
+    Ok((drawn, None))
 }
 
 /// Where the aircraft must be before the weather is set, and whether it continues from there.
@@ -269,10 +288,8 @@ fn frames(
 ) -> Frames {
     let rate = picture.frame_rate;
     // Counted from the scenario's first picture, so that a scenario gives the same table whenever it is recorded.
-    let first_sim_frame = drawn
-        .first()
-        .and_then(|tick| tick.first())
-        .map_or(0, |first| first.sim_frame);
+    let all = drawn.iter().flatten().map(|drawn| drawn.sim_frame);
+    let first_sim_frame = all.min().unwrap_or(0);
     let row = |(tick, (state, drawn)): (usize, (&FlightState, &Vec<Drawn>))| TickRow {
         tick: tick as u32,
         time_ns: rate.time_of_tick(tick as u32).0,
@@ -330,6 +347,7 @@ fn scenario_record(
         flight: parameters.flight.clone(),
         rig: common.rig.clone(),
         views,
+        blocks: None,
         versions: Versions {
             dtd: env!("CARGO_PKG_VERSION").into(),
             simulator: format!(

@@ -287,6 +287,7 @@ impl CaptureService {
                     imaging: true,
                     profile: self.lock_profile().clone(),
                     replayed: false,
+                    frame_codes: false,
                 })
             }
             Request::ShareMemory(offer) => share_memory(from, &offer),
@@ -392,6 +393,9 @@ impl CaptureService {
             (Deliver::Screenshot, _) => {
                 return refusal("only an X-Plane writes screenshots: ask for the picture".into());
             }
+            (Deliver::Coded | Deliver::Probe, _) => {
+                return refusal("only the plugin numbers its frames: ask for the picture".into());
+            }
             (Deliver::Picture | Deliver::Drawn, _) => None,
         };
         let (key, sim_frame) = {
@@ -429,7 +433,11 @@ impl CaptureService {
             service.draw(&request, &key, sim_frame, slot)
         });
         match request.deliver {
-            Deliver::Picture | Deliver::Slot(_) | Deliver::Screenshot => Pending::Drawing(drawing),
+            Deliver::Picture
+            | Deliver::Slot(_)
+            | Deliver::Screenshot
+            | Deliver::Coded
+            | Deliver::Probe => Pending::Drawing(drawing),
             // The window shows one picture: the next one is not started before this one is visible.
             Deliver::Drawn => {
                 let (answer, rgb) = drawing.await.unwrap_or_else(failed);

@@ -21,6 +21,10 @@ pub enum Deliver {
     Picture,
     /// It stays on the screen until the next request; the client grabs it there. The payload is empty.
     Drawn,
+    /// It is on the screen for one drawn frame, with that frame's number in the margins around it. The payload is empty.
+    Coded,
+    /// The same, with the aircraft in another place: the frame tells how far the scene is behind the number.
+    Probe,
     /// The file that X-Plane's screenshot command writes is the answer's payload: PNG.
     Screenshot,
     /// Its pixels are drawn into a slot of the memory that the client shares ([`crate::link::SharedMemory`]). The payload is empty.
@@ -62,7 +66,7 @@ impl CaptureRequest {
     pub fn payload_bytes(&self) -> RangeInclusive<usize> {
         match self.deliver {
             Deliver::Picture => self.rgb_bytes()..=self.rgb_bytes(),
-            Deliver::Drawn | Deliver::Slot(_) => 0..=0,
+            Deliver::Drawn | Deliver::Coded | Deliver::Probe | Deliver::Slot(_) => 0..=0,
             Deliver::Screenshot => 1..=MAX_PAYLOAD_BYTES,
         }
     }

@@ -42,6 +42,10 @@ pub enum Request {
         /// Let time run, and set the clock back to this in every frame: X-Plane's rain and snow stop falling in a pause.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         running_at: Option<Clock>,
+        /// Margins of the window around the pictures, left and right, above and below, pixels; pictures fill the window if missing. Only
+        /// for plugins that announce frame codes in [`Answer::Hello`].
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        margins_px: Option<[u32; 2]>,
     },
     /// Start a flight there, unless it has started, and hold the aircraft there once the scenery has loaded. For plugins only.
     Travel {
@@ -127,6 +131,9 @@ pub enum Answer {
         /// Whether a tape gives the answers: what it lacks will not come later either.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         replayed: bool,
+        /// Whether it can show a tick for one drawn frame, with the frame's number in the margins around the picture.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        frame_codes: bool,
     },
     /// To [`Request::ShareMemory`].
     MemoryShared,
@@ -249,6 +256,7 @@ mod tests {
             settle_frames: 3,
             imaging,
             running_at: None,
+            margins_px: None,
         };
         let text = serde_json::to_string(&freeze(vec![])).unwrap();
         assert!(!text.contains("imaging"), "{text}");

@@ -114,6 +114,22 @@ pub enum PixelError {
         /// The last code.
         found: u32,
     },
+    /// There is no room for the numbers of frames.
+    #[error(
+        "the window has no margins around the pictures, in which the plugin could number its frames"
+    )]
+    NoMargins,
+    /// No number of a frame can be read.
+    #[error(
+        "tick {tick}: no frame's number could be read off the screen for {waited:.0?}. Does something cover the edge of X-Plane's window, \
+         or was it moved, resized or minimised?"
+    )]
+    NoCode {
+        /// The tick that was waited for.
+        tick: u32,
+        /// How long we looked.
+        waited: Duration,
+    },
     /// The simulator draws into a window of another size.
     #[error(
         "pictures of {wanted} pixels are wanted, and the simulator draws those of its window alone, which has {window}. Start X-Plane with \

@@ -27,12 +27,12 @@ impl Rectangle {
     }
 
     /// The column after the last.
-    pub(super) fn right_px(self) -> u32 {
+    pub(crate) fn right_px(self) -> u32 {
         self.x_px + self.width_px
     }
 
     /// The row after the last.
-    pub(super) fn bottom_px(self) -> u32 {
+    pub(crate) fn bottom_px(self) -> u32 {
         self.y_px + self.height_px
     }
 

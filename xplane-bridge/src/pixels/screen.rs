@@ -7,9 +7,11 @@
 //! [`ScreenSource::confirm`] measures again: a window that moved, or a screen that has become slower than the waiting time, ends
 //! the attempt.
 
+mod coded_grabs;
 mod device;
 mod ffmpeg_screen;
 mod fitting;
+mod frame_code;
 mod grabber;
 mod pixel_form;
 mod remote_screen;
@@ -27,7 +29,9 @@ use super::check_pattern::{Sighting, Unreadable, covers};
 use super::{Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource, Rectangle, RgbPicture};
 use crate::error::BridgeError;
 use crate::link::{PictureSize, SimulatorWindow};
+pub(crate) use coded_grabs::{CodedGrabs, CodedPicture};
 pub use ffmpeg_screen::FfmpegScreen;
+use frame_code::MARGIN_PX;
 use grabber::Grabber;
 pub use remote_screen::RemoteScreen;
 
@@ -86,9 +90,37 @@ impl Lag {
 /// A picture that still equals the previous one after this many more grabs shows no change; before that, it may be late.
 const STALE_GRABS: u32 = 10;
 
+/// Where numbered frames are grabbed: the picture and the code around it.
+#[derive(Debug, Clone)]
+pub struct CodedWindow {
+    /// The screen.
+    pub(crate) screen: Arc<dyn Screen>,
+    /// The picture and its code on the screen.
+    pub(crate) region: Rectangle,
+    /// The window's margins around the picture, left and right, above and below, pixels.
+    pub(crate) margins_px: [u32; 2],
+}
+
+/// A window's margins around a picture in its middle, if they have room for the code.
+pub(crate) fn margins_around(picture: PictureSize, window: PictureSize) -> Option<[u32; 2]> {
+    let margin = |window_px: u32, picture_px: u32| {
+        let both_px = window_px.checked_sub(picture_px)?;
+        (both_px.is_multiple_of(2) && both_px >= 2 * MARGIN_PX).then_some(both_px / 2)
+    };
+    Some([
+        margin(window.width_px, picture.width_px)?,
+        margin(window.height_px, picture.height_px)?,
+    ])
+}
+
 /// A window that is grabbed, and its measurements.
 pub struct ScreenSource {
+    /// Of the whole window.
     grabber: Grabber,
+    /// Of the picture within it.
+    pictures: Grabber,
+    on: Arc<dyn Screen>,
+    margins_px: Option<[u32; 2]>,
     screen: String,
     window: Rectangle,
     lag: Lag,
@@ -98,14 +130,16 @@ pub struct ScreenSource {
 }
 
 impl ScreenSource {
-    /// Finds the simulator's window on `screen`, proves that it is visible, complete, unscaled and in the size of the pictures, and
-    /// measures the lag. `reported`: the window as the simulator reports it, for messages.
+    /// Finds the simulator's window on `screen`, proves that it is visible, complete, unscaled and in the size of the pictures, or with
+    /// margins for frame codes around them if it `may_have_margins`, and measures the lag. `reported`: the window as the simulator
+    /// reports it, for messages.
     ///
     /// # Errors
     /// Any of it fails; the message says what to change. The pattern is removed in any case.
     pub async fn set_up(
         screen: &Arc<dyn Screen>,
         (width_px, height_px): (u32, u32),
+        may_have_margins: bool,
         reported: Option<&SimulatorWindow>,
         display: &mut dyn PatternDisplay,
     ) -> Result<Self, BridgeError> {
@@ -120,7 +154,16 @@ impl ScreenSource {
             )
             .await?;
             let window = find(screen, &mut codes, reported, display).await?;
-            if (window.width_px, window.height_px) != (width_px, height_px) {
+            let picture = PictureSize {
+                width_px,
+                height_px,
+            };
+            let found = PictureSize {
+                width_px: window.width_px,
+                height_px: window.height_px,
+            };
+            let margins_px = margins_around(picture, found).filter(|_| may_have_margins);
+            if found != picture && margins_px.is_none() {
                 return Err(BridgeError::Pixels(PixelError::WrongSize {
                     window,
                     reported_px: reported.map(|window| (window.width_px, window.height_px)),
@@ -128,8 +171,23 @@ impl ScreenSource {
                     height_px,
                 }));
             }
+            let grabber = Grabber::open(screen, Some(window)).await?;
             let mut source = Self {
-                grabber: Grabber::open(screen, Some(window)).await?,
+                pictures: match margins_px {
+                    Some([x_px, y_px]) => {
+                        let inner = Rectangle {
+                            x_px: window.x_px + x_px,
+                            y_px: window.y_px + y_px,
+                            width_px,
+                            height_px,
+                        };
+                        Grabber::open(screen, Some(inner)).await?
+                    }
+                    None => grabber.clone(),
+                },
+                grabber,
+                on: screen.clone(),
+                margins_px,
                 screen: screen.name(),
                 window,
                 lag: Lag::default(),
@@ -235,6 +293,15 @@ impl PixelSource for ScreenSource {
         Some(self.lag)
     }
 
+    fn coded_window(&self) -> Option<CodedWindow> {
+        let margins_px = self.margins_px?;
+        Some(CodedWindow {
+            screen: self.on.clone(),
+            region: frame_code::coded_region(self.window, margins_px),
+            margins_px,
+        })
+    }
+
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
         Box::pin(async move {
             let wait = self.allowed();
@@ -245,12 +312,12 @@ impl PixelSource for ScreenSource {
                 rgb: payload,
                 ..RgbPicture::default()
             };
-            let mut picture = self.grabber.grab(memory, wait.grabs).await?;
+            let mut picture = self.pictures.grab(memory, wait.grabs).await?;
             for _ in 0..STALE_GRABS {
                 if picture.rgb != self.last {
                     break;
                 }
-                picture = self.grabber.grab(picture, 0).await?;
+                picture = self.pictures.grab(picture, 0).await?;
             }
             self.last.clone_from(&picture.rgb);
             match covers(&picture) {

@@ -1,4 +1,333 @@
 //! Pictures of a block of ticks from a camera that rests, one tick in every drawn frame.
+//!
+//! The plugin writes the next tick in each camera callback, and numbers the frames that it draws. A thread grabs each numbered frame
+//! (`pixels/screen/coded_grabs.rs`); which tick it shows is decided in `block/sequence.rs`. Requests are sent ahead as far as there is
+//! room for their pictures, so that neither a slow encoder nor a slow screen loses any.
 
+mod aircraft_place;
 mod probe;
 mod sequence;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use dataset::camera::CameraPose;
+use dataset::frame_rate::FrameRate;
+use dataset::pose::FlightState;
+use futures_util::future::BoxFuture;
+use tokio::time::timeout;
+
+use super::{FRAME_TIMEOUT, SWITCH_TIMEOUT, Simulator, wrong};
+use crate::error::BridgeError;
+use crate::link::{
+    Answer, CaptureRequest, CapturedFrame, Deliver, FrameHeader, PictureBytes, Request,
+};
+use crate::pixels::{CodedGrabs, CodedPicture, PixelError, Rectangle};
+use aircraft_place::displaced;
+use sequence::{Scene, Sequence, Show, Taken};
+
+/// Memory for the pictures between two probes, bytes.
+const SEGMENT_BYTES: usize = 96 << 20;
+/// Ticks between two probes: at least and at most.
+const SEGMENT_TICKS: (usize, usize) = (12, 100);
+/// Buffers besides those of two segments: for what is under way, grabbed and being encoded.
+const MORE_BUFFERS: usize = 24;
+/// A screen without any readable code for this long is covered, or its window is gone.
+const NO_CODE_TIMEOUT: Duration = Duration::from_secs(20);
+/// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
+const SETTLED_LEVELS: f64 = 0.25;
+
+/// The ticks of a block and their camera.
+#[derive(Debug, Clone, Copy)]
+pub struct BlockOfTicks<'a> {
+    /// The number of the first tick.
+    pub first_tick: u32,
+    /// The flight's states, one for each tick.
+    pub states: &'a [FlightState],
+    /// Rate of the ticks.
+    pub frame_rate: FrameRate,
+    /// Which camera of the rig, counted from 0.
+    pub view: u32,
+    /// Where the camera rests.
+    pub camera: CameraPose,
+    /// Size of the pictures, pixels.
+    pub size_px: (u32, u32),
+}
+
+/// How a block was recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BlockReport {
+    /// How many frames the scene was behind the code; `None` if every tick was held until it had settled.
+    pub frames_behind: Option<u32>,
+    /// Whether a probe of this block told that.
+    pub is_measured: bool,
+    /// Ticks that were shown again.
+    pub repeated: u32,
+    /// Ticks that were held until they had settled.
+    pub held: u32,
+}
+
+/// A block that is being recorded: [`BlockRecording::next`] returns its pictures in the order of the ticks.
+pub struct BlockRecording<'a> {
+    simulator: &'a mut Simulator,
+    block: BlockOfTicks<'a>,
+    sequence: Sequence<Grabbed>,
+    grabs: CodedGrabs,
+    /// Requests without an answer.
+    asked: VecDeque<CaptureRequest>,
+    /// What was drawn, by frame.
+    drawn: BTreeMap<u64, FrameHeader>,
+}
+
+impl Simulator {
+    /// Whether blocks can be recorded: the plugin numbers its frames, and the window has margins for the numbers.
+    pub fn can_record_blocks(&self) -> bool {
+        self.description.frame_codes && self.pixels.coded_window().is_some()
+    }
+
+    /// Whether time runs while pictures are taken, because rain falls only then: a block must be short.
+    pub fn time_runs(&self) -> bool {
+        self.running_at().is_some()
+    }
+
+    /// Begins a block. The simulator is frozen, and [`Simulator::can_record_blocks`].
+    ///
+    /// # Errors
+    /// The window has no margins.
+    pub fn begin_block<'a>(
+        &'a mut self,
+        block: BlockOfTicks<'a>,
+    ) -> Result<BlockRecording<'a>, BridgeError> {
+        let window = self.pixels.coded_window().ok_or(PixelError::NoMargins)?;
+        let (width_px, height_px) = block.size_px;
+        let picture_bytes = width_px as usize * height_px as usize * 3;
+        let (least, most) = SEGMENT_TICKS;
+        let segment = (SEGMENT_BYTES / picture_bytes.max(1)).clamp(least, most);
+        let places: Vec<Option<Rectangle>> = (0..block.states.len())
+            .map(|tick| displaced(&block.camera, block.size_px, block.states, tick))
+            .map(|elsewhere| elsewhere.map(|displaced| displaced.place))
+            .collect();
+        let sequence = Sequence::new(
+            block.states.len() as u32,
+            segment as u32,
+            self.frames_to_settle(),
+            self.frames_behind,
+            Box::new(move |tick| places.get(tick as usize).copied().flatten()),
+        );
+        let grabs = CodedGrabs::start(&window.screen, window.region, 2 * segment + MORE_BUFFERS);
+        Ok(BlockRecording {
+            simulator: self,
+            block,
+            sequence,
+            grabs,
+            asked: VecDeque::new(),
+            drawn: BTreeMap::new(),
+        })
+    }
+}
+
+impl BlockRecording<'_> {
+    /// The next picture; `None` after the last one.
+    ///
+    /// # Errors
+    /// The simulator rejects a request, its conditions have changed, the link is broken, or no code can be read off the screen.
+    pub fn next(&mut self) -> BoxFuture<'_, Result<Option<CapturedFrame>, BridgeError>> {
+        Box::pin(async move {
+            loop {
+                if let Some(taken) = self.sequence.deliver() {
+                    return self.captured(taken).map(Some);
+                }
+                for picture in self.sequence.spent() {
+                    self.grabs.recycle(picture.rgb);
+                }
+                for rgb in self.simulator.spare_buffers.drain(..) {
+                    self.grabs.recycle(rgb);
+                }
+                if self.sequence.is_done() {
+                    self.finish().await?;
+                    return Ok(None);
+                }
+                self.ask().await?;
+                self.grabs.rest(!self.sequence.expects_grabs());
+                if self.sequence.waits_for_answer() {
+                    self.take_answer().await?;
+                    while let Some(grabbed) = self.grabs.next_now() {
+                        self.see(grabbed?);
+                    }
+                } else {
+                    let grabbed = timeout(NO_CODE_TIMEOUT, self.grabs.next()).await;
+                    let tick = self.block.first_tick + self.sequence.waits_for_tick();
+                    self.see(grabbed.map_err(|_| PixelError::NoCode {
+                        tick,
+                        waited: NO_CODE_TIMEOUT,
+                    })??);
+                }
+                self.simulator.check_settings()?;
+            }
+        })
+    }
+
+    /// Returns a picture's memory for the next frames.
+    pub fn recycle(&mut self, rgb: PictureBytes) {
+        self.simulator.recycle(rgb);
+    }
+
+    /// How it went. Complete after the last picture.
+    pub fn report(&self) -> BlockReport {
+        let tally = self.sequence.tally();
+        let all_held = tally.held as usize >= self.block.states.len();
+        BlockReport {
+            frames_behind: self
+                .sequence
+                .lag()
+                .filter(|_| !all_held)
+                .map(|lag| lag as u32),
+            is_measured: tally.seen > 0,
+            repeated: tally.repeated,
+            held: tally.held,
+        }
+    }
+
+    /// Sends what may be sent.
+    async fn ask(&mut self) -> Result<(), BridgeError> {
+        while let Some(show) = self.sequence.next_show() {
+            let request = self.request(show);
+            self.simulator
+                .link
+                .send("a capture", &Request::Capture(request), SWITCH_TIMEOUT)
+                .await?;
+            self.asked.push_back(request);
+        }
+        Ok(())
+    }
+
+    fn request(&self, show: Show) -> CaptureRequest {
+        let BlockOfTicks {
+            first_tick,
+            states,
+            frame_rate,
+            view,
+            camera,
+            size_px,
+        } = self.block;
+        let (Show::Tick(at) | Show::Probe(at)) = show;
+        let state = &states[at as usize];
+        let elsewhere = || displaced(&camera, size_px, states, at as usize);
+        let (pose, deliver) = match show {
+            Show::Tick(_) => (state.pose, Deliver::Coded),
+            Show::Probe(_) => (
+                elsewhere().map_or(state.pose, |displaced| displaced.pose),
+                Deliver::Probe,
+            ),
+        };
+        CaptureRequest {
+            tick: first_tick + at,
+            time_ns: frame_rate.time_of_tick(first_tick + at).0,
+            view,
+            pose,
+            controls: state.controls,
+            camera,
+            width_px: size_px.0,
+            height_px: size_px.1,
+            deliver,
+        }
+    }
+
+    async fn take_answer(&mut self) -> Result<(), BridgeError> {
+        let answer = self
+            .simulator
+            .link
+            .receive("a frame", FRAME_TIMEOUT)
+            .await?;
+        let Answer::Frame(header) = answer else {
+            return Err(wrong("frame", &answer));
+        };
+        let asked = self.asked.pop_front();
+        let asked = asked.map(|asked| (asked.tick, asked.view, asked.width_px, asked.height_px));
+        let found = (header.tick, header.view, header.width_px, header.height_px);
+        let last = self.drawn.keys().next_back().copied();
+        if asked != Some(found) || last.is_some_and(|last| header.sim_frame <= last) {
+            self.simulator.link.close();
+            return Err(BridgeError::WrongAnswer {
+                expected: format!(
+                    "a frame after {last:?} of (tick, view, width, height) {asked:?}"
+                ),
+                found: format!("frame {} of {found:?}", header.sim_frame),
+            });
+        }
+        self.drawn.insert(header.sim_frame, header);
+        self.sequence.answered(header.sim_frame);
+        Ok(())
+    }
+
+    fn see(&mut self, grabbed: CodedPicture) {
+        let CodedPicture { code, rgb } = grabbed;
+        let near = self.drawn.keys().next_back().copied();
+        match near {
+            // Left over from an earlier block.
+            _ if code.view != self.block.view % 16 => self.grabs.recycle(rgb),
+            None => self.grabs.recycle(rgb),
+            Some(near) => {
+                let picture = Grabbed {
+                    rgb,
+                    width_px: self.block.size_px.0,
+                    time_runs: self.simulator.time_runs(),
+                };
+                self.sequence
+                    .grabbed(code.number_near(near), code.steady, picture);
+            }
+        }
+    }
+
+    fn captured(&mut self, taken: Taken<Grabbed>) -> Result<CapturedFrame, BridgeError> {
+        let header = self.drawn.get(&taken.frame).copied();
+        let header = header.ok_or_else(|| BridgeError::WrongAnswer {
+            expected: format!("the answer for frame {}", taken.frame),
+            found: "none".into(),
+        })?;
+        // Earlier frames are not looked up again, but for ticks that are under way.
+        while self.drawn.len() > 4 * SEGMENT_TICKS.1 {
+            self.drawn.pop_first();
+        }
+        Ok(CapturedFrame::new(header, taken.picture.rgb.into()))
+    }
+
+    async fn finish(&mut self) -> Result<(), BridgeError> {
+        while !self.asked.is_empty() {
+            self.take_answer().await?;
+        }
+        self.simulator.frames_behind = self.sequence.lag();
+        Ok(())
+    }
+}
+
+/// A picture off the screen.
+#[derive(Debug)]
+struct Grabbed {
+    rgb: Vec<u8>,
+    width_px: u32,
+    time_runs: bool,
+}
+
+impl Scene for Grabbed {
+    fn part(&self, area: Rectangle) -> Vec<u8> {
+        let mut part = Vec::with_capacity((area.width_px * area.height_px * 3) as usize);
+        for y in area.y_px..area.bottom_px() {
+            let row = (y * self.width_px) as usize * 3;
+            let (from, to) = (area.x_px as usize * 3, area.right_px() as usize * 3);
+            part.extend_from_slice(self.rgb.get(row + from..row + to).unwrap_or_default());
+        }
+        part
+    }
+
+    fn is_settled_after(&self, before: &Self) -> bool {
+        if !self.time_runs {
+            return self.rgb == before.rgb;
+        }
+        let mean = |rgb: &[u8]| {
+            let sum: u64 = rgb.iter().map(|level| u64::from(*level)).sum();
+            sum as f64 / rgb.len().max(1) as f64
+        };
+        (mean(&self.rgb) - mean(&before.rgb)).abs() < SETTLED_LEVELS
+    }
+}

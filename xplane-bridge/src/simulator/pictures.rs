@@ -10,7 +10,7 @@ use crate::error::BridgeError;
 use crate::link::{Deliver, PictureSize, ScreenOffer};
 use crate::pixels::{
     Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, RemoteScreen, Screen,
-    ScreenSource, Screenshots,
+    ScreenSource, Screenshots, margins_around,
 };
 use futures_util::future::BoxFuture;
 
@@ -77,7 +77,11 @@ impl Simulator {
             };
             // A minimised window has none; looking for it reports what to do.
             let window = self.description.drawn_size;
-            if let Some(window) = window.filter(|size| *size != wanted && size.width_px > 0) {
+            let has_codes = self.description.frame_codes && kind == PixelKind::Screen;
+            let fits = |window: PictureSize| {
+                window == wanted || has_codes && margins_around(wanted, window).is_some()
+            };
+            if let Some(window) = window.filter(|size| size.width_px > 0 && !fits(*size)) {
                 return Err(PixelError::OtherWindow { wanted, window }.into());
             }
             self.pixels = match kind {
@@ -86,7 +90,9 @@ impl Simulator {
                     let reported = self.description.window.as_ref();
                     self.settle_frames = self.settle_frames.max(SETTLE_FRAMES_ON_SCREEN);
                     let display = &mut LinkDisplay(&mut self.link);
-                    Box::new(ScreenSource::set_up(screen, picture_px, reported, display).await?)
+                    let source =
+                        ScreenSource::set_up(screen, picture_px, has_codes, reported, display);
+                    Box::new(source.await?)
                 }
                 PixelKind::Screenshot => Box::new(Screenshots { size: wanted }),
                 PixelKind::Link | PixelKind::Gl => Box::new(Payload(kind)),

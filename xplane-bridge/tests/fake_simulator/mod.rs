@@ -292,6 +292,7 @@ async fn talk(
                 imaging: false,
                 profile: None,
                 replayed: false,
+                frame_codes: false,
             },
             Request::Freeze { .. } => Answer::Frozen,
             Request::Release => Answer::Released,

@@ -109,7 +109,8 @@ fn grab_all(
             thread::sleep(LOOK_EVERY);
             continue;
         }
-        let Some(code) = grab_whole(pictures.as_mut(), &mut picture)?.filter(|code| Some(*code) != last)
+        let Some(code) =
+            grab_whole(pictures.as_mut(), &mut picture)?.filter(|code| Some(*code) != last)
         else {
             continue;
         };
@@ -126,7 +127,10 @@ fn grab_all(
 }
 
 /// The next grab's code, if it is of a single frame.
-fn grab_whole(grab: &mut dyn Grab, picture: &mut RgbPicture) -> Result<Option<FrameCode>, PixelError> {
+fn grab_whole(
+    grab: &mut dyn Grab,
+    picture: &mut RgbPicture,
+) -> Result<Option<FrameCode>, PixelError> {
     grab.grab(picture)?;
     Ok(read(picture))
 }

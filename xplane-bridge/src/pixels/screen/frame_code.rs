@@ -103,7 +103,7 @@ fn is_white(pixel: [u8; 3]) -> Option<bool> {
 }
 
 /// The rectangle of a picture and its code in the window, for margins of at least [`MARGIN_PX`].
-pub(crate) fn coded_region(window: Rectangle, (margin_x, margin_y): (u32, u32)) -> Rectangle {
+pub(crate) fn coded_region(window: Rectangle, [margin_x, margin_y]: [u32; 2]) -> Rectangle {
     Rectangle {
         x_px: window.x_px + margin_x - MARGIN_PX,
         y_px: window.y_px + margin_y - MARGIN_PX,

@@ -59,7 +59,7 @@ impl MadeUp {
             height_px: 64,
             scale: 1.0,
         };
-        ScreenSource::set_up(&screen, (96, 64), Some(&reported), &mut self.clone()).await
+        ScreenSource::set_up(&screen, (96, 64), false, Some(&reported), &mut self.clone()).await
     }
 }
 
@@ -67,7 +67,7 @@ impl MadeUp {
 async fn pictures_larger_than_the_screen_are_refused_with_the_sizes_that_fit() {
     let screen: Arc<dyn Screen> = Arc::new(MadeUp::new(|_| {}));
     let mut display = MadeUp::new(|_| {});
-    let set_up = ScreenSource::set_up(&screen, (1_920, 1_280), None, &mut display).await;
+    let set_up = ScreenSource::set_up(&screen, (1_920, 1_280), false, None, &mut display).await;
     let said = set_up.unwrap_err().to_string();
     assert!(
         said.contains("pictures of 1920x1280 pixels do not fit this screen")
@@ -223,7 +223,7 @@ async fn a_window_of_another_size_is_refused_with_both_sizes() {
     // Without a report of the simulator, scaling cannot be distinguished from a small window.
     let desktop = MadeUp::new(|desktop| desktop.window.width_px = 80);
     let screen: Arc<dyn Screen> = Arc::new(desktop.clone());
-    let found = ScreenSource::set_up(&screen, (96, 64), None, &mut desktop.clone()).await;
+    let found = ScreenSource::set_up(&screen, (96, 64), false, None, &mut desktop.clone()).await;
     let text = message(found);
     assert!(text.contains("exactly this size"), "{text}");
 }

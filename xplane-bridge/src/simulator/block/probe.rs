@@ -72,7 +72,10 @@ impl Probe {
         let before = self.patches.range(..frame).next_back();
         let mut after = self.patches.range(frame + AFTER..);
         let (background, other) = match (before, after.next()) {
-            (Some((_, before)), after) => (before, after.or_else(|| self.patches.range(..frame).rev().nth(1))),
+            (Some((_, before)), after) => (
+                before,
+                after.or_else(|| self.patches.range(..frame).rev().nth(1)),
+            ),
             (None, Some((_, background))) => (background, after.next()),
             (None, None) => return Outcome::Unclear,
         };
@@ -98,7 +101,9 @@ impl Probe {
         let clear = |count: &Option<usize>| {
             count.is_some_and(|count| count as f64 >= CLEAR_SHARE * most as f64)
         };
-        let mut lags = (0..=MOST_LAG).zip(&changed).filter(|(_, count)| clear(count));
+        let mut lags = (0..=MOST_LAG)
+            .zip(&changed)
+            .filter(|(_, count)| clear(count));
         match (lags.next(), lags.next()) {
             (Some((lag, _)), None) => Outcome::Behind(lag),
             _ => Outcome::Unclear,
@@ -118,7 +123,9 @@ fn changed_pixels(a: &[u8], b: &[u8], threshold: u8) -> usize {
 fn levels_of_noise(a: &[u8], b: &[u8]) -> f64 {
     let mut differences: Vec<u8> = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).collect();
     differences.sort_unstable();
-    let at = differences.len().saturating_sub(1 + differences.len() / 100);
+    let at = differences
+        .len()
+        .saturating_sub(1 + differences.len() / 100);
     differences.get(at).copied().map_or(0.0, f64::from)
 }
 
@@ -132,10 +139,23 @@ mod tests {
     }
 
     /// A probe in frame 100, of which these grabs show something else than the background.
-    fn told(grabs: impl IntoIterator<Item = u64>, showing: &[u64], background: u8) -> Option<(u64, Outcome)> {
-        let mut probe = Probe::new(Rectangle { x_px: 0, y_px: 0, width_px: 5, height_px: 2 });
+    fn told(
+        grabs: impl IntoIterator<Item = u64>,
+        showing: &[u64],
+        background: u8,
+    ) -> Option<(u64, Outcome)> {
+        let mut probe = Probe::new(Rectangle {
+            x_px: 0,
+            y_px: 0,
+            width_px: 5,
+            height_px: 2,
+        });
         for grab in grabs {
-            let level = if showing.contains(&grab) { background + 30 } else { background };
+            let level = if showing.contains(&grab) {
+                background + 30
+            } else {
+                background
+            };
             probe.see(grab, patch(level));
             if grab == 100 {
                 probe.written_in(100);
@@ -147,7 +167,10 @@ mod tests {
     #[test]
     fn the_lag_is_the_grab_in_which_the_aircraft_is_elsewhere() {
         for lag in 0..=MOST_LAG {
-            assert_eq!(told(97..=105, &[100 + lag], 90), Some((100, Outcome::Behind(lag))));
+            assert_eq!(
+                told(97..=105, &[100 + lag], 90),
+                Some((100, Outcome::Behind(lag)))
+            );
         }
     }
 
@@ -159,7 +182,10 @@ mod tests {
     #[test]
     fn nothing_seen_is_no_lag_and_two_grabs_are_unclear() {
         assert_eq!(told(97..=105, &[], 90), Some((100, Outcome::Unseen)));
-        assert_eq!(told(97..=105, &[101, 102], 90), Some((100, Outcome::Unclear)));
+        assert_eq!(
+            told(97..=105, &[101, 102], 90),
+            Some((100, Outcome::Unclear))
+        );
     }
 
     #[test]

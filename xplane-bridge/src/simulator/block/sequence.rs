@@ -240,7 +240,11 @@ impl<P: Scene> Sequence<P> {
             return Some(Show::Probe(tick));
         }
         let now = self.shown.keys().next_back().copied().unwrap_or(0);
-        let newest = self.pictures.values().filter_map(|picture| picture.grab).max();
+        let newest = self
+            .pictures
+            .values()
+            .filter_map(|picture| picture.grab)
+            .max();
         self.told(now.max(newest.unwrap_or(0)), Outcome::Unseen);
         None
     }
@@ -380,7 +384,12 @@ impl<P: Scene> Sequence<P> {
             let next = self.shown.range(since + 1..).next();
             next.is_some_and(|(next, _)| number >= least + next - 1)
         };
-        let past: Vec<u64> = self.unseen.keys().copied().filter(|since| is_past(since)).collect();
+        let past: Vec<u64> = self
+            .unseen
+            .keys()
+            .copied()
+            .filter(|since| is_past(since))
+            .collect();
         for since in past {
             if let Some(tick) = self.unseen.remove(&since) {
                 self.again.push_back(tick);
@@ -444,9 +453,9 @@ impl<P: Scene> Sequence<P> {
     /// What was taken since the last probe is taken again.
     fn forget_unproven(&mut self) {
         let confirmed = self.confirmed_up_to;
-        let doubtful = self
-            .pictures
-            .extract_if(.., |_, picture| picture.grab.is_some_and(|grab| grab > confirmed));
+        let doubtful = self.pictures.extract_if(.., |_, picture| {
+            picture.grab.is_some_and(|grab| grab > confirmed)
+        });
         let mut again: Vec<u32> = Vec::new();
         for (tick, picture) in doubtful {
             again.push(tick);
@@ -469,7 +478,10 @@ impl<P: Scene> Sequence<P> {
     pub(super) fn deliver(&mut self) -> Option<Taken<P>> {
         let first = self.pictures.first_entry()?;
         let is_next = *first.key() == self.delivered;
-        let is_proven = first.get().grab.is_none_or(|grab| grab <= self.confirmed_up_to);
+        let is_proven = first
+            .get()
+            .grab
+            .is_none_or(|grab| grab <= self.confirmed_up_to);
         (is_next && is_proven).then(|| {
             self.delivered += 1;
             first.remove().taken
@@ -489,6 +501,12 @@ impl<P: Scene> Sequence<P> {
     /// Whether a request has to be answered before anything else happens.
     pub(super) fn waits_for_answer(&self) -> bool {
         !self.sent.is_empty()
+    }
+
+    /// Whether a grab is needed for anything that goes on.
+    pub(super) fn expects_grabs(&self) -> bool {
+        let is_idle = self.sent.is_empty() && self.unseen.is_empty() && self.probe.is_none();
+        !(is_idle && matches!(self.phase, Phase::Moving { .. }))
     }
 
     /// The first tick whose picture is not proven yet.

@@ -63,7 +63,8 @@ fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Record
         width_px: 6,
         height_px: 5,
     };
-    let mut sequence = Sequence::<Fake>::new(ticks, 20, 5, known_lag, Box::new(move |_| Some(patch)));
+    let mut sequence =
+        Sequence::<Fake>::new(ticks, 20, 5, known_lag, Box::new(move |_| Some(patch)));
     let mut waiting: VecDeque<Show> = VecDeque::new();
     let mut answers: VecDeque<(u64, u64)> = VecDeque::new();
     let (mut written, mut number, mut steady) = (Vec::new(), 0_u64, -1_i64);
@@ -123,7 +124,10 @@ fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Record
             };
         }
     }
-    panic!("not done: {world:?}, seed {seed}, tick {}", sequence.delivered);
+    panic!(
+        "not done: {world:?}, seed {seed}, tick {}",
+        sequence.delivered
+    );
 }
 
 fn of_their_ticks(recorded: &Recorded) -> bool {

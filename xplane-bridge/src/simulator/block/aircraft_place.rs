@@ -1,0 +1,228 @@
+//! Where the aircraft is in a picture, and where else it can be shown for a probe.
+
+use dataset::camera::{Camera, CameraPose};
+use dataset::geodesy::Geodetic;
+use dataset::pose::{FlightState, Pose};
+use glam::{DVec2, DVec3};
+
+use crate::pixels::Rectangle;
+
+/// Half the size of a box around any airliner of the Boeing 737's size: forward, right and down of its centre of gravity, metres.
+const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
+/// What a lamp, a blur or a shadow edge adds around the box, pixels.
+const AROUND_PX: f64 = 3.0;
+/// A displaced aircraft is at least this far from its place, pixels.
+const LEAST_SHIFT_PX: f64 = 8.0;
+/// Ticks before and after a probe that may be on the screen while it is watched.
+const TICKS_AROUND: usize = 12;
+
+/// The aircraft in another place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Displaced {
+    /// Where it is shown.
+    pub(super) pose: Pose,
+    /// Where that is in the picture.
+    pub(super) place: Rectangle,
+}
+
+/// A place for the aircraft of a tick in which neither it nor its neighbours are, in the picture. `None` if it is not in the picture, or
+/// fills too much of it.
+pub(super) fn displaced(
+    placed: &CameraPose,
+    (width_px, height_px): (u32, u32),
+    states: &[FlightState],
+    tick: usize,
+) -> Option<Displaced> {
+    let camera = Camera::from_pose(placed, width_px, height_px);
+    let pose = states.get(tick)?.pose;
+    let here = place_of(&camera, &pose)?;
+    let around = tick.saturating_sub(TICKS_AROUND)..(tick + TICKS_AROUND + 1).min(states.len());
+    let taken: Vec<Extent> = states[around]
+        .iter()
+        .filter_map(|state| place_of(&camera, &state.pose))
+        .collect();
+    let size = here.high - here.low;
+    let seen = camera.to_camera(pose.position().to_ecef());
+    let meters_per_pixel = seen.z / camera.focal_px;
+    // First up: no shadow falls there.
+    let ways = [DVec2::NEG_Y, DVec2::NEG_X, DVec2::X, DVec2::Y];
+    ways.into_iter()
+        .flat_map(|way| [1.0, 2.0].map(|times| way * (size + LEAST_SHIFT_PX) * times))
+        .find_map(|shift_px| {
+            let moved = camera.ecef_from_camera * (shift_px * meters_per_pixel).extend(0.0);
+            let pose = moved_by(pose, moved);
+            let place = place_of(&camera, &pose)?;
+            let is_free = place.is_inside(width_px, height_px)
+                && taken.iter().all(|other| !place.overlaps(*other));
+            is_free.then(|| Displaced {
+                pose,
+                place: place.pixels(),
+            })
+        })
+}
+
+fn moved_by(pose: Pose, ecef_m: DVec3) -> Pose {
+    let Geodetic {
+        latitude_deg,
+        longitude_deg,
+        altitude_msl_m,
+    } = Geodetic::from_ecef(pose.position().to_ecef() + ecef_m);
+    Pose {
+        latitude_deg,
+        longitude_deg,
+        altitude_msl_m,
+        ..pose
+    }
+}
+
+/// A rectangle in a picture, with fractions of pixels.
+#[derive(Debug, Clone, Copy)]
+struct Extent {
+    low: DVec2,
+    high: DVec2,
+}
+
+impl Extent {
+    fn overlaps(self, other: Self) -> bool {
+        self.low.cmplt(other.high).all() && other.low.cmplt(self.high).all()
+    }
+
+    fn is_inside(self, width_px: u32, height_px: u32) -> bool {
+        let size = DVec2::new(f64::from(width_px), f64::from(height_px));
+        self.low.cmpge(DVec2::ZERO).all() && self.high.cmple(size - 1.0).all()
+    }
+
+    fn pixels(self) -> Rectangle {
+        let [x, y] = self.low.floor().to_array();
+        let [right, bottom] = self.high.ceil().to_array();
+        Rectangle {
+            x_px: x as u32,
+            y_px: y as u32,
+            width_px: (right - x) as u32 + 1,
+            height_px: (bottom - y) as u32 + 1,
+        }
+    }
+}
+
+/// The aircraft in the picture; `None` if any of it is behind the camera.
+fn place_of(camera: &Camera, pose: &Pose) -> Option<Extent> {
+    let mut extent = Extent {
+        low: DVec2::INFINITY,
+        high: DVec2::NEG_INFINITY,
+    };
+    for corner in 0..8_u8 {
+        let sign = |bit: u8| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        let corner_m = HALF_SIZE_M * DVec3::new(sign(0), sign(1), sign(2));
+        let at = camera.project(pose.body_point_to_ecef(corner_m))?;
+        extent.low = extent.low.min(at);
+        extent.high = extent.high.max(at);
+    }
+    extent.low -= AROUND_PX;
+    extent.high += AROUND_PX;
+    Some(extent)
+}
+
+/// The aircraft's rectangle in a picture, cut off at its edges; `None` if it is outside.
+pub(super) fn aircraft_place(
+    placed: &CameraPose,
+    (width_px, height_px): (u32, u32),
+    pose: &Pose,
+) -> Option<Rectangle> {
+    let camera = Camera::from_pose(placed, width_px, height_px);
+    let Extent { low, high } = place_of(&camera, pose)?;
+    let size = DVec2::new(f64::from(width_px), f64::from(height_px));
+    let (low, high) = (low.max(DVec2::ZERO), high.min(size - 1.0));
+    low.cmple(high).all().then(|| Extent { low, high }.pixels())
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::pose::Controls;
+
+    use super::*;
+
+    const SIZE_PX: (u32, u32) = (1_920, 1_280);
+
+    /// A camera 300 m beside a runway to the north, which looks to the south.
+    fn camera() -> CameraPose {
+        CameraPose {
+            pose: pose(0.0135, 0.0027, 15.0, 180.0, 1.5),
+            hfov_deg: 10.0,
+        }
+    }
+
+    fn pose(
+        latitude_deg: f64,
+        longitude_deg: f64,
+        altitude_msl_m: f64,
+        heading: f64,
+        pitch: f64,
+    ) -> Pose {
+        Pose {
+            latitude_deg,
+            longitude_deg,
+            altitude_msl_m,
+            heading_true_deg: heading,
+            pitch_deg: pitch,
+            roll_deg: 0.0,
+        }
+    }
+
+    /// An approach from the south, a state a second.
+    fn approach() -> Vec<FlightState> {
+        (0..200)
+            .map(|second| {
+                let to_go_m = 15_000.0 - 72.0 * f64::from(second);
+                FlightState {
+                    time_s: f64::from(second),
+                    pose: pose(-to_go_m / 110_574.0, 0.0, to_go_m * 0.0524, 0.0, 3.0),
+                    velocity_north_mps: 72.0,
+                    velocity_east_mps: 0.0,
+                    velocity_down_mps: 3.8,
+                    true_airspeed_mps: 72.0,
+                    controls: Controls::default(),
+                    on_ground: false,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_displaced_aircraft_is_in_the_picture_and_in_no_place_of_its_neighbours() {
+        let states = approach();
+        for tick in 0..150 {
+            let Displaced { pose, place } = displaced(&camera(), SIZE_PX, &states, tick).unwrap();
+            let projected = Camera::from_pose(&camera(), SIZE_PX.0, SIZE_PX.1);
+            let centre = projected.project(pose.position().to_ecef()).unwrap();
+            let inside = |low: u32, size: u32, at: f64| {
+                (f64::from(low)..f64::from(low + size)).contains(&at)
+            };
+            assert!(
+                inside(place.x_px, place.width_px, centre.x)
+                    && inside(place.y_px, place.height_px, centre.y)
+            );
+            assert!(place.right_px() <= SIZE_PX.0 && place.bottom_px() <= SIZE_PX.1);
+            let own = projected
+                .project(states[tick].pose.position().to_ecef())
+                .unwrap();
+            assert!((centre - own).length() >= LEAST_SHIFT_PX, "tick {tick}");
+            for other in tick.saturating_sub(5)..tick + 6 {
+                let at = projected
+                    .project(states[other].pose.position().to_ecef())
+                    .unwrap();
+                let overlaps = inside(place.x_px, place.width_px, at.x)
+                    && inside(place.y_px, place.height_px, at.y);
+                assert!(!overlaps, "tick {tick} over {other}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_aircraft_behind_the_camera_has_no_place() {
+        let mut states = approach();
+        states[0].pose = pose(0.05, 0.0, 100.0, 0.0, 0.0);
+        assert_eq!(displaced(&camera(), SIZE_PX, &states, 0), None);
+        assert_eq!(aircraft_place(&camera(), SIZE_PX, &states[0].pose), None);
+        assert!(aircraft_place(&camera(), SIZE_PX, &states[1].pose).is_some());
+    }
+}
