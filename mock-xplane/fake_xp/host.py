@@ -163,8 +163,10 @@ def run(settings: dict[str, Any]) -> None:
     interface.XPluginStart()
     interface.XPluginEnable()
     steal_every = settings["steal_camera_every_frames"]
+    least_frame_s = settings["least_frame_s"]
     for frame in itertools.count(1):
+        began = time.monotonic()
         xp.frame()
         if steal_every and frame % steal_every == 0:
             xp.steal_camera()
-        time.sleep(FRAME_PAUSE_S)
+        time.sleep(max(FRAME_PAUSE_S, began + least_frame_s - time.monotonic()))
