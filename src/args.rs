@@ -555,6 +555,9 @@ pub(crate) struct MockXplaneArgs {
     /// Move the origin of local coordinates every this many frames, as loading scenery does
     #[arg(long, value_name = "FRAMES", requires = "plugin")]
     pub(crate) move_origin_every: Option<u32>,
+    /// Let the scene be this many frames behind the pose and the camera that the plugin writes [default: as the quirks say]
+    #[arg(long, value_name = "FRAMES", requires = "plugin", value_parser = clap::value_parser!(u8).range(..=4))]
+    pub(crate) scene_behind: Option<u8>,
     /// Stop when standard input ends, so that it ends with its parent process, even if that is killed
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,

@@ -46,7 +46,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
 async fn measure(folder: PathBuf, ahead: u32) -> Result<(f64, f64), Box<dyn Error>> {
     let options = PluginOptions {
         window_px: SIZE_PX,
-        real_frame_period_s: Some(1.0 / FRAMES_PER_SECOND),
+        most_frames_per_s: Some(FRAMES_PER_SECOND),
         ..PluginOptions::new(folder)
     };
     let address = serving(ServerOptions {

@@ -169,7 +169,7 @@ def run(settings: dict[str, Any]) -> None:
     with xp.inside(ENABLE):
         interface.XPluginEnable()
     steal_every = settings["steal_camera_every_frames"]
-    period_s = settings["real_frame_period_s"] or 0.0
+    period_s = settings["least_frame_s"]
     for frame in itertools.count(1):
         began_s = time.monotonic()
         xp.frame()

@@ -44,6 +44,7 @@ pub enum Quirk {
     RegenerationNotNeeded,
     PauseKeepsPose,
     WaterMoves,
+    WeatherMoves,
     SlowExposure,
     ScreenshotWithoutCamera,
 }
@@ -83,7 +84,7 @@ pub struct Facts {
 }
 
 /// All quirks, in the order of [`Quirk`].
-pub const FACTS: [Facts; 33] = [
+pub const FACTS: [Facts; 34] = [
     Facts {
         quirk: Quirk::LateClouds,
         name: "late_clouds",
@@ -303,7 +304,7 @@ pub const FACTS: [Facts; 33] = [
     Facts {
         quirk: Quirk::StaleFrames,
         name: "stale_frames",
-        does: "the first 2 to 4 frames after a pose or camera was written show the one before",
+        does: "the scene is 4 frames behind the pose and the camera that were written, or as many as `--scene-behind` says",
         source: "WPI, SISL, LXR, AFX",
         grade: Grade::Practised,
         costs_time: false,
@@ -364,6 +365,15 @@ pub const FACTS: [Facts; 33] = [
         in_11: true,
     },
     Facts {
+        quirk: Quirk::WeatherMoves,
+        name: "weather_moves",
+        does: "while time runs clouds drift, and every frame has its own streaks of rain",
+        source: "nobody",
+        grade: Grade::Unknown,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
         quirk: Quirk::SlowExposure,
         name: "slow_exposure",
         does: "when the camera turns, the picture is too bright at first and settles within 30 frames",
@@ -384,12 +394,13 @@ pub const FACTS: [Facts; 33] = [
 ];
 
 /// Contradicted or never reported: `dtd doctor` finds out which is true. Part of no group, each is enabled only by name.
-pub const OPEN: [Quirk; 7] = [
+pub const OPEN: [Quirk; 8] = [
     Quirk::WindInKnots,
     Quirk::RegenerationNeeded,
     Quirk::RegenerationNotNeeded,
     Quirk::PauseKeepsPose,
     Quirk::WaterMoves,
+    Quirk::WeatherMoves,
     Quirk::SlowExposure,
     Quirk::ScreenshotWithoutCamera,
 ];

@@ -70,6 +70,25 @@ pub struct Scene {
     spoiled: Spoiled,
 }
 
+/// The instants of what moves by itself, seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Instants {
+    /// Of flashing lamps.
+    pub lamps_s: f64,
+    /// Of clouds, rain, air and the sensor's noise.
+    pub weather_s: f64,
+}
+
+impl Instants {
+    /// One instant of everything.
+    pub(crate) fn all(time_s: f64) -> Self {
+        Self {
+            lamps_s: time_s,
+            weather_s: time_s,
+        }
+    }
+}
+
 /// Degradation of the pictures; none by default.
 #[derive(Default)]
 struct Spoiled {
@@ -176,14 +195,25 @@ impl Scene {
     ///
     /// If `rgb` has another length.
     pub fn render(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
-        self.draw_frame(pose, controls, time_s, true, rgb);
+        self.render_at(pose, controls, Instants::all(time_s), rgb);
+    }
+
+    /// The same with lamps and weather at different instants.
+    pub(crate) fn render_at(
+        &self,
+        pose: &Pose,
+        controls: &Controls,
+        instants: Instants,
+        rgb: &mut [u8],
+    ) {
+        self.draw_frame(pose, controls, instants, true, rgb);
     }
 
     fn draw_frame(
         &self,
         pose: &Pose,
         controls: &Controls,
-        time_s: f64,
+        Instants { lamps_s, weather_s }: Instants,
         with_lamps: bool,
         rgb: &mut [u8],
     ) {
@@ -195,15 +225,15 @@ impl Scene {
             size.0,
             size.1
         );
-        let sky = self.backdrop.paint(&self.world, time_s, rgb);
+        let sky = self.backdrop.paint(&self.world, weather_s, rgb);
         let placed = Placed::new(&self.world.view, pose, controls);
         if placed.is_ahead() {
-            let clouds = CloudsBefore::new(&self.world, &placed, time_s);
+            let clouds = CloudsBefore::new(&self.world, &placed, weather_s);
             let distance_m = placed.distance_m();
-            let shift_px = self.spoiled.shift_px(distance_m, time_s);
+            let shift_px = self.spoiled.shift_px(distance_m, weather_s);
             let patch = self.draw_airframe(&placed, shift_px);
             let mut lamps = if with_lamps {
-                self.visible_lamps(&placed, &clouds, time_s)
+                self.visible_lamps(&placed, &clouds, lamps_s)
             } else {
                 vec![]
             };
@@ -222,12 +252,12 @@ impl Scene {
                 size,
                 self.rain_ratio,
                 self.rain_grey,
-                time_s,
+                weather_s,
                 self.rain_seed,
             );
         }
         if let Some(noise) = &self.spoiled.noise {
-            noise.add(rgb, size.0, time_s);
+            noise.add(rgb, size.0, weather_s);
         }
     }
 

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use generator::generate::Cancel;
 use mock_xplane::server::{
-    Addresses, LinkPatience, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
+    Addresses, LinkPatience, LinkServer, MockError, PluginOptions, SceneBehind, ServerOptions,
+    serve, serve_tape,
 };
 use mock_xplane::window::{DisplayWindow, X11Window};
 use xplane_bridge::link::LinkToken;
@@ -85,6 +86,9 @@ fn link(args: &MockXplaneArgs) -> LinkServer {
             frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(LONGEST_FRAME_S),
             steal_camera_every_frames: args.steal_camera_every,
             move_origin_every_frames: args.move_origin_every,
+            scene_behind: args
+                .scene_behind
+                .map(|frames| SceneBehind::Constant(frames.into())),
             ..PluginOptions::new(folder)
         }),
     }

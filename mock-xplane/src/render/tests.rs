@@ -131,7 +131,7 @@ fn changed_box(scene: &Scene, pose: &Pose, controls: &Controls) -> [f64; 4] {
     let draw = |pose: &Pose| {
         let mut rgb = vec![0; width * height * 3];
         // Lamps bloom over the tips.
-        scene.draw_frame(pose, controls, 0.3, false, &mut rgb);
+        scene.draw_frame(pose, controls, Instants::all(0.3), false, &mut rgb);
         rgb
     };
     let (with, without) = (draw(pose), draw(&far_away));
@@ -327,7 +327,7 @@ fn fog_takes_the_airframe_where_the_formula_says() {
         let draw = |pose: &Pose| {
             let (width, height) = scene.size();
             let mut rgb = vec![0; width * height * 3];
-            scene.draw_frame(pose, &LANDING, 0.0, false, &mut rgb);
+            scene.draw_frame(pose, &LANDING, Instants::all(0.0), false, &mut rgb);
             rgb
         };
         let pose = on_central_ray(&scene, range_m);

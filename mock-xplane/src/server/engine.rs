@@ -9,7 +9,7 @@ use dataset::runway::Runway;
 use xplane_bridge::fly::FlyRequest;
 
 use crate::flight;
-use crate::render::Scene;
+use crate::render::{Instants, Scene};
 
 /// Why an engine does not fly an approach.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -47,6 +47,19 @@ pub trait Engine: Send + Sync + 'static {
 pub trait SceneRenderer: Send + Sync {
     /// Draws a frame into `rgb`, which has exactly its size and is overwritten completely.
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]);
+
+    /// The same with clouds and rain at another instant than flashing lamps. Engines whose weather does not move need not implement
+    /// it.
+    fn draw_in_moving_weather(
+        &self,
+        pose: &Pose,
+        controls: &Controls,
+        lamps_s: f64,
+        _weather_s: f64,
+        rgb: &mut [u8],
+    ) {
+        self.draw(pose, controls, lamps_s, rgb);
+    }
 }
 
 /// The flight model and the renderer of this crate.
@@ -84,5 +97,16 @@ impl Engine for BuiltIn {
 impl SceneRenderer for Scene {
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
         self.render(pose, controls, time_s, rgb);
+    }
+
+    fn draw_in_moving_weather(
+        &self,
+        pose: &Pose,
+        controls: &Controls,
+        lamps_s: f64,
+        weather_s: f64,
+        rgb: &mut [u8],
+    ) {
+        self.render_at(pose, controls, Instants { lamps_s, weather_s }, rgb);
     }
 }

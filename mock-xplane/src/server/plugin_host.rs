@@ -7,6 +7,7 @@
 //! So the generator and the plugin meet over the real link, without X-Plane: whether X-Plane itself behaves like the fake is not
 //! shown here.
 
+mod behind;
 mod flight;
 mod own;
 mod scene;
@@ -15,12 +16,14 @@ mod shot;
 use std::path::PathBuf;
 use std::process::Stdio;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde_json::{Value, json};
 use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
 use tokio::process::{Child, Command};
 use xplane_bridge::link::LinkToken;
 
+pub use self::behind::SceneBehind;
 use self::scene::PluginScene;
 use super::engine::Engine;
 use super::faults::outages::Outages;
@@ -43,7 +46,7 @@ for name in ('xp_rules', 'fake_xp', 'held_lock', 'host'):
 sys.modules['host'].run(settings)";
 
 /// Which plugin to run, and the faults of the simulator around it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct PluginOptions {
     /// Folder of `PI_dtd_bridge.py`.
     pub folder: PathBuf,
@@ -53,8 +56,12 @@ pub struct PluginOptions {
     pub window_px: (u32, u32),
     /// Simulated time between two frames, seconds.
     pub frame_period_s: f64,
-    /// Real time between two frames, seconds: the pace of a screen. `None` draws as fast as possible.
-    pub real_frame_period_s: Option<f64>,
+    /// How many frames a second are drawn at most, in real time.
+    pub most_frames_per_s: Option<f64>,
+    /// How many frames the scene is behind; `None`: none, or as [`Quirk::StaleFrames`] says.
+    pub scene_behind: Option<SceneBehind>,
+    /// Counts the frames.
+    pub frames_drawn: FramesDrawn,
     /// Takes the camera from the plugin every this many frames, as a view key does.
     pub steal_camera_every_frames: Option<u32>,
     /// Moves the local origin every this many frames, as loading scenery does.
@@ -72,10 +79,27 @@ impl PluginOptions {
             python: "python3".into(),
             window_px: (1_920, 1_280),
             frame_period_s: Self::FRAME_PERIOD_S,
-            real_frame_period_s: None,
+            most_frames_per_s: None,
+            scene_behind: None,
+            frames_drawn: FramesDrawn::default(),
             steal_camera_every_frames: None,
             move_origin_every_frames: None,
         }
+    }
+}
+
+/// A counter of drawn frames. Its clones count together.
+#[derive(Debug, Clone, Default)]
+pub struct FramesDrawn(Arc<AtomicU64>);
+
+impl FramesDrawn {
+    /// Frames so far.
+    pub fn get(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    fn count(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
     }
 }
 
@@ -133,8 +157,8 @@ pub(super) async fn run(
         "port": host.port,
         "token": host.token.as_ref().map(LinkToken::secret),
         "pace": pace,
+        "least_frame_s": options.most_frames_per_s.map_or(0.0, f64::recip),
         "steal_camera_every_frames": steal_every,
-        "real_frame_period_s": options.real_frame_period_s,
         "quirks": quirk_names,
         "shows_frames": stage.is_some(),
     });

@@ -19,13 +19,14 @@ use xplane_bridge::datarefs as names;
 use xplane_bridge::fly::FlightStart;
 use xplane_bridge::pixels::RgbPicture;
 
-use super::PluginOptions;
+use super::behind::{SceneBehind, Shots};
 use super::flight::{self, Playback};
 use super::own::{
     ALTITUDE_DIAL_FT, ENGINES_RUNNING, FLAPS, FLIGHT_TIME_S, GEAR, INDICATED_AIRSPEED,
     LOCAL_VELOCITY, LOCAL_XYZ, ON_GROUND, OWN, TRUE_AIRSPEED, VERTICAL_SPEED_FPM,
 };
-use super::shot::{Exposure, Painter, Shot, Shots};
+use super::shot::{Exposure, Painter, Shot};
+use super::{FramesDrawn, PluginOptions};
 use crate::datarefs::Kind;
 use crate::quirks::{Quirk, Quirks};
 use crate::render::overlay::Canvas;
@@ -75,8 +76,11 @@ pub(super) struct PluginScene {
     frame: LocalFrame,
     own: HashMap<&'static str, (Kind, bool, Vec<f64>)>,
     frames: u64,
+    frames_drawn: FramesDrawn,
     /// [`FLIGHT_TIME_S`] with full precision.
     flight_time_s: f64,
+    /// Time that has run, without pauses, for what drifts and falls.
+    weather_time_s: f64,
     flight: Option<Playback>,
     move_origin_every_frames: Option<u32>,
     quirks: Quirks,
@@ -112,12 +116,14 @@ impl PluginScene {
             frame,
             own: own.into(),
             frames: 0,
+            frames_drawn: options.frames_drawn.clone(),
             flight_time_s: 0.0,
+            weather_time_s: 0.0,
             flight: None,
             move_origin_every_frames: options.move_origin_every_frames,
             quirks,
             placements,
-            shots: Shots::new(quirks.has(Quirk::StaleFrames)),
+            shots: Shots::new(scene_behind(options, quirks)),
             before_pause: None,
             exposure: Exposure::NEW,
             window_px: options.window_px,
@@ -330,6 +336,11 @@ impl PluginScene {
             pose: self.aircraft(),
             controls: self.controls(),
             panel: world.shows_panel(),
+            weather_time_s: if self.quirks.has(Quirk::WeatherMoves) {
+                self.weather_time_s
+            } else {
+                0.0
+            },
         }
     }
 
@@ -438,6 +449,7 @@ impl PluginScene {
 
     fn begin_frame(&mut self) -> u64 {
         self.frames += 1;
+        self.frames_drawn.count();
         let shot = self.shot();
         self.shots.record(shot);
         self.exposure.record(&shot.camera);
@@ -520,6 +532,7 @@ impl PluginScene {
             return;
         }
         self.flight_time_s += period_s;
+        self.weather_time_s += period_s;
         self.put(FLIGHT_TIME_S, self.flight_time_s);
         if stopped {
             return;
@@ -745,6 +758,16 @@ impl PluginScene {
         }
         Some(local)
     }
+}
+
+/// As the options say, or else the quirk.
+fn scene_behind(options: &PluginOptions, quirks: Quirks) -> SceneBehind {
+    let by_quirk = if quirks.has(Quirk::StaleFrames) {
+        SceneBehind::Constant(SceneBehind::MOST)
+    } else {
+        SceneBehind::Constant(0)
+    };
+    options.scene_behind.unwrap_or(by_quirk)
 }
 
 /// Heading, then pitch, then roll, degrees, as a rotation from body axes (forward, right, down).

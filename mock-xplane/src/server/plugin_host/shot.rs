@@ -1,6 +1,4 @@
-//! The content of a frame: subject and camera, its delay in frames, and what else is in the picture.
-
-use std::collections::VecDeque;
+//! The content of a frame: subject and camera, and what else is in the picture.
 
 use dataset::camera::CameraPose;
 use dataset::geodesy::Geodetic;
@@ -10,8 +8,6 @@ use glam::DVec3;
 use crate::render::overlay::Canvas;
 use crate::server::engine::SceneRenderer;
 
-/// Delays, in frames, of the pictures after a change, one change after the other.
-const LATE_FRAMES: [usize; 3] = [2, 4, 3];
 /// Position of the other aircraft, metres forward, right and down of the user's.
 const BESIDE_M: DVec3 = DVec3::new(-20.0, 55.0, 5.0);
 
@@ -23,43 +19,14 @@ pub(super) struct Shot {
     pub(super) controls: Controls,
     /// Whether a cockpit's panel is in front.
     pub(super) panel: bool,
+    /// The instant of clouds and rain, seconds; zero where they stand still.
+    pub(super) weather_time_s: f64,
 }
 
-/// The shots of the last frames.
-#[derive(Debug)]
-pub(super) struct Shots {
-    late: bool,
-    past: VecDeque<Shot>,
-    changes: usize,
-}
-
-impl Shots {
-    /// Initially none. `late`: frames show earlier ones.
-    pub(super) fn new(late: bool) -> Self {
-        Self {
-            late,
-            past: VecDeque::new(),
-            changes: 0,
-        }
-    }
-
-    /// A frame ends; this is what it would have shown.
-    pub(super) fn record(&mut self, shot: Shot) {
-        if !self.late {
-            return;
-        }
-        let still = |at: usize| self.past.get(at) == self.past.get(at + 1);
-        if self.past.front().is_some_and(|last| *last != shot) && still(0) {
-            self.changes += 1;
-        }
-        self.past.push_front(shot);
-        self.past.truncate(5);
-    }
-
-    /// What is drawn in a frame that would show `shot`.
-    pub(super) fn drawn(&self, shot: Shot) -> Shot {
-        let late = LATE_FRAMES[self.changes % LATE_FRAMES.len()];
-        self.past.get(late - 1).copied().unwrap_or(shot)
+impl Shot {
+    /// Whether camera or aircraft are elsewhere.
+    pub(super) fn moved(&self, other: &Self) -> bool {
+        (self.camera, self.pose, self.controls) != (other.camera, other.pose, other.controls)
     }
 }
 
@@ -89,8 +56,10 @@ impl Painter {
         (width_px, height_px): (u32, u32),
         rgb: &mut [u8],
     ) {
-        // Paused: clouds, rain and lamps stand still.
-        let draw = |pose: &Pose, rgb: &mut [u8]| picture.draw(pose, &shot.controls, 0.0, rgb);
+        // Lamps never flash here, so that pictures of a tick can be compared.
+        let draw = |pose: &Pose, rgb: &mut [u8]| {
+            picture.draw_in_moving_weather(pose, &shot.controls, 0.0, shot.weather_time_s, rgb);
+        };
         draw(&self.scaled(shot.pose, shot), rgb);
         if self.others {
             let beside = moved(shot.pose, BESIDE_M);
@@ -230,25 +199,8 @@ mod tests {
             pose: on_final(distance_nm),
             controls: Controls::default(),
             panel: false,
+            weather_time_s: 0.0,
         }
-    }
-
-    /// For how many frames the old shot is still drawn after each change.
-    fn stale(late: bool) -> Vec<usize> {
-        let mut shots = Shots::new(late);
-        for _ in 0..6 {
-            shots.record(shot(9.0));
-        }
-        let mut stale = Vec::new();
-        for nm in [8.0, 7.0, 6.0] {
-            let mut frames = 0;
-            for _ in 0..10 {
-                frames += usize::from(shots.drawn(shot(nm)) != shot(nm));
-                shots.record(shot(nm));
-            }
-            stale.push(frames);
-        }
-        stale
     }
 
     #[test]
@@ -266,16 +218,5 @@ mod tests {
         }
         assert!(gains[0] > 1.4 && gains.is_sorted_by(|a, b| a > b || *b == 1.0));
         assert_eq!(gains.last(), Some(&1.0));
-    }
-
-    #[test]
-    fn frames_after_a_pose_show_the_one_before_two_to_four_times() {
-        assert_eq!(stale(false), [0, 0, 0]);
-        let stale = stale(true);
-        assert!(
-            stale.iter().all(|frames| (2..=4).contains(frames)),
-            "{stale:?}"
-        );
-        assert!(stale.windows(2).any(|pair| pair[0] != pair[1]), "{stale:?}");
     }
 }

@@ -13,7 +13,7 @@ use crate::server::world::flight_start;
 
 const SIZE: (u64, u64) = (32, 24);
 
-/// Draws one colour: the rain, and whether the aircraft is within a kilometre of the camera.
+/// Draws one colour: the rain, at what tenth of a second it falls, and whether the aircraft is within a kilometre of the camera.
 struct Plain;
 
 struct PlainPicture {
@@ -42,11 +42,23 @@ impl Engine for Plain {
 }
 
 impl SceneRenderer for PlainPicture {
-    fn draw(&self, pose: &Pose, _: &Controls, _: f64, rgb: &mut [u8]) {
+    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
+        self.draw_in_moving_weather(pose, controls, time_s, time_s, rgb);
+    }
+
+    fn draw_in_moving_weather(
+        &self,
+        pose: &Pose,
+        _: &Controls,
+        _: f64,
+        weather_s: f64,
+        rgb: &mut [u8],
+    ) {
+        let rain = self.rain + (10.0 * weather_s) as u8;
         let away_m = pose.position().to_ecef().distance(self.camera_m);
         let near = u8::from(away_m < 1_000.0);
         for pixel in rgb.chunks_exact_mut(3) {
-            pixel.copy_from_slice(&[self.rain, 100, near]);
+            pixel.copy_from_slice(&[rain, 100, near]);
         }
     }
 }
@@ -59,9 +71,12 @@ struct Hosted {
 
 impl Hosted {
     fn new(quirks: &str) -> Self {
+        Self::with(quirks, PluginOptions::new("unused"))
+    }
+
+    fn with(quirks: &str, options: PluginOptions) -> Self {
         let world = World::new(Generation::XPlane12, true, quirks.parse().unwrap());
         let world = Shared(Arc::new(Mutex::new(world)));
-        let options = PluginOptions::new("unused");
         let scene = PluginScene::new(world.clone(), Arc::new(Plain), &options);
         Self { world, scene }
     }
@@ -289,5 +304,49 @@ async fn a_pause_may_keep_the_pose_water_may_move_and_an_exposure_be_slow() {
         hosted.ask("place_camera", json!([x, y, z, 40.0, 0.0, 0.0]));
         hosted.frame();
         assert_eq!(bytes(&hosted).await[1] > 100, bright, "{quirk}");
+    }
+}
+
+#[tokio::test]
+async fn rain_falls_and_clouds_drift_while_time_runs_only() {
+    for (quirk, moves) in [("none", false), ("weather_moves", true)] {
+        let mut hosted = Hosted::new(quirk);
+        hosted.frame();
+        let before = bytes(&hosted).await;
+        (0..60).for_each(|_| hosted.frame());
+        let after = bytes(&hosted).await;
+        assert_eq!(before != after, moves, "{quirk}");
+        hosted.ask("command", json!([names::COMMAND_PAUSE_ON]));
+        (0..60).for_each(|_| hosted.frame());
+        assert_eq!(bytes(&hosted).await, after, "{quirk}");
+    }
+}
+
+#[tokio::test]
+async fn the_scene_is_as_many_frames_behind_as_the_options_say_or_else_the_quirk() {
+    for (quirk, option, frames) in [
+        ("none", None, 0),
+        ("stale_frames", None, 4),
+        ("stale_frames", Some(SceneBehind::Constant(1)), 1),
+        ("none", Some(SceneBehind::Constant(3)), 3),
+    ] {
+        let options = PluginOptions {
+            scene_behind: option,
+            ..PluginOptions::new("unused")
+        };
+        let counted = options.frames_drawn.clone();
+        let mut hosted = Hosted::with(quirk, options);
+        let [x, y, z] = hosted.scene.vector(LOCAL_XYZ).to_array();
+        hosted.ask("place_camera", json!([x, y, z, 0.0, 0.0, 0.0]));
+        (0..9).for_each(|_| hosted.frame());
+        // Two kilometres up nothing is near the camera.
+        hosted.ask("set", json!([LOCAL_XYZ[1], 0, y + 2_000.0]));
+        let mut old = 0;
+        for _ in 0..9 {
+            old += usize::from(bytes(&hosted).await[2] == 1);
+            hosted.frame();
+        }
+        assert_eq!(old, frames, "{quirk} {option:?}");
+        assert_eq!(counted.get(), 18);
     }
 }

@@ -1,0 +1,210 @@
+//! How far the scene is behind the pose and the camera that were written.
+//!
+//! X-Plane draws the rectangles of draw callbacks into the current frame at once. The scene may be some frames behind, because it is
+//! prepared before the plugin writes.
+
+use std::collections::VecDeque;
+
+use dataset::camera::CameraPose;
+
+use super::shot::Shot;
+
+/// How many frames the scene, that is camera and aircraft, is behind what was written; each number is at most [`Self::MOST`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SceneBehind {
+    /// Always the same number.
+    Constant(usize),
+    /// One number first, and another after so many frames in which camera or aircraft moved.
+    Changed {
+        /// The first number.
+        before: usize,
+        /// The number afterwards.
+        after: usize,
+        /// Frames with a movement that the first number lasts.
+        moves: u64,
+    },
+    /// The two numbers alternately for the cameras, in the order in which they first appear.
+    ByCamera([usize; 2]),
+    /// 2, 4 and 3 in turn, another one after every fifth movement.
+    Unsteady,
+}
+
+impl SceneBehind {
+    /// The most frames that any client must expect.
+    pub const MOST: usize = 4;
+    const UNSTEADY: [usize; 3] = [2, 4, 3];
+    const UNSTEADY_MOVES: u64 = 5;
+}
+
+/// The last shots, of which the scene shows one.
+#[derive(Debug)]
+pub(super) struct Shots {
+    behind: SceneBehind,
+    /// The newest first.
+    past: VecDeque<Shot>,
+    /// Frames in which camera or aircraft moved.
+    moves: u64,
+    /// The cameras so far, if their number matters.
+    cameras: Vec<CameraPose>,
+}
+
+impl Shots {
+    /// Initially none.
+    pub(super) fn new(behind: SceneBehind) -> Self {
+        Self {
+            behind,
+            past: VecDeque::new(),
+            moves: 0,
+            cameras: Vec::new(),
+        }
+    }
+
+    /// A frame ends for which this was written.
+    pub(super) fn record(&mut self, shot: Shot) {
+        if self.past.front().is_some_and(|last| last.moved(&shot)) {
+            self.moves += 1;
+        }
+        if matches!(self.behind, SceneBehind::ByCamera(_)) && self.number(&shot.camera).is_none() {
+            self.cameras.push(shot.camera);
+        }
+        self.past.push_front(shot);
+        self.past.truncate(SceneBehind::MOST);
+    }
+
+    /// The shot that is drawn in a frame for which `shot` was written.
+    pub(super) fn drawn(&self, shot: Shot) -> Shot {
+        let earlier = self.frames_behind(&shot.camera).checked_sub(1);
+        earlier
+            .and_then(|earlier| self.past.get(earlier))
+            .copied()
+            .unwrap_or(shot)
+    }
+
+    fn frames_behind(&self, camera: &CameraPose) -> usize {
+        match self.behind {
+            SceneBehind::Constant(frames) => frames,
+            SceneBehind::Changed {
+                before,
+                after,
+                moves,
+            } => {
+                if self.moves < moves {
+                    before
+                } else {
+                    after
+                }
+            }
+            SceneBehind::ByCamera(frames) => {
+                frames[self.number(camera).unwrap_or(self.cameras.len()) % frames.len()]
+            }
+            SceneBehind::Unsteady => {
+                let turn = self.moves / SceneBehind::UNSTEADY_MOVES;
+                SceneBehind::UNSTEADY[turn as usize % SceneBehind::UNSTEADY.len()]
+            }
+        }
+    }
+
+    /// The place of a camera in the order of their appearance.
+    fn number(&self, camera: &CameraPose) -> Option<usize> {
+        self.cameras.iter().position(|known| is_same(known, camera))
+    }
+}
+
+/// Whether two cameras are the same but for what a moved origin of coordinates rounds.
+fn is_same(a: &CameraPose, b: &CameraPose) -> bool {
+    const NEAR_M: f64 = 1.0;
+    const NEAR_DEG: f64 = 0.1;
+    let [a, b] = [a.pose, b.pose];
+    let turned_deg = (a.heading_true_deg - b.heading_true_deg + 540.0).rem_euclid(360.0) - 180.0;
+    a.position().to_ecef().distance(b.position().to_ecef()) < NEAR_M
+        && turned_deg.abs() < NEAR_DEG
+        && (a.pitch_deg - b.pitch_deg).abs() < NEAR_DEG
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::pose::Controls;
+
+    use super::*;
+    use crate::server::world::airport::{ON_THRESHOLD, on_final};
+
+    fn shot(step: u32) -> Shot {
+        Shot {
+            camera: CameraPose {
+                pose: ON_THRESHOLD,
+                hfov_deg: 10.0,
+            },
+            pose: on_final(9.0 - 0.01 * f64::from(step)),
+            controls: Controls::default(),
+            panel: false,
+            weather_time_s: 0.0,
+        }
+    }
+
+    /// How many frames behind the scene is in each frame of a flight.
+    fn behind_in_flight(behind: SceneBehind, frames: u32) -> Vec<u32> {
+        let mut shots = Shots::new(behind);
+        let mut found = Vec::new();
+        for step in 0..frames {
+            let drawn = shots.drawn(shot(step));
+            let age = (0..=step).find(|age| shot(step - age) == drawn).unwrap();
+            found.push(age);
+            shots.record(shot(step));
+        }
+        found.split_off(SceneBehind::MOST)
+    }
+
+    #[test]
+    fn the_scene_is_a_constant_number_of_frames_behind_however_it_moves() {
+        for frames in 0..=SceneBehind::MOST {
+            let found = behind_in_flight(SceneBehind::Constant(frames), 40);
+            assert_eq!(found, [frames as u32; 36]);
+            // After a rest as well.
+            let mut shots = Shots::new(SceneBehind::Constant(frames));
+            (0..9).for_each(|_| shots.record(shot(1)));
+            let mut old = 0;
+            for _ in 0..9 {
+                old += usize::from(shots.drawn(shot(2)) != shot(2));
+                shots.record(shot(2));
+            }
+            assert_eq!(old, frames);
+        }
+    }
+
+    #[test]
+    fn the_number_changes_once_after_so_many_movements() {
+        let change = SceneBehind::Changed {
+            before: 1,
+            after: 3,
+            moves: 20,
+        };
+        let found = behind_in_flight(change, 40);
+        assert_eq!(found.iter().filter(|behind| **behind == 1).count(), 17);
+        assert!(found.is_sorted(), "{found:?}");
+        assert_eq!(found.last(), Some(&3));
+    }
+
+    #[test]
+    fn cameras_differ_and_keep_their_numbers_when_they_come_back() {
+        let mut shots = Shots::new(SceneBehind::ByCamera([1, 4]));
+        let turned = |step, heading_deg| {
+            let mut shot = shot(step);
+            shot.camera.pose.heading_true_deg += heading_deg;
+            shot
+        };
+        for (heading_deg, frames) in [(0.0, 1), (40.0, 4), (0.0, 1), (1e-4, 1), (40.0, 4)] {
+            for step in 0..9 {
+                shots.record(turned(step, heading_deg));
+            }
+            let drawn = shots.drawn(turned(9, heading_deg));
+            assert_eq!(drawn, turned(9 - frames, heading_deg), "{heading_deg}");
+        }
+    }
+
+    #[test]
+    fn an_unsteady_scene_has_no_number_for_long() {
+        let found = behind_in_flight(SceneBehind::Unsteady, 60);
+        let longest = found.chunk_by(|a, b| a == b).map(<[u32]>::len).max();
+        assert!(longest <= Some(6), "{found:?}");
+    }
+}
