@@ -1,0 +1,288 @@
+//! Blocks of ticks from a camera that rests, through the hosted plugin and a real screen: every picture is that of its tick, whatever the
+//! scene's lag, and equal to the settled one.
+#![cfg(target_os = "linux")]
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use dataset::camera::CameraPose;
+use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::frame_rate::FrameRate;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use mock_xplane::server::{FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions};
+use mock_xplane::window::{DisplayWindow, X11Window};
+use testkit::changi_02l;
+use testkit_simulator::{Xvfb, quiet, serving};
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
+use xplane_bridge::{BlockOfTicks, BlockReport, CaptureRequest, CapturedFrame, Deliver, Simulator};
+
+/// Pictures, and the window with the margins for the code.
+const SIZE_PX: (u32, u32) = (160, 120);
+const WINDOW_PX: (u32, u32) = (192, 152);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(60);
+const RATE: FrameRate = FrameRate {
+    numerator: 10,
+    denominator: 1,
+};
+
+/// A stand-in with a window on an X server of its own.
+struct Shown {
+    _xvfb: Xvfb,
+    simulator: Simulator,
+    frames: FramesDrawn,
+}
+
+async fn shown(options: PluginOptions) -> Shown {
+    let xvfb = Xvfb::start("200x160x24");
+    let window = X11Window::open(Some(xvfb.display()), options.window_px).unwrap();
+    let frames = options.frames_drawn.clone();
+    let address = serving(ServerOptions {
+        generation: Generation::XPlane12,
+        link: LinkServer::Plugin(options),
+        stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
+        ..quiet()
+    })
+    .await;
+    let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
+    let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::of_display(xvfb.display()));
+    let pixels = simulator.use_pixels(PixelChoice::Auto, SIZE_PX, &screen);
+    pixels.await.unwrap();
+    Shown {
+        _xvfb: xvfb,
+        simulator,
+        frames,
+    }
+}
+
+fn plugin(scene_behind: SceneBehind) -> PluginOptions {
+    PluginOptions {
+        scene_behind: Some(scene_behind),
+        ..testkit_simulator::plugin::options(WINDOW_PX)
+    }
+}
+
+fn runway() -> Runway {
+    Runway {
+        course_magnetic_deg: Some(23.0),
+        ..changi_02l()
+    }
+}
+
+fn noon(visibility_m: f64) -> Conditions {
+    Conditions {
+        time_of_day: "12:00".into(),
+        clock: Clock {
+            day_of_year: 172,
+            zulu_time_s: 4.0 * 3_600.0,
+        },
+        weather_name: "clear".into(),
+        weather: Weather {
+            visibility_m,
+            clouds: Vec::new(),
+            rain_ratio: 0.0,
+            wind_speed_mps: 0.0,
+            wind_from_true_deg: 0.0,
+            turbulence_ratio: 0.0,
+        },
+    }
+}
+
+/// Two cameras 300 m beside the runway that look up the approach.
+fn camera(view: u32) -> CameraPose {
+    let side_m = if view == 0 { -300.0 } else { 300.0 };
+    let at = runway().point_on_approach(-1_000.0, side_m);
+    CameraPose {
+        pose: Pose {
+            latitude_deg: at.latitude_deg,
+            longitude_deg: at.longitude_deg,
+            altitude_msl_m: 16.0,
+            heading_true_deg: 203.02,
+            pitch_deg: 2.0,
+            roll_deg: 0.0,
+        },
+        hfov_deg: 14.0,
+    }
+}
+
+/// Down the glide path from a distance, metres.
+fn approach(from_m: f64, ticks: u32) -> Vec<FlightState> {
+    (0..ticks)
+        .map(|tick| {
+            let time_s = RATE.time_of_tick(tick).seconds();
+            let to_go_m = from_m - 72.0 * time_s;
+            let at = runway().point_on_approach(to_go_m, 0.0);
+            FlightState {
+                time_s,
+                pose: Pose {
+                    latitude_deg: at.latitude_deg,
+                    longitude_deg: at.longitude_deg,
+                    altitude_msl_m: 7.0 + to_go_m * 0.0524,
+                    heading_true_deg: 23.02,
+                    pitch_deg: 3.0,
+                    roll_deg: 0.0,
+                },
+                velocity_north_mps: 66.0,
+                velocity_east_mps: 28.0,
+                velocity_down_mps: 3.8,
+                true_airspeed_mps: 72.0,
+                controls: Controls {
+                    flap_ratio: 0.5,
+                    gear_ratio: 1.0,
+                },
+                on_ground: false,
+            }
+        })
+        .collect()
+}
+
+async fn block(
+    simulator: &mut Simulator,
+    states: &[FlightState],
+    view: u32,
+) -> (Vec<CapturedFrame>, BlockReport) {
+    let mut recording = simulator
+        .begin_block(BlockOfTicks {
+            first_tick: 0,
+            states,
+            frame_rate: RATE,
+            view,
+            camera: camera(view),
+            size_px: SIZE_PX,
+        })
+        .unwrap();
+    let mut frames = Vec::new();
+    while let Some(frame) = recording.next().await.unwrap() {
+        frames.push(frame);
+    }
+    (frames, recording.report())
+}
+
+/// The same picture, settled.
+async fn settled(
+    simulator: &mut Simulator,
+    states: &[FlightState],
+    tick: u32,
+    view: u32,
+) -> CapturedFrame {
+    let state = &states[tick as usize];
+    let capture = CaptureRequest {
+        tick,
+        time_ns: RATE.time_of_tick(tick).0,
+        view,
+        pose: state.pose,
+        controls: state.controls,
+        camera: camera(view),
+        width_px: SIZE_PX.0,
+        height_px: SIZE_PX.1,
+        deliver: Deliver::Drawn,
+    };
+    simulator.send_capture(&capture).await.unwrap();
+    simulator.receive_frame().await.unwrap()
+}
+
+/// Records both views in blocks and compares every picture with the settled one of its tick.
+async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
+    let Shown {
+        mut simulator,
+        frames: drawn,
+        _xvfb,
+    } = shown(plugin(scene_behind)).await;
+    assert!(simulator.can_record_blocks());
+    simulator.set_conditions(&noon(30_000.0)).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    let states = approach(3_500.0, 120);
+    let mut moved = Vec::new();
+    let before = drawn.get();
+    for view in 0..2 {
+        let (frames, report) = block(&mut simulator, &states, view).await;
+        assert_eq!(frames.len(), states.len());
+        assert!(report.is_measured, "{report:?}");
+        assert_eq!(
+            report.frames_behind,
+            Some(lags[view as usize]),
+            "view {view}"
+        );
+        println!("{scene_behind:?}, view {view}: {report:?}");
+        moved.push(frames);
+    }
+    let frames_a_picture = (drawn.get() - before) as f64 / (2 * states.len()) as f64;
+    println!("{scene_behind:?}: {frames_a_picture:.2} frames drawn per picture");
+    let mut different = 0;
+    for view in 0..2 {
+        for tick in (0..states.len() as u32).step_by(7) {
+            let expected = settled(&mut simulator, &states, tick, view).await;
+            let found = &moved[view as usize][tick as usize];
+            assert_eq!(found.tick, tick);
+            assert!(
+                *found.rgb == *expected.rgb,
+                "{scene_behind:?}: view {view}, tick {tick}"
+            );
+            let next = moved[view as usize].get(tick as usize + 7);
+            different += usize::from(next.is_some_and(|next| *next.rgb != *expected.rgb));
+        }
+    }
+    assert!(different > 20, "the aircraft hardly moves: {different}");
+    simulator.confirm_pixels().await.unwrap();
+    simulator.release().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_picture_of_a_block_is_the_settled_one_whatever_the_lag() {
+    for lag in [0, 1, 4] {
+        check(SceneBehind::Constant(lag), [lag as u32; 2]).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lag_may_differ_between_the_views() {
+    check(SceneBehind::ByCamera([3, 1]), [3, 1]).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lag_that_changes_in_mid_block_gives_no_picture_of_another_tick() {
+    let changed = SceneBehind::Changed {
+        before: 1,
+        after: 3,
+        moves: 60,
+    };
+    check(changed, [3, 3]).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_camera_that_is_taken_away_costs_frames_and_no_picture() {
+    let Shown {
+        mut simulator,
+        _xvfb,
+        ..
+    } = shown(PluginOptions {
+        steal_camera_every_frames: Some(37),
+        ..plugin(SceneBehind::Constant(2))
+    })
+    .await;
+    simulator.set_conditions(&noon(30_000.0)).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    let states = approach(3_500.0, 90);
+    let (frames, report) = block(&mut simulator, &states, 0).await;
+    println!("{report:?}");
+    for tick in (0..90).step_by(9) {
+        let expected = settled(&mut simulator, &states, tick, 0).await;
+        assert!(*frames[tick as usize].rgb == *expected.rgb, "tick {tick}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn in_fog_without_a_known_lag_every_tick_is_held_and_right() {
+    let Shown {
+        mut simulator,
+        _xvfb,
+        ..
+    } = shown(plugin(SceneBehind::Constant(4))).await;
+    simulator.set_conditions(&noon(1_500.0)).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    let states = approach(12_000.0, 20);
+    let (frames, report) = block(&mut simulator, &states, 0).await;
+    assert_eq!((report.held, report.frames_behind), (20, None));
+    assert_eq!(frames.len(), 20);
+}
