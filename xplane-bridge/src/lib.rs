@@ -26,7 +26,7 @@ pub use error::BridgeError;
 pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;
 pub use simulator::{
-    BadWebApiPlace, BlockOfTicks, BlockRecording, BlockReport, CONNECT_TIMEOUT, ConnectOptions,
-    LINK_TOKEN_VARIABLE, Simulator, SimulatorDescription, WEB_API_VARIABLE, WebApiPlace,
-    somebody_answers,
+    BadWebApiPlace, BlockOfTicks, BlockRecording, BlockReport, BlockTrial, CONNECT_TIMEOUT,
+    ConnectOptions, KnownBlocks, LINK_TOKEN_VARIABLE, Simulator, SimulatorDescription,
+    WEB_API_VARIABLE, WebApiPlace, somebody_answers,
 };

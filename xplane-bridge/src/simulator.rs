@@ -40,7 +40,7 @@ use crate::link::{
 use crate::pixels::{Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
-pub use block::{BlockOfTicks, BlockRecording, BlockReport};
+pub use block::{BlockOfTicks, BlockRecording, BlockReport, BlockTrial, KnownBlocks};
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
 };
@@ -128,8 +128,7 @@ pub struct Simulator {
     outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,
     sharing: Sharing,
     spare_buffers: Vec<Vec<u8>>,
-    /// How many frames the scene is behind the code, as the last block showed it.
-    frames_behind: Option<u64>,
+    known_blocks: KnownBlocks,
 }
 
 impl Simulator {
@@ -260,7 +259,7 @@ impl Simulator {
                 outstanding: VecDeque::new(),
                 sharing,
                 spare_buffers: Vec::new(),
-                frames_behind: None,
+                known_blocks: KnownBlocks::default(),
             })
         })
     }

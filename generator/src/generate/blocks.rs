@@ -9,7 +9,7 @@ use dataset::conditions::Weather;
 use dataset::plan::Picture;
 use dataset::pose::FlightState;
 use dataset::scenario::Blocks;
-use xplane_bridge::{BlockOfTicks, Simulator};
+use xplane_bridge::{BlockOfTicks, BlockTrial, Simulator};
 
 use super::attempt::Attempt;
 use super::encoders::Encoders;
@@ -95,6 +95,52 @@ pub(super) async fn capture_blocks(
     // The screen's registration before the first picture must still hold after the last.
     attempt.unless_cancelled(simulator.confirm_pixels()).await?;
     Ok((drawn, blocks))
+}
+
+/// Compares pictures of blocks with settled ones, unless that was done before; whether blocks are used from now on.
+pub(super) async fn may_use_blocks(
+    simulator: &mut Simulator,
+    (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
+    attempt: &Attempt<'_, '_>,
+) -> Result<bool, ScenarioError> {
+    let (Some((_, camera)), true) = (views.first(), simulator.can_record_blocks()) else {
+        return Ok(false);
+    };
+    if simulator.known_blocks().trial.is_some() || states.is_empty() {
+        return Ok(true);
+    }
+    let flight = BlockOfTicks {
+        first_tick: 0,
+        states,
+        frame_rate: picture.frame_rate,
+        view: 0,
+        camera: camera.placed,
+        size_px: (picture.width_px, picture.height_px),
+    };
+    match attempt
+        .unless_cancelled(simulator.try_blocks(flight))
+        .await?
+    {
+        BlockTrial::Equal => {
+            tracing::info!(
+                "pictures from a resting camera are equal to settled ones, and are used"
+            );
+            Ok(true)
+        }
+        BlockTrial::Different {
+            tick,
+            pixels,
+            noise_pixels,
+        } => {
+            tracing::warn!(
+                tick,
+                pixels,
+                noise_pixels,
+                "pictures from a resting camera differ from settled ones: every picture is settled, which takes several times as long"
+            );
+            Ok(false)
+        }
+    }
 }
 
 fn ticks_of_a_block(time_runs: bool, ticks: usize, picture: Picture) -> usize {

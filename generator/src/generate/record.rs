@@ -18,7 +18,7 @@ use xplane_bridge::Simulator;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 
 use super::attempt::Attempt;
-use super::blocks::capture_blocks;
+use super::blocks::{capture_blocks, may_use_blocks};
 use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;
@@ -138,6 +138,8 @@ async fn record_into(
     attempt
         .unless_cancelled(simulator.freeze_with_imaging(&common.runway, &imaging))
         .await?;
+    let uses_blocks = may_use_blocks(&mut simulator, (&states, &views, picture), attempt).await?;
+    session.keep_known_blocks(&simulator);
     let ids: Vec<String> = views.iter().map(|(id, _)| id.clone()).collect();
     let mut encoders = Encoders::start(
         folder,
@@ -147,6 +149,7 @@ async fn record_into(
     );
     let (drawn, blocks) = match capture_pictures(
         &mut simulator,
+        uses_blocks,
         (&states, &views, picture),
         &parameters.conditions.weather,
         &mut encoders,
@@ -158,6 +161,7 @@ async fn record_into(
         // If an encoder failed, that is the reason, and `error` only its consequence.
         Err(error) => return Err(encoders.abandon().await.unwrap_or(error)),
     };
+    session.keep_known_blocks(&simulator);
     let pts = encoders.finish().await?;
     // Nothing is sealed that a simulator with other settings may have drawn.
     attempt
@@ -190,12 +194,13 @@ async fn record_into(
 /// In blocks if the simulator can, otherwise each picture by itself.
 async fn capture_pictures(
     simulator: &mut Simulator,
+    uses_blocks: bool,
     what: (&[FlightState], &[(String, CameraEntry)], Picture),
     weather: &Weather,
     encoders: &mut Encoders,
     attempt: &Attempt<'_, '_>,
 ) -> Result<(Vec<Vec<Drawn>>, Option<Blocks>), ScenarioError> {
-    if simulator.can_record_blocks() {
+    if uses_blocks {
         let (drawn, blocks) = capture_blocks(simulator, what, weather, encoders, attempt).await?;
         return Ok((drawn, Some(blocks)));
     }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::KnownProfile;
-use xplane_bridge::{CONNECT_TIMEOUT, Simulator};
+use xplane_bridge::{CONNECT_TIMEOUT, KnownBlocks, Simulator};
 use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
@@ -136,6 +136,8 @@ pub(super) struct Session {
     ready: Option<Simulator>,
     /// The known profile, which was reported.
     known: Option<KnownProfile>,
+    /// What its blocks showed so far.
+    known_blocks: KnownBlocks,
 }
 
 impl Session {
@@ -160,6 +162,7 @@ impl Session {
             stand_in: None,
             ready: None,
             known: None,
+            known_blocks: KnownBlocks::default(),
         }
     }
 
@@ -171,6 +174,11 @@ impl Session {
         }
         self.known = Some(known.clone());
         self.known.clone()
+    }
+
+    /// Keeps what a simulator's blocks showed for the next connection.
+    pub(super) fn keep_known_blocks(&mut self, simulator: &Simulator) {
+        self.known_blocks = simulator.known_blocks();
     }
 
     /// The simulator's name in messages.
@@ -211,6 +219,7 @@ impl Session {
         if let Some(known) = &self.known {
             simulator.use_profile(known.clone());
         }
+        simulator.use_known_blocks(self.known_blocks);
         Ok(simulator)
     }
 
@@ -247,6 +256,8 @@ impl Session {
     /// behaviour was wrong.
     pub(super) async fn come_back(&mut self, limit: Duration) -> bool {
         self.ready = None;
+        // Another process may draw with another lag.
+        self.known_blocks = KnownBlocks::default();
         if let Some(stand_in) = self.stand_in.take() {
             stand_in.stop().await;
         }

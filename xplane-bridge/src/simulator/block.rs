@@ -7,6 +7,7 @@
 mod aircraft_place;
 mod probe;
 mod sequence;
+mod trial;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -25,6 +26,7 @@ use crate::link::{
 use crate::pixels::{CodedGrabs, CodedPicture, PixelError, Rectangle};
 use aircraft_place::displaced;
 use sequence::{Scene, Sequence, Show, Taken};
+pub use trial::{BlockTrial, KnownBlocks};
 
 /// Memory for the pictures between two probes, bytes.
 const SEGMENT_BYTES: usize = 96 << 20;
@@ -80,9 +82,10 @@ pub struct BlockRecording<'a> {
 }
 
 impl Simulator {
-    /// Whether blocks can be recorded: the plugin numbers its frames, and the window has margins for the numbers.
+    /// Whether blocks can be recorded: the plugin numbers its frames, the window has margins for the numbers, and no trial has failed.
     pub fn can_record_blocks(&self) -> bool {
-        self.description.frame_codes && self.pixels.coded_window().is_some()
+        let is_refused = matches!(self.known_blocks.trial, Some(BlockTrial::Different { .. }));
+        self.description.frame_codes && self.pixels.coded_window().is_some() && !is_refused
     }
 
     /// Whether time runs while pictures are taken, because rain falls only then: a block must be short.
@@ -111,7 +114,7 @@ impl Simulator {
             block.states.len() as u32,
             segment as u32,
             self.frames_to_settle(),
-            self.frames_behind,
+            self.known_blocks.frames_behind,
             Box::new(move |tick| places.get(tick as usize).copied().flatten()),
         );
         let grabs = CodedGrabs::start(&window.screen, window.region, 2 * segment + MORE_BUFFERS);
@@ -296,7 +299,7 @@ impl BlockRecording<'_> {
         while !self.asked.is_empty() {
             self.take_answer().await?;
         }
-        self.simulator.frames_behind = self.sequence.lag();
+        self.simulator.known_blocks.frames_behind = self.sequence.lag();
         Ok(())
     }
 }

@@ -1,0 +1,65 @@
+//! Scenarios recorded in blocks off a real screen, through the plugin's own Python.
+#![cfg(target_os = "linux")]
+
+mod small_corpus;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use dataset::corpus::Corpus;
+use dataset::scenario::Blocks;
+use dataset::verify::verify;
+use generator::generate::{Cancel, GenerateOptions, SimulatorTarget, generate};
+use mock_xplane::server::{LinkServer, PluginOptions, SceneBehind, ServerOptions};
+use mock_xplane::window::{DisplayWindow, X11Window};
+use small_corpus::{IDS, options, sweep_of, sweep_toml};
+use testkit_simulator::{Xvfb, quiet, serving};
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
+
+/// The scenario that flies a recording.
+const ID: &str = IDS[1];
+
+/// Records it with a window of this size; returns how.
+async fn record(folder: &Path, window_px: (u32, u32), scene_behind: usize) -> Option<Blocks> {
+    let xvfb = Xvfb::start("160x120x24");
+    let window = X11Window::open(Some(xvfb.display()), window_px).unwrap();
+    let address = serving(ServerOptions {
+        generation: Generation::XPlane12,
+        link: LinkServer::Plugin(PluginOptions {
+            scene_behind: Some(SceneBehind::Constant(scene_behind)),
+            ..testkit_simulator::plugin::options(window_px)
+        }),
+        stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
+        ..quiet()
+    })
+    .await;
+    let options = GenerateOptions {
+        pixels: PixelChoice::Auto,
+        screen: Arc::new(FfmpegScreen::of_display(xvfb.display())),
+        ..options(SimulatorTarget::Address(address), &[ID])
+    };
+    let sweep = sweep_of(&(sweep_toml() + "\n[video]\ncodec = \"h264-lossless\"\n"));
+    let outcome = generate(&sweep, folder, &options, &Cancel::new(), &mut |_| ()).await;
+    let outcome = outcome.unwrap();
+    assert_eq!(outcome.committed, [ID], "{:?}", outcome.failed);
+    let corpus = Corpus::open(folder).unwrap();
+    let faults = verify(&corpus).findings;
+    let only_missing = faults
+        .iter()
+        .all(|fault| fault.to_string().contains("missing"));
+    assert!(only_missing, "{faults:#?}");
+    corpus.scenario(ID).open().unwrap().record().unwrap().blocks
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_window_with_margins_is_recorded_in_blocks_and_one_without_picture_by_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let blocks = record(&folder.path().join("blocks"), (128, 96), 3)
+        .await
+        .unwrap();
+    assert_eq!((blocks.frames_behind, blocks.held_ticks), (vec![3], 0));
+    assert_eq!((blocks.count, blocks.measured), (2, 2));
+    let settled = record(&folder.path().join("settled"), (96, 64), 3).await;
+    assert_eq!(settled, None);
+}

@@ -1,0 +1,241 @@
+//! A trial before blocks are trusted: pictures of a block beside settled ones of the same ticks, far away and near.
+
+use dataset::pose::FlightState;
+use futures_util::future::BoxFuture;
+
+use super::super::Simulator;
+use super::BlockOfTicks;
+use super::aircraft_place::aircraft_place;
+use crate::error::BridgeError;
+use crate::link::{CaptureRequest, Deliver};
+use crate::pixels::Rectangle;
+
+/// Ticks of a trial's block.
+const TICKS: usize = 9;
+/// A pixel differs if a colour does by more than this, grey levels.
+const DIFFERENT_LEVELS: u8 = 4;
+/// A picture of a block may differ from a settled one in this many times the pixels in which two settled ones differ ...
+const NOISE_FACTOR: f64 = 1.5;
+/// ... and in so many more.
+const MORE_PIXELS: usize = 4;
+
+/// What is known about blocks of a simulator: kept from one connection to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct KnownBlocks {
+    /// The result of the trial; `None` before it.
+    pub trial: Option<BlockTrial>,
+    /// How many frames the scene was behind the code in the last block that showed it.
+    pub(in super::super) frames_behind: Option<u64>,
+}
+
+/// Whether pictures of blocks are those that settle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BlockTrial {
+    /// They are equal within the noise of two settled ones.
+    Equal,
+    /// They are not: every picture is settled by itself.
+    Different {
+        /// The first tick that differs.
+        tick: u32,
+        /// Pixels that differ from the settled picture.
+        pixels: usize,
+        /// Pixels in which two settled pictures differ.
+        noise_pixels: usize,
+    },
+}
+
+impl Simulator {
+    /// What is known about its blocks.
+    pub fn known_blocks(&self) -> KnownBlocks {
+        self.known_blocks
+    }
+
+    /// Continues with what an earlier connection found out.
+    pub fn use_known_blocks(&mut self, known: KnownBlocks) {
+        self.known_blocks = known;
+    }
+
+    /// Takes pictures of a flight's first ticks and of its last ones before the aircraft leaves the view, in a block and settled, and
+    /// compares them. Unless they are equal, [`Simulator::can_record_blocks`] is false from now on. The simulator is frozen.
+    ///
+    /// # Errors
+    /// As those of [`super::BlockRecording::next`] and [`Simulator::receive_frame`].
+    pub fn try_blocks<'a>(
+        &'a mut self,
+        flight: BlockOfTicks<'a>,
+    ) -> BoxFuture<'a, Result<BlockTrial, BridgeError>> {
+        Box::pin(async move {
+            let mut trial = BlockTrial::Equal;
+            for first in starts(&flight) {
+                if trial == BlockTrial::Equal {
+                    trial = self.try_block(&flight, first).await?;
+                }
+            }
+            self.known_blocks.trial = Some(trial);
+            Ok(trial)
+        })
+    }
+
+    async fn try_block(
+        &mut self,
+        flight: &BlockOfTicks<'_>,
+        first: usize,
+    ) -> Result<BlockTrial, BridgeError> {
+        let states = &flight.states[first..flight.states.len().min(first + TICKS)];
+        let block = BlockOfTicks {
+            first_tick: flight.first_tick + first as u32,
+            states,
+            ..*flight
+        };
+        let mut recording = self.begin_block(block)?;
+        let mut moved = Vec::new();
+        while let Some(frame) = recording.next().await? {
+            moved.push(frame.rgb);
+        }
+        let at = states.len() / 2;
+        let mut settled = Vec::new();
+        for other in [at, 0, at] {
+            settled.push(self.settled(&block, other).await?);
+        }
+        let place = aircraft_place(&flight.camera, flight.size_px, &states[at].pose);
+        let trial = compare(
+            [&moved[at], &settled[0], &settled[2]],
+            flight.size_px.0,
+            place,
+        );
+        Ok(match trial {
+            Some((pixels, noise_pixels)) => BlockTrial::Different {
+                tick: block.first_tick + at as u32,
+                pixels,
+                noise_pixels,
+            },
+            None => BlockTrial::Equal,
+        })
+    }
+
+    async fn settled(
+        &mut self,
+        block: &BlockOfTicks<'_>,
+        at: usize,
+    ) -> Result<Vec<u8>, BridgeError> {
+        let FlightState { pose, controls, .. } = block.states[at];
+        let tick = block.first_tick + at as u32;
+        let request = CaptureRequest {
+            tick,
+            time_ns: block.frame_rate.time_of_tick(tick).0,
+            view: block.view,
+            pose,
+            controls,
+            camera: block.camera,
+            width_px: block.size_px.0,
+            height_px: block.size_px.1,
+            deliver: Deliver::Drawn,
+        };
+        self.send_capture(&request).await?;
+        Ok(self.receive_frame().await?.rgb.to_vec())
+    }
+}
+
+/// The first ticks, and the last ones at which the aircraft is in the picture.
+fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
+    let is_seen =
+        |state: &FlightState| aircraft_place(&flight.camera, flight.size_px, &state.pose).is_some();
+    let last = flight.states.iter().rposition(is_seen);
+    let near = last.map(|last| (last + 1).saturating_sub(TICKS));
+    let mut starts = vec![0];
+    starts.extend(near.filter(|near| *near > 0));
+    starts
+}
+
+/// How many pixels of a picture differ from a settled one, and how many do between two settled ones, if there are too many in the
+/// picture or where the aircraft is.
+fn compare(
+    [moved, settled, again]: [&[u8]; 3],
+    width_px: u32,
+    place: Option<Rectangle>,
+) -> Option<(usize, usize)> {
+    let whole = |a: &[u8], b: &[u8]| different_pixels(a, b);
+    let in_place = |a: &[u8], b: &[u8]| {
+        place.map_or(0, |place| {
+            (place.y_px..place.bottom_px())
+                .map(|y| {
+                    let pixel = |x: u32| (y * width_px + x) as usize * 3;
+                    let row = pixel(place.x_px)..pixel(place.right_px());
+                    let (a, b) = (a.get(row.clone()), b.get(row));
+                    different_pixels(a.unwrap_or_default(), b.unwrap_or_default())
+                })
+                .sum()
+        })
+    };
+    let counts = [
+        (whole(moved, settled), whole(settled, again)),
+        (in_place(moved, settled), in_place(settled, again)),
+    ];
+    let is_too_much = |(pixels, noise): &(usize, usize)| {
+        *pixels as f64 > NOISE_FACTOR * *noise as f64 + MORE_PIXELS as f64
+    };
+    counts.into_iter().find(is_too_much)
+}
+
+fn different_pixels(a: &[u8], b: &[u8]) -> usize {
+    let pairs = a.as_chunks::<3>().0.iter().zip(b.as_chunks::<3>().0);
+    pairs
+        .filter(|(a, b)| {
+            let mut colours = a.iter().zip(*b);
+            colours.any(|(a, b)| a.abs_diff(*b) > DIFFERENT_LEVELS)
+        })
+        .count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH_PX: u32 = 20;
+    const PLACE: Rectangle = Rectangle {
+        x_px: 5,
+        y_px: 5,
+        width_px: 6,
+        height_px: 3,
+    };
+
+    /// A grey picture with an aircraft that begins in a column.
+    fn picture(column: u32) -> Vec<u8> {
+        let mut rgb = vec![100; (WIDTH_PX * 15) as usize * 3];
+        for y in 5..8 {
+            let from = ((y * WIDTH_PX + column) * 3) as usize;
+            rgb[from..from + 9].fill(30);
+        }
+        rgb
+    }
+
+    #[test]
+    fn a_picture_of_the_tick_before_is_different_and_one_within_the_noise_is_not() {
+        let settled = picture(6);
+        let compare_with =
+            |moved: &[u8]| compare([moved, &settled, &settled], WIDTH_PX, Some(PLACE));
+        assert_eq!(compare_with(&settled), None);
+        assert_eq!(compare_with(&picture(7)), Some((6, 0)));
+        let mut noisy = settled.clone();
+        noisy[3 * 100] += 20;
+        assert_eq!(compare_with(&noisy), None);
+    }
+
+    #[test]
+    fn in_rain_the_aircraft_alone_shows_the_difference() {
+        let rain = |seed: usize, column: u32| {
+            let mut rgb = picture(column);
+            for at in (seed % 7..rgb.len()).step_by(21) {
+                let row = at / 3 / WIDTH_PX as usize;
+                if !(5..8).contains(&row) {
+                    rgb[at] = 200;
+                }
+            }
+            rgb
+        };
+        let (settled, again) = (rain(1, 6), rain(2, 6));
+        let compare_with = |moved: &[u8]| compare([moved, &settled, &again], WIDTH_PX, Some(PLACE));
+        assert_eq!(compare_with(&rain(3, 6)), None);
+        assert_eq!(compare_with(&rain(3, 7)), Some((6, 0)));
+    }
+}
