@@ -28,6 +28,7 @@ async fn record(folder: &Path, window_px: (u32, u32), scene_behind: usize) -> Op
         generation: Generation::XPlane12,
         link: LinkServer::Plugin(PluginOptions {
             scene_behind: Some(SceneBehind::Constant(scene_behind)),
+            most_frames_per_s: Some(60.0),
             ..testkit_simulator::plugin::options(window_px)
         }),
         stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),

@@ -14,7 +14,7 @@ const AROUND_PX: f64 = 3.0;
 /// A displaced aircraft is at least this far from its place, pixels.
 const LEAST_SHIFT_PX: f64 = 8.0;
 /// Ticks before and after a probe that may be on the screen while it is watched.
-const TICKS_AROUND: usize = 12;
+const TICKS_AROUND: usize = 7;
 
 /// The aircraft in another place.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,7 +47,7 @@ pub(super) fn displaced(
     // First up: no shadow falls there.
     let ways = [DVec2::NEG_Y, DVec2::NEG_X, DVec2::X, DVec2::Y];
     ways.into_iter()
-        .flat_map(|way| [1.0, 2.0].map(|times| way * (size + LEAST_SHIFT_PX) * times))
+        .flat_map(|way| [1.0, 1.5, 2.0, 3.0].map(|times| way * (size + LEAST_SHIFT_PX) * times))
         .find_map(|shift_px| {
             let moved = camera.ecef_from_camera * (shift_px * meters_per_pixel).extend(0.0);
             let pose = moved_by(pose, moved);

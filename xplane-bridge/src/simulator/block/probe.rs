@@ -10,8 +10,8 @@ use crate::pixels::Rectangle;
 pub(super) const MOST_LAG: u64 = 4;
 /// A grab beyond the longest lag, which shows the scene as it is without the probe.
 const AFTER: u64 = MOST_LAG + 1;
-/// A pixel has changed if a colour differs by more than this, grey levels ...
-const CHANGED_LEVELS: u8 = 6;
+/// A pixel has changed if a colour differs by more than this, grey levels: in a pause a screen repeats every bit ...
+const CHANGED_LEVELS: u8 = 2;
 /// ... and by this many times what differs between two grabs without a probe.
 const NOISE_FACTOR: f64 = 3.0;
 /// Fewer changed pixels are noise.
@@ -90,6 +90,7 @@ impl Probe {
             })
             .collect();
         let most = changed.iter().flatten().copied().max().unwrap_or(0);
+        tracing::debug!(frame, ?changed, threshold, patch = %self.patch, "probe");
         if most < LEAST_PIXELS {
             let all_there = changed.iter().all(Option::is_some);
             return if all_there {
