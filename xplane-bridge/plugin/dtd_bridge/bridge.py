@@ -11,7 +11,7 @@ import queue
 from collections import deque
 from typing import Any, Generator
 
-from . import NAME, VERSION, callbacks, capture, messages
+from . import NAME, VERSION, callbacks, capture, complaints, messages
 from . import datarefs as names
 from .callbacks import Callbacks
 from .capture import Answer
@@ -218,6 +218,8 @@ class Bridge:
             return self._keep_profile(header)
         if message == "still_shown":
             return _at_once({"message": "shown", "still": self._stage.still_shown})
+        if message == "complaints":
+            return _at_once({"message": "complaints", "lines": complaints.read(self._xp.getSystemPath())})
         if message == "watch_callbacks":
             return self._watch_callbacks(header)
         raise Refusal(f"the plugin knows no message {message!r}")

@@ -189,6 +189,35 @@ class ScreenshotFolder(WithBridge):
             self.assertGreater(self.world.cycle - before, 4 * taken)
 
 
+class Complaints(WithBridge):
+    """What X-Plane's log says about us. The lines are those that others' logs have, with our names."""
+
+    LOG = "\n".join((
+        "Log.txt for X-Plane 12.4.0-r2",
+        "[XPPython3]: Dataref 'sim/cockpit2/controls/flap_ratio' has been replaced. Please use the new name.",
+        "[XPPython3]: Dataref 'sim/cockpit2/controls/flap_ratio' has been replaced. Please use the new name.",
+        "[XPPython3]: Dataref 'sim/cockpit/switches/anti_ice_on' is deprecated and will be removed in a future version.",
+        "[AviTab]: Dataref 'sim/weather/use_real_weather_bool' is deprecated and will be removed in a future version.",
+        "0:17:30.684 E/PLG: The plugin XPPython3 called the SDK function XPLMCreateProbe from outside of a callback.",
+        "0:17:31.000 E/PLG: The plugin AviTab called the SDK function XPLMCreateProbe from outside of a callback.",
+        "0:18:00.000 I/PLG: dtd_bridge is enabled",
+    ))  # fmt: skip
+
+    def test_lines_about_this_plugin_are_told_once_each_and_others_are_not(self):
+        with tempfile.TemporaryDirectory() as system:
+            self.world.path = system
+            Path(system, "Log.txt").write_text(self.LOG)
+            client = self.frozen()
+            answer, _ = client.ask({"message": "complaints"})
+            self.assertEqual(len(answer["lines"]), 2, answer)
+            self.assertIn("flap_ratio", answer["lines"][0])
+            self.assertIn("XPLMCreateProbe", answer["lines"][1])
+
+    def test_a_log_that_cannot_be_read_is_a_reason(self):
+        self.world.path = "/no/such/folder"
+        self.assertRegex(self.frozen().refused({"message": "complaints"}), "log cannot be read.*/no/such/folder")
+
+
 class Names(WithBridge):
     """Only the running version's names are looked up, in a session that does everything."""
 
