@@ -64,6 +64,8 @@ class Bridge:
         self._client: Connection | None = None
         self._waiting: deque[Asked] = deque()
         self._task: Task | None = None
+        # Whether a client has left, and what it changed is not given back yet.
+        self._leaving = False
         try:
             self._server = LinkServer(settings)
         except Exception:
@@ -100,6 +102,7 @@ class Bridge:
         """One frame."""
         self._callbacks.note(callbacks.BEFORE)
         self._stage.begin_frame()
+        self._finish_leaving()
         self._found.step()
         self._server.give_time()
         self._take_events()
@@ -152,9 +155,16 @@ class Bridge:
     def _leave(self) -> None:
         """The client is gone: nothing it requested remains."""
         self._end_requests()
-        self._leave_stage()
-        self._found.client_left()
-        self._faults.summarize()
+        self._leaving = True
+        self._finish_leaving()
+
+    def _finish_leaving(self) -> None:
+        """Gives back what the client changed; tried again in the next frame if it fails."""
+        if self._leaving:
+            self._leave_stage()
+            self._found.client_left()
+            self._faults.summarize()
+            self._leaving = False
 
     def _end_requests(self) -> None:
         self._client = None

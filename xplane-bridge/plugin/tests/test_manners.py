@@ -65,6 +65,31 @@ class Faults(WithBridge):
                     self.assertEqual(len(said), int(place != DRAW or in_a_capture), self.xp.lines)
                     self.assertTrue(all(what in line for line in said), said)
 
+    def test_four_captures_succeed_after_a_fault_in_the_single_call_that_starts_a_flight(self):
+        client = self.start()
+        client.ask({"message": "hello", "client": "test"})
+        start = test_bridge.Flying.fly(self)["start"]
+        with mock.patch.object(self.xp, "placeUserAtLocation", side_effect=RuntimeError("injected")):
+            self.assertRegex(client.refused({"message": "travel", "start": start}), "cannot begin a flight there.*injected")
+        self.assertEqual(client.ask(FREEZE)[0], {"message": "frozen"})
+        self.four_captures(client, 0)
+
+    def test_what_a_client_changed_is_given_back_although_the_first_try_fails(self):
+        client = self.frozen()
+        client.ask(capture())
+        client.stream.close()
+        with mock.patch.object(self.bridge._traffic, "give_back", side_effect=RuntimeError("injected")):
+            while self.bridge._client is not None:
+                self.xp.frame()
+        self.assertTrue(self.bridge._leaving)
+        self.xp.frame()
+        self.assertFalse(self.bridge._leaving)
+        self.assertEqual((self.world.get(test_bridge.OVERRIDE), self.world.get("sim/time/paused")), (0, 0))
+        again = self.another()
+        self.assertEqual(again.ask({"message": "hello", "client": "test"})[0]["message"], "hello")
+        again.ask(FREEZE)
+        self.four_captures(again, 1)
+
     def test_the_check_pattern_is_drawn_after_a_fault(self):
         client = self.frozen()
         self.begin(client, {"message": "check_pattern", "code": 1})
