@@ -115,7 +115,7 @@ async fn use_everything(address: SocketAddr, deliver: Deliver) {
     simulator.freeze(&runway).await.unwrap();
     simulator.send_capture(&capture(deliver)).await.unwrap();
     simulator.receive_frame().await.unwrap();
-    let flown = simulator.fly(&FlyRequest {
+    let flight = FlyRequest {
         start: FlightStart {
             position: runway.point_on_approach(6_000.0, 0.0).at_altitude_m(320.0),
             heading_true_deg: 23.02,
@@ -128,8 +128,8 @@ async fn use_everything(address: SocketAddr, deliver: Deliver) {
         seed: 0,
         time_limit_s: 400.0,
         already_started: false,
-    });
-    flown.await.unwrap();
+    };
+    simulator.fly(&flight).await.unwrap();
     simulator.release().await.unwrap();
 }
 
