@@ -80,17 +80,20 @@ class Bridge:
 
     def close(self) -> None:
         """Gives back what needs no frame: values, the camera, callbacks. Commands and planes are not possible while X-Plane disables
-        the plugin."""
-        self._loops.close()
-        self._server.close()
-        self._end_requests()
-        self._stage.put_back()
-        self._stage.release()
-        self._pixels.unregister()
-        left = [*self._found.give_back_values(), *self._traffic.what_is_left()]
+        the plugin. A step that fails does not keep the others from being made."""
+        for step in (
+            self._loops.close, self._server.close, self._end_requests, self._stage.put_back, self._stage.release,
+            self._pixels.unregister, self._found.give_back_values, self._say_what_is_left, self._faults.summarize,
+        ):  # fmt: skip
+            try:
+                step()
+            except Exception as error:
+                self._faults.caught("disabling the plugin", error)
+
+    def _say_what_is_left(self) -> None:
+        left = [*self._found.what_is_left(), *self._traffic.what_is_left()]
         if left:
             log(self._xp, f"disabled in the middle of its work: {'; '.join(left)}")
-        self._faults.summarize()
 
     def _after_flight_model(self) -> None:
         """Values only."""

@@ -158,6 +158,16 @@ class Planes(WithBridge):
         self.assertEqual((self.xp._camera, self.xp._draws, self.xp._loops), (None, [], {}))
 
 
+    def test_a_step_that_fails_while_the_plugin_is_disabled_does_not_keep_the_camera(self):
+        client = self.frozen()
+        client.ask(capture())
+        with mock.patch.object(self.bridge._stage, "put_back", side_effect=RuntimeError("injected")):
+            self.close(self.xp, self.bridge)
+        self.assertEqual((self.xp._camera, self.xp._draws, self.xp._loops), (None, [], {}))
+        self.assertEqual(self.world.get(test_bridge.OVERRIDE), 0)
+        self.assertEqual(len(sentences(self.xp.lines, "injected")), 1)
+
+
 class Places(WithBridge):
     """The fake notices what X-Plane 12.4 checks."""
 
