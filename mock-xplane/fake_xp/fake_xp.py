@@ -23,11 +23,13 @@ import xp_rules as rules
 
 @dataclass(frozen=True)
 class Kind:
-    """Type of a dataref: ``int``, ``float``, ``double`` or ``byte``; elements of an array; whether it is writable."""
+    """Type of a dataref: ``int``, ``float``, ``double`` or ``byte``; elements of an array; whether it is writable; X-Plane's complaint
+    when it is looked up."""
 
     type: str
     length: int | None = None
     writable: bool = True
+    complaint: str | None = None
 
 
 class World(Protocol):
@@ -315,9 +317,16 @@ class FakeXp:
 
     def findDataRef(self, name: str) -> Any:
         self._here()
-        self.looked_up.add(name)
         kind = self.world.kind(name)
+        if name not in self.looked_up and kind is not None and kind.complaint is not None:
+            # X-Plane knows the plugin that runs all of Python's.
+            self._write_system_log(f"[XPPython3]: {kind.complaint}")
+        self.looked_up.add(name)
         return None if kind is None else (name, kind)
+
+    def _write_system_log(self, line: str) -> None:
+        with Path(self.world.system_path(), "Log.txt").open("a", encoding="utf-8") as log:
+            log.write(f"{line}\n")
 
     def getDataRefTypes(self, ref: Any) -> int:
         _, kind = ref

@@ -12,6 +12,7 @@ import json
 import sys
 import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 from fake_xp import FakeGl, FakeXp, Kind
@@ -32,6 +33,7 @@ class PipeWorld:
         self.cockpit_view = cockpit_view
         # X-Plane's folder, for X-Plane's own files.
         self._path = tempfile.TemporaryDirectory(prefix="dtd-stand-in-")
+        Path(self._path.name, "Log.txt").touch()
 
     def _ask(self, *question: Any) -> Any:
         self._pipe.write(json.dumps(question).encode() + b"\n")

@@ -5,6 +5,8 @@
 
 mod known;
 
+pub(crate) use known::FOREIGN_NAMES;
+
 use std::collections::BTreeMap;
 
 use xplane_bridge::datarefs::Generation;
@@ -35,6 +37,31 @@ pub(crate) struct Dataref {
     pub writable: bool,
     /// Initial value (of every element).
     pub initial: f64,
+    /// What X-Plane 12 does when a dataref of 11 is looked up.
+    pub complaint: Option<Complaint>,
+}
+
+/// X-Plane's complaint about a deprecated dataref. It is written into its log in any case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Complaint {
+    /// Only there.
+    Logged,
+    /// An error lies over the scene as well.
+    Shown,
+}
+
+impl Complaint {
+    /// The words of X-Plane's log.
+    pub(crate) fn text(self, name: &str) -> String {
+        match self {
+            Self::Logged => {
+                format!("Dataref '{name}' has been replaced. Please use the new name.")
+            }
+            Self::Shown => {
+                format!("Dataref '{name}' is deprecated and will be removed in a future version.")
+            }
+        }
+    }
 }
 
 /// Why a write has no effect.
@@ -68,7 +95,7 @@ impl Datarefs {
     pub(crate) fn new(generation: Generation) -> Self {
         let cells = known::datarefs(generation).map(|dataref| {
             let values = vec![dataref.initial; dataref.length.unwrap_or(1)];
-            (dataref.name, (*dataref, values))
+            (dataref.name, (dataref, values))
         });
         Self {
             cells: cells.collect(),
@@ -298,7 +325,22 @@ mod tests {
                 .find("sim/weather/region/visibility_reported_sm")
                 .is_none()
         );
-        assert!(twelve.find("sim/weather/use_real_weather_bool").is_none());
+    }
+
+    #[test]
+    fn x_plane_12_keeps_the_names_of_11_and_complains_about_them() {
+        let [eleven, mut twelve] = [Generation::XPlane11, Generation::XPlane12].map(Datarefs::new);
+        let complaint = |datarefs: &Datarefs, name: &str| datarefs.find(name).unwrap().0.complaint;
+        let real = "sim/weather/use_real_weather_bool";
+        assert_eq!(complaint(&twelve, real), Some(Complaint::Shown));
+        let flaps = "sim/cockpit2/controls/flap_ratio";
+        assert_eq!(complaint(&twelve, flaps), Some(Complaint::Logged));
+        let mut names = eleven.iter().map(|(dataref, _)| dataref.name);
+        assert!(names.all(|name| complaint(&eleven, name).is_none()));
+        assert_eq!(twelve.write_exact(real, 1.0), Err(Ignored::ReadOnly));
+        assert_eq!(twelve.write_exact(flaps, 0.5), Ok(()));
+        // That one is gone.
+        assert!(twelve.find("sim/weather/thunderstorm_percent").is_none());
     }
 
     #[test]

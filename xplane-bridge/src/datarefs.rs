@@ -1,7 +1,8 @@
 //! The datarefs of X-Plane that we use, and the only conversion between SI and X-Plane's units.
 //!
 //! Input: conditions and runways in SI. Output: lists of dataref writes. Names and units differ between X-Plane 11 and 12 only for
-//! the weather ([`weather`]). The tolerances for reading back are one table ([`tolerance`]).
+//! the weather ([`weather`]): a name whose comment begins with a version is used in that version alone, because X-Plane 12 keeps those
+//! of 11 and complains when one is looked up. The tolerances for reading back are one table ([`tolerance`]).
 
 mod tolerance;
 mod version;

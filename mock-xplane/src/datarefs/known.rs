@@ -2,8 +2,8 @@
 
 use xplane_bridge::datarefs::{self as names, Generation};
 
-use super::Dataref;
 use super::Kind::{self, Byte, Double, Float, Int};
+use super::{Complaint, Dataref};
 
 const fn writable(name: &'static str, kind: Kind, initial: f64) -> Dataref {
     Dataref {
@@ -12,6 +12,7 @@ const fn writable(name: &'static str, kind: Kind, initial: f64) -> Dataref {
         length: None,
         writable: true,
         initial,
+        complaint: None,
     }
 }
 
@@ -43,16 +44,33 @@ const fn text(name: &'static str, length: usize) -> Dataref {
     }
 }
 
+/// Names that were looked up and are not of this version.
+pub(crate) const FOREIGN_NAMES: &str = "dtd/mock/foreign_names";
 const CLOUDS: usize = names::CLOUD_LAYERS;
 const WINDS: usize = names::WIND_LAYERS;
 
-/// The datarefs of a generation.
-pub(super) fn datarefs(generation: Generation) -> impl Iterator<Item = &'static Dataref> {
-    let own = match generation {
-        Generation::XPlane11 => ELEVEN,
-        Generation::XPlane12 => TWELVE,
+/// The datarefs of a generation. X-Plane 12 keeps those of 11 as deprecated.
+pub(super) fn datarefs(generation: Generation) -> impl Iterator<Item = Dataref> {
+    let (own, deprecated) = match generation {
+        Generation::XPlane11 => (ELEVEN, [].as_slice()),
+        Generation::XPlane12 => (TWELVE, ELEVEN),
     };
-    BOTH.iter().chain(own)
+    let deprecated = deprecated.iter().filter_map(deprecated_in_12);
+    BOTH.iter().chain(own).copied().chain(deprecated)
+}
+
+/// A dataref of X-Plane 11 in 12; `None` if it is gone. Those of the weather can be read only.
+fn deprecated_in_12(dataref: &Dataref) -> Option<Dataref> {
+    let complaint = match dataref.name {
+        names::VERSION | names::THUNDERSTORM_11 => return None,
+        names::USE_REAL_WEATHER_11 => Complaint::Shown,
+        _ => Complaint::Logged,
+    };
+    Some(Dataref {
+        complaint: Some(complaint),
+        writable: dataref.writable && !dataref.name.starts_with("sim/weather/"),
+        ..*dataref
+    })
 }
 
 /// What X-Plane 11 and 12 have in common, then ours.
@@ -113,13 +131,10 @@ const BOTH: &[Dataref] = &[
     read_only(names::AIRCRAFT_WIDTH_M, Float, 0.0),
     read_only(names::AIRCRAFT_LENGTH_M, Float, 0.0),
     // Flaps, gear, brakes, lights and the yoke, by the names that pilots' tools use.
-    writable("sim/cockpit2/controls/flap_ratio", Float, 0.0),
-    writable("sim/cockpit/switches/gear_handle_status", Int, 1.0),
     writable("sim/cockpit2/controls/parking_brake_ratio", Float, 1.0),
     writable("sim/cockpit2/controls/yoke_pitch_ratio", Float, 0.0),
     writable("sim/cockpit2/controls/yoke_roll_ratio", Float, 0.0),
     writable("sim/cockpit2/controls/yoke_heading_ratio", Float, 0.0),
-    writable("sim/cockpit/electrical/landing_lights_on", Int, 0.0),
     array(
         "sim/cockpit2/switches/landing_lights_switch",
         Float,
@@ -172,6 +187,8 @@ const BOTH: &[Dataref] = &[
     // What the plugin publishes.
     read_only(names::CAPTURE_PORT, Int, 0.0),
     read_only(names::WEATHER_SETTLE_S, Float, 0.0),
+    // The stand-in's own: how many names were looked up that are deprecated in this version, or unknown to it.
+    read_only(FOREIGN_NAMES, Int, 0.0),
 ];
 
 /// X-Plane 12 only. Weather: fair, as in a fresh simulator.
@@ -225,6 +242,9 @@ const TWELVE: &[Dataref] = &[
 /// X-Plane 11 only. Its weather has three layers of wind, and kind and cover of a cloud in one number.
 const ELEVEN: &[Dataref] = &[
     read_only(names::VERSION, Int, 115_501.0),
+    writable("sim/cockpit2/controls/flap_ratio", Float, 0.0),
+    writable("sim/cockpit/switches/gear_handle_status", Int, 1.0),
+    writable("sim/cockpit/electrical/landing_lights_on", Int, 0.0),
     writable(names::USE_REAL_WEATHER_11, Int, 0.0),
     writable(names::VISIBILITY_M_11, Float, 32_000.0),
     read_only("sim/weather/visibility_effective_m", Float, 32_000.0),

@@ -23,6 +23,7 @@ const NEEDLE: [u8; 3] = [240, 240, 236];
 const WINDOW: [u8; 3] = [230, 232, 235];
 const TITLE: [u8; 3] = [22, 92, 190];
 const TEXT: [u8; 3] = [60, 62, 66];
+const ALERT: [u8; 3] = [150, 24, 24];
 
 impl Canvas<'_> {
     /// The pilot's panel over the lower half, with instruments, and the frame of the windows.
@@ -51,6 +52,15 @@ impl Canvas<'_> {
         for line in 0..6 {
             let top = 0.34 + 0.055 * f64::from(line);
             self.fill([0.34, top, 0.62, top + 0.018], TEXT);
+        }
+    }
+
+    /// X-Plane's error about a plugin, at the top: a red box with lines of text.
+    pub(crate) fn draw_alert(&mut self) {
+        self.fill([0.30, 0.03, 0.70, 0.15], ALERT);
+        for line in 0..3 {
+            let top = 0.05 + 0.03 * f64::from(line);
+            self.fill([0.32, top, 0.64, top + 0.012], NEEDLE);
         }
     }
 
@@ -113,10 +123,12 @@ mod tests {
     }
 
     #[test]
-    fn a_panel_covers_the_lower_half_and_a_pop_up_the_middle() {
+    fn a_panel_covers_the_lower_half_a_pop_up_the_middle_and_an_alert_a_part_of_the_top() {
         let panel = covered(|canvas| canvas.draw_panel());
         let pop_up = covered(|canvas| canvas.draw_pop_up());
+        let alert = covered(|canvas| canvas.draw_alert());
         assert!((0.5..0.75).contains(&panel), "{panel}");
         assert!((0.15..0.25).contains(&pop_up), "{pop_up}");
+        assert!((0.04..0.06).contains(&alert), "{alert}");
     }
 }

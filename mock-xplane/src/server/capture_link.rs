@@ -31,6 +31,7 @@ use super::faults::outages::Outages;
 use super::scenes::{SceneKey, Scenes};
 use super::seat::{Activity, LinkPatience, Seat};
 use super::{MockError, Shared};
+use crate::render::overlay::Canvas;
 use crate::window::DisplayWindow;
 
 /// Maximum connections, most of which wait to say hello or for the seat.
@@ -43,6 +44,14 @@ pub(super) const WANTS_TOKEN: &str =
     "this capture link requires a token: set DTD_LINK_TOKEN to the same value on both sides";
 /// Why a stand-in without a window shows nothing.
 const NO_WINDOW: &str = "the stand-in has no window: start it with --window";
+
+/// A frame to be drawn.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    number: u64,
+    /// Whether X-Plane's error about a deprecated dataref lies over it.
+    alert: bool,
+}
 
 /// Accepts clients forever.
 pub(super) async fn run(
@@ -334,6 +343,9 @@ impl CaptureService {
             }
             // Nobody takes its camera, and it draws at a request only.
             Request::StillShown => ready(Answer::Shown { still: true }),
+            Request::Complaints => {
+                refusal("the stand-in has no plugin, and complains about none".into())
+            }
             Request::WatchCallbacks { .. } => {
                 refusal("the stand-in draws without a plugin: nobody is called back".into())
             }
@@ -398,7 +410,7 @@ impl CaptureService {
             }
             (Deliver::Picture | Deliver::Drawn, _) => None,
         };
-        let (key, sim_frame) = {
+        let (key, frame) = {
             let mut world = self.world.lock();
             let Some(runway) = world.frozen_runway().cloned() else {
                 return refusal("a capture needs a frozen simulator: send freeze first".into());
@@ -423,14 +435,18 @@ impl CaptureService {
                 weather: world.weather(),
                 clock: world.clock(),
             };
-            (key, world.pose_for_frame(request.pose, request.controls))
+            let frame = Frame {
+                number: world.pose_for_frame(request.pose, request.controls),
+                alert: world.shows_alert(),
+            };
+            (key, frame)
         };
         let permit = self.painters.clone().acquire_owned().await;
         let service = self.clone();
         let work = from.activity.work();
         let drawing = spawn_blocking(move || {
             let _in_work = (permit, work);
-            service.draw(&request, &key, sim_frame, slot)
+            service.draw(&request, &key, frame, slot)
         });
         match request.deliver {
             Deliver::Picture
@@ -493,7 +509,7 @@ impl CaptureService {
         &self,
         request: &CaptureRequest,
         key: &SceneKey,
-        sim_frame: u64,
+        frame: Frame,
         slot: Option<DrawingSlot>,
     ) -> Reply {
         let draw = |rgb: &mut [u8]| {
@@ -501,6 +517,14 @@ impl CaptureService {
             self.scenes.with(self.engine.as_ref(), key, |picture| {
                 picture.draw(&request.pose, &request.controls, time_s, rgb);
             });
+            if frame.alert {
+                let mut canvas = Canvas {
+                    rgb,
+                    width_px: key.width_px as usize,
+                    height_px: key.height_px as usize,
+                };
+                canvas.draw_alert();
+            }
         };
         let payload = match slot {
             Some(mut slot) => {
@@ -517,7 +541,7 @@ impl CaptureService {
         let header = FrameHeader {
             tick: request.tick,
             view: request.view,
-            sim_frame,
+            sim_frame: frame.number,
             pose: request.pose,
             camera: key.camera,
             width_px: key.width_px,

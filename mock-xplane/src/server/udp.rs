@@ -109,13 +109,18 @@ impl Server {
         let now_s = self.now_s();
         match packet {
             ToSimulator::SubscribeDataref(request) => {
+                if !request.is_end() {
+                    self.world.lock().looked_up(&request.path);
+                }
                 let full = !request.is_end() && self.subscriptions.count() >= MAX_SUBSCRIPTIONS;
                 if full || !self.subscriptions.subscribe(from, request, now_s) {
                     tracing::debug!(%from, full, "request lost: too many");
                 }
             }
             ToSimulator::WriteDataref(write) => {
-                if let Err(reason) = self.world.lock().write(&write.path, write.value) {
+                let mut world = self.world.lock();
+                world.looked_up(&write.path);
+                if let Err(reason) = world.write(&write.path, write.value) {
                     tracing::warn!(%from, path = write.path, value = write.value, %reason, "write ignored");
                 }
             }

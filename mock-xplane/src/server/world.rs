@@ -15,6 +15,8 @@ mod scenery;
 mod sky;
 mod view;
 
+use std::collections::BTreeSet;
+
 use dataset::conditions::{Clock, Weather};
 use dataset::geodesy::LatLon;
 use dataset::imaging::Imaging;
@@ -28,7 +30,7 @@ use self::airport::{GROUND_MSL_M, ON_THRESHOLD, far_away};
 use self::local_frame::LocalFrame;
 use self::scenery::Scenery;
 use self::sky::Sky;
-use crate::datarefs::{Datarefs, Ignored};
+use crate::datarefs::{Complaint, Datarefs, FOREIGN_NAMES, Ignored};
 use crate::quirks::{Quirk, Quirks};
 
 const PAUSED: &str = "sim/time/paused";
@@ -57,6 +59,10 @@ pub(super) struct World {
     placements: u64,
     /// Whether other aircraft fly next to the user's.
     others_fly: bool,
+    /// Names that clients looked up and that are not of this version.
+    foreign_names: BTreeSet<String>,
+    /// Whether X-Plane's error about one of them lies over the scene.
+    shows_alert: bool,
 }
 
 /// What a flight consists of.
@@ -107,7 +113,32 @@ impl World {
             hosted: false,
             placements: 0,
             others_fly: quirks.has(Quirk::AiAircraft),
+            foreign_names: BTreeSet::new(),
+            shows_alert: false,
         }
+    }
+
+    /// Somebody looks up a dataref by its name, `name[3]` for an element. Returns X-Plane's complaint, if there is one, the first
+    /// time.
+    pub(super) fn looked_up(&mut self, path: &str) -> Option<String> {
+        let name = path.split('[').next().unwrap_or(path);
+        let found = self.state.datarefs.find(name);
+        let complaint = found.map(|(dataref, _)| dataref.complaint);
+        if complaint == Some(None) || !self.foreign_names.insert(name.to_owned()) {
+            return None;
+        }
+        let count = self.foreign_names.len() as f64;
+        self.state.datarefs.set(FOREIGN_NAMES, count);
+        let complaint = complaint.flatten()?;
+        self.shows_alert |= complaint == Complaint::Shown;
+        let text = complaint.text(name);
+        tracing::warn!("{text}");
+        Some(text)
+    }
+
+    /// Whether X-Plane's error about a deprecated dataref lies over the scene.
+    pub(super) fn shows_alert(&self) -> bool {
+        self.shows_alert
     }
 
     /// Which quirks this simulator has.

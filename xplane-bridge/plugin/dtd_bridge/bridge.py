@@ -11,7 +11,7 @@ import queue
 from collections import deque
 from typing import Any, Generator
 
-from . import NAME, VERSION, callbacks, capture, messages
+from . import NAME, VERSION, callbacks, capture, complaints, messages
 from . import datarefs as names
 from .callbacks import Callbacks
 from .capture import Answer
@@ -67,6 +67,8 @@ class Bridge:
         self._client: Connection | None = None
         self._waiting: deque[Asked] = deque()
         self._task: Task | None = None
+        # Whether a client has left, and what it changed is not given back yet.
+        self._leaving = False
         try:
             self._server = LinkServer(settings)
         except Exception:
@@ -81,17 +83,20 @@ class Bridge:
 
     def close(self) -> None:
         """Gives back what needs no frame: values, the camera, callbacks. Commands and planes are not possible while X-Plane disables
-        the plugin."""
-        self._loops.close()
-        self._server.close()
-        self._end_requests()
-        self._stage.put_back()
-        self._stage.release()
-        self._pixels.unregister()
-        left = [*self._found.give_back_values(), *self._traffic.what_is_left()]
+        the plugin. A step that fails does not keep the others from being made."""
+        for step in (
+            self._loops.close, self._server.close, self._end_requests, self._stage.put_back, self._stage.release,
+            self._pixels.unregister, self._found.give_back_values, self._say_what_is_left, self._faults.summarize,
+        ):  # fmt: skip
+            try:
+                step()
+            except Exception as error:
+                self._faults.caught("disabling the plugin", error)
+
+    def _say_what_is_left(self) -> None:
+        left = [*self._found.what_is_left(), *self._traffic.what_is_left()]
         if left:
             log(self._xp, f"disabled in the middle of its work: {'; '.join(left)}")
-        self._faults.summarize()
 
     def _after_flight_model(self) -> None:
         """Values only."""
@@ -103,6 +108,7 @@ class Bridge:
         """One frame."""
         self._callbacks.note(callbacks.BEFORE)
         self._stage.begin_frame()
+        self._finish_leaving()
         self._found.step()
         self._coded.step()
         if self._coded.is_busy and (error := self._stage.error or self._pixels.error):
@@ -159,9 +165,16 @@ class Bridge:
     def _leave(self) -> None:
         """The client is gone: nothing it requested remains."""
         self._end_requests()
-        self._leave_stage()
-        self._found.client_left()
-        self._faults.summarize()
+        self._leaving = True
+        self._finish_leaving()
+
+    def _finish_leaving(self) -> None:
+        """Gives back what the client changed; tried again in the next frame if it fails."""
+        if self._leaving:
+            self._leave_stage()
+            self._found.client_left()
+            self._faults.summarize()
+            self._leaving = False
 
     def _end_requests(self) -> None:
         self._client = None
@@ -246,6 +259,8 @@ class Bridge:
             return self._keep_profile(header)
         if message == "still_shown":
             return _at_once({"message": "shown", "still": self._stage.still_shown})
+        if message == "complaints":
+            return _at_once({"message": "complaints", "lines": complaints.read(self._xp.getSystemPath())})
         if message == "watch_callbacks":
             return self._watch_callbacks(header)
         raise Refusal(f"the plugin knows no message {message!r}")

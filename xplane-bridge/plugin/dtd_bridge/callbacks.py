@@ -26,7 +26,8 @@ class Callbacks:
 
     def watch(self, frames: int) -> Generator[None, None, dict[str, Any]]:
         """For this many frames: how often each order occurred, and how far X-Plane's cycle number advanced."""
-        self._xp.registerDrawCallback(self._on_draw, self._xp.Phase_Window, DRAWN_AFTER, None)
+        on_draw = self._on_draw
+        self._xp.registerDrawCallback(on_draw, self._xp.Phase_Window, DRAWN_AFTER, None)
         try:
             self._seen = []
             cycle = self._xp.getCycleNumber()
@@ -36,7 +37,7 @@ class Callbacks:
             return {"frames": frames, "cycles": round(cycles * frames / (frames + 1)), "orders": self._orders()}
         finally:
             self._seen = None
-            self._xp.unregisterDrawCallback(self._on_draw, self._xp.Phase_Window, DRAWN_AFTER, None)
+            self._xp.unregisterDrawCallback(on_draw, self._xp.Phase_Window, DRAWN_AFTER, None)
 
     def _orders(self) -> dict[str, int]:
         """Frames begin with the callback before the flight model; the first and the last may be cut."""

@@ -71,15 +71,14 @@ class Found:
         self._put_back(OF_THE_WORLD)
         self._values = self._left_at = None
 
-    def give_back_values(self) -> list[str]:
-        """As far as that needs no command, while X-Plane disables the plugin; returns what the user has to do."""
-        if self._values is None:
-            return []
+    def give_back_values(self) -> None:
+        """As far as that needs no command, while X-Plane disables the plugin."""
         self._put_back((*OF_THE_STAGE, *OF_THE_WORLD))
-        self._values = self._left_at = None
-        if not self._paused and self._datarefs.get(names.PAUSED) != 0:
-            return ["X-Plane stays paused, press P"]
-        return []
+
+    def what_is_left(self) -> list[str]:
+        """For the log, after that."""
+        stays_paused = self._values is not None and not self._paused and self._datarefs.get(names.PAUSED) != 0
+        return ["X-Plane stays paused, press P"] if stays_paused else []
 
     def _put_back(self, wanted: tuple[str, ...]) -> None:
         values = self._values or {}

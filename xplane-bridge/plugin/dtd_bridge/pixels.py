@@ -71,8 +71,9 @@ class Pixels:
             self._xp.registerDrawCallback(callback, self._xp.Phase_Window, place, None)
             self._registered.append(registration)
         elif not needed and registration in self._registered:
-            self._registered.remove(registration)
-            self._xp.unregisterDrawCallback(callback, self._xp.Phase_Window, place, None)
+            # The very object that was registered: another one of the same method is equal, but need not be the same to XPPython3.
+            registered, _ = self._registered.pop(self._registered.index(registration))
+            self._xp.unregisterDrawCallback(registered, self._xp.Phase_Window, place, None)
 
     def show_pattern(self, code: int | None) -> None:
         """Shows the check pattern with a code from the next frame on, or removes it."""

@@ -319,8 +319,10 @@ class LinkServer:
     def give_time(self) -> None:
         """Lets the threads run, from the main thread: as long as a request waits to be read, and briefly while a screen is grabbed."""
         deadline = time.monotonic() + GIVE_TIME_S
-        while self._is_busy() and time.monotonic() < deadline:
+        while self._is_busy():
             time.sleep(LOOK_AGAIN_S)
+            if time.monotonic() > deadline:
+                return
 
     def _is_busy(self) -> bool:
         return self._watchers.are_busy() or any(connection.has_request() for connection in list(self._open))

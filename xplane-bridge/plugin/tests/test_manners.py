@@ -65,6 +65,31 @@ class Faults(WithBridge):
                     self.assertEqual(len(said), int(place != DRAW or in_a_capture), self.xp.lines)
                     self.assertTrue(all(what in line for line in said), said)
 
+    def test_four_captures_succeed_after_a_fault_in_the_single_call_that_starts_a_flight(self):
+        client = self.start()
+        client.ask({"message": "hello", "client": "test"})
+        start = test_bridge.Flying.fly(self)["start"]
+        with mock.patch.object(self.xp, "placeUserAtLocation", side_effect=RuntimeError("injected")):
+            self.assertRegex(client.refused({"message": "travel", "start": start}), "cannot begin a flight there.*injected")
+        self.assertEqual(client.ask(FREEZE)[0], {"message": "frozen"})
+        self.four_captures(client, 0)
+
+    def test_what_a_client_changed_is_given_back_although_the_first_try_fails(self):
+        client = self.frozen()
+        client.ask(capture())
+        client.stream.close()
+        with mock.patch.object(self.bridge._traffic, "give_back", side_effect=RuntimeError("injected")):
+            while self.bridge._client is not None:
+                self.xp.frame()
+        self.assertTrue(self.bridge._leaving)
+        self.xp.frame()
+        self.assertFalse(self.bridge._leaving)
+        self.assertEqual((self.world.get(test_bridge.OVERRIDE), self.world.get("sim/time/paused")), (0, 0))
+        again = self.another()
+        self.assertEqual(again.ask({"message": "hello", "client": "test"})[0]["message"], "hello")
+        again.ask(FREEZE)
+        self.four_captures(again, 1)
+
     def test_the_check_pattern_is_drawn_after_a_fault(self):
         client = self.frozen()
         self.begin(client, {"message": "check_pattern", "code": 1})
@@ -133,6 +158,16 @@ class Planes(WithBridge):
         self.assertEqual((self.xp._camera, self.xp._draws, self.xp._loops), (None, [], {}))
 
 
+    def test_a_step_that_fails_while_the_plugin_is_disabled_does_not_keep_the_camera(self):
+        client = self.frozen()
+        client.ask(capture())
+        with mock.patch.object(self.bridge._stage, "put_back", side_effect=RuntimeError("injected")):
+            self.close(self.xp, self.bridge)
+        self.assertEqual((self.xp._camera, self.xp._draws, self.xp._loops), (None, [], {}))
+        self.assertEqual(self.world.get(test_bridge.OVERRIDE), 0)
+        self.assertEqual(len(sentences(self.xp.lines, "injected")), 1)
+
+
 class Places(WithBridge):
     """The fake notices what X-Plane 12.4 checks."""
 
@@ -187,6 +222,35 @@ class ScreenshotFolder(WithBridge):
             # When it is made, when it is removed, and none in between.
             self.assertLessEqual(listed.call_count, 3 * taken)
             self.assertGreater(self.world.cycle - before, 4 * taken)
+
+
+class Complaints(WithBridge):
+    """What X-Plane's log says about us. The lines are those that others' logs have, with our names."""
+
+    LOG = "\n".join((
+        "Log.txt for X-Plane 12.4.0-r2",
+        "[XPPython3]: Dataref 'sim/cockpit2/controls/flap_ratio' has been replaced. Please use the new name.",
+        "[XPPython3]: Dataref 'sim/cockpit2/controls/flap_ratio' has been replaced. Please use the new name.",
+        "[XPPython3]: Dataref 'sim/cockpit/switches/anti_ice_on' is deprecated and will be removed in a future version.",
+        "[AviTab]: Dataref 'sim/weather/use_real_weather_bool' is deprecated and will be removed in a future version.",
+        "0:17:30.684 E/PLG: The plugin XPPython3 called the SDK function XPLMCreateProbe from outside of a callback.",
+        "0:17:31.000 E/PLG: The plugin AviTab called the SDK function XPLMCreateProbe from outside of a callback.",
+        "0:18:00.000 I/PLG: dtd_bridge is enabled",
+    ))  # fmt: skip
+
+    def test_lines_about_this_plugin_are_told_once_each_and_others_are_not(self):
+        with tempfile.TemporaryDirectory() as system:
+            self.world.path = system
+            Path(system, "Log.txt").write_text(self.LOG)
+            client = self.frozen()
+            answer, _ = client.ask({"message": "complaints"})
+            self.assertEqual(len(answer["lines"]), 2, answer)
+            self.assertIn("flap_ratio", answer["lines"][0])
+            self.assertIn("XPLMCreateProbe", answer["lines"][1])
+
+    def test_a_log_that_cannot_be_read_is_a_reason(self):
+        self.world.path = "/no/such/folder"
+        self.assertRegex(self.frozen().refused({"message": "complaints"}), "log cannot be read.*/no/such/folder")
 
 
 class Names(WithBridge):

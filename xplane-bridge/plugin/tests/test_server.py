@@ -56,6 +56,45 @@ class WithServer(unittest.TestCase):
             self.addCleanup(patcher.stop)
 
 
+class GivingTime(WithServer):
+    """The main thread waits for the others only while they have something to do."""
+
+    def test_a_frame_waits_as_long_as_bytes_of_a_request_are_not_read(self):
+        self.patch(GIVE_TIME_S=PATIENCE_S)
+        self.start()
+        stream = self.greet()
+        connection = self.wait_for(Opened).connection
+        self.wait_for(Asked)
+        waited = []
+        sleep = server.time.sleep
+        with (
+            mock.patch.object(connection, "has_request", side_effect=[True, True, False]),
+            mock.patch.object(server.time, "sleep", side_effect=lambda s: (waited.append(s), sleep(s))),
+        ):
+            self.server.give_time()
+        self.assertEqual(len(waited), 2)
+        stream.sendall(wire.pack({"message": "release"}))
+        self.assertEqual(self.wait_for(Asked).header, {"message": "release"})
+
+    def test_an_answer_is_on_its_way_before_the_frame_goes_on(self):
+        self.patch(GIVE_TIME_S=PATIENCE_S)
+        self.start()
+        stream = self.greet()
+        connection = self.wait_for(Opened).connection
+        connection.answer({"message": "released"})
+        connection.hand_over()
+        self.assertTrue(connection._outbox.empty())
+        self.assertEqual(stream.recv(8), wire.GREETING)
+
+    def test_no_frame_waits_for_an_idle_client(self):
+        self.start()
+        self.greet()
+        self.wait_for(Asked)
+        with mock.patch.object(server.time, "sleep", side_effect=AssertionError("waits")):
+            self.server.give_time()
+            self.server.give_time()
+
+
 class Silence(WithServer):
     def test_who_says_no_hello_does_not_hold_the_seat_and_leaves_in_time(self):
         self.patch(HELLO_TIMEOUT_S=0.3)

@@ -81,6 +81,8 @@ pub enum Request {
     /// Report whether the frame of the last [`Request::Capture`] has been on the screen ever since its answer. Whoever takes the camera
     /// from the plugin may do so while a client grabs the frame.
     StillShown,
+    /// Report what the simulator's own log complains about the plugin. For plugins only.
+    Complaints,
     /// Report the order of the plugin's callbacks. For plugins only, after a capture.
     WatchCallbacks {
         /// Frames to watch, at most 600.
@@ -160,6 +162,11 @@ pub enum Answer {
         /// Whether every frame since then has shown the same.
         still: bool,
     },
+    /// To [`Request::Complaints`].
+    Complaints {
+        /// Lines of the log, each once; at most some twenty.
+        lines: Vec<String>,
+    },
     /// To [`Request::WatchCallbacks`].
     Callbacks(CallbackOrders),
     /// To [`Request::Release`].
@@ -199,6 +206,7 @@ impl Answer {
             Self::Commanded => "commanded",
             Self::ProfileKept => "profile_kept",
             Self::Shown { .. } => "shown",
+            Self::Complaints { .. } => "complaints",
             Self::Callbacks(_) => "callbacks",
             Self::Released => "released",
             Self::Flown { .. } => "flown",

@@ -6,6 +6,7 @@
 //! aircraft's place during the pictures.
 
 mod announcement;
+mod complaints;
 mod eyes;
 mod lockstep;
 mod measure;
@@ -198,8 +199,14 @@ const OVER_UDP: [&str; 6] = [
     "frame rate",
 ];
 /// Names of the checks that need a capture link.
-const OVER_LINK: [&str; 6] = [
-    "pixels", "window", "terrain", "profile", "lockstep", "release",
+const OVER_LINK: [&str; 7] = [
+    "complaints",
+    "pixels",
+    "window",
+    "terrain",
+    "profile",
+    "lockstep",
+    "release",
 ];
 
 /// Examines everything, and calls `on_check` with each point as it is known.
@@ -318,6 +325,8 @@ impl Examination<'_> {
     ) {
         let description = simulator.description().clone();
         self.note(plugin(&description));
+        let complaints = complaints::check(&mut simulator).await;
+        self.note(complaints);
         self.note(pixels(&description));
         let intent = options.intent.as_ref();
         let (check, grabbing) = window::check(&mut simulator, &options.screen, intent).await;

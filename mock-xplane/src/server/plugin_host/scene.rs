@@ -311,6 +311,7 @@ impl PluginScene {
                 others: world.others_fly(),
                 panel: shot.panel,
                 pop_up: windows && world.shows_pop_up(),
+                alert: windows && world.shows_alert(),
                 gain: match self.quirks.has(Quirk::SlowExposure) {
                     true => self.exposure.gain(),
                     false => 1.0,
@@ -630,21 +631,26 @@ impl PluginScene {
         }))
     }
 
+    /// Type of a dataref, and X-Plane's complaint when it is looked up, if there is one.
     fn kind(&self, name: &str) -> Value {
-        let described = |kind: Kind, length: Option<usize>, writable: bool| {
+        let described = |kind: Kind, length, writable, complaint: Option<String>| {
             let kind = match kind {
                 Kind::Int => "int",
                 Kind::Float => "float",
                 Kind::Double => "double",
                 Kind::Byte => "byte",
             };
-            json!([kind, length, writable])
+            json!([kind, length, writable, complaint])
         };
         if let Some((_, kind, length, writable, _)) = OWN.iter().find(|own| own.0 == name) {
-            return described(*kind, *length, *writable);
+            return described(*kind, *length, *writable, None);
         }
-        match self.world.lock().datarefs().find(name) {
-            Some((dataref, _)) => described(dataref.kind, dataref.length, dataref.writable),
+        let mut world = self.world.lock();
+        let complaint = world.looked_up(name);
+        match world.datarefs().find(name) {
+            Some((dataref, _)) => {
+                described(dataref.kind, dataref.length, dataref.writable, complaint)
+            }
             None => Value::Null,
         }
     }

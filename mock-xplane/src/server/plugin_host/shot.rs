@@ -41,6 +41,8 @@ pub(super) struct Painter {
     pub(super) panel: bool,
     /// Whether a pop-up lies over it.
     pub(super) pop_up: bool,
+    /// Whether X-Plane's error about a deprecated dataref lies over it.
+    pub(super) alert: bool,
     /// How much too bright it still is: 1 when the exposure has settled.
     pub(super) gain: f64,
     /// Position of the waves, if water moves.
@@ -92,6 +94,9 @@ impl Painter {
         }
         if self.pop_up {
             canvas.draw_pop_up();
+        }
+        if self.alert {
+            canvas.draw_alert();
         }
     }
 

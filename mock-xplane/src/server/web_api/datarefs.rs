@@ -71,15 +71,17 @@ impl WebApiService {
     }
 
     pub(super) fn dataref(&self, id: u64) -> Result<&'static str, Refusal> {
-        let known = self.ids.dataref(id);
-        known
-            .filter(|_| self.world.lock().flight_loaded())
-            .ok_or_else(|| {
-                Refusal::not_found(
-                    "invalid_dataref_id",
-                    format!("no dataref has the number {id} in this session"),
-                )
-            })
+        let mut world = self.world.lock();
+        let known = self.ids.dataref(id).filter(|_| world.flight_loaded());
+        if let Some(name) = known {
+            world.looked_up(name);
+        }
+        known.ok_or_else(|| {
+            Refusal::not_found(
+                "invalid_dataref_id",
+                format!("no dataref has the number {id} in this session"),
+            )
+        })
     }
 }
 
@@ -87,6 +89,9 @@ pub(super) async fn list(
     State(service): State<Arc<WebApiService>>,
     Query(filters): Filters,
 ) -> Result<Json<Value>, Refusal> {
+    for (_, name) in filters.iter().filter(|(key, _)| key == "filter[name]") {
+        service.world.lock().looked_up(name);
+    }
     let data = filtered(service.dataref_records().into_iter(), &filters)?;
     Ok(Json(json!({ "data": data })))
 }

@@ -22,7 +22,7 @@ fn expected(generation: Generation) -> [Expected; 13] {
     const POSITIVE: RangeInclusive<f32> = f32::MIN_POSITIVE..=f32::MAX;
     const SWITCH: RangeInclusive<f32> = 0.0..=1.0;
     let visibility = match generation {
-        Generation::XPlane11 => "sim/weather/visibility_reported_m",
+        Generation::XPlane11 => datarefs::VISIBILITY_M_11,
         Generation::XPlane12 => datarefs::VISIBILITY_SM,
     };
     [
