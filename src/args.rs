@@ -1,6 +1,7 @@
 //! Command-line arguments.
 
 use std::net::{IpAddr, SocketAddr};
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -252,6 +253,15 @@ pub(crate) struct GenerateArgs {
     /// Recording then continues without that simulator; without the store it ends.
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
     pub(crate) patience: u64,
+    /// Shell command that restarts an X-Plane which is gone beyond the patience
+    ///
+    /// It gets --sim's name of the X-Plane in DTD_SIMULATOR, ends the old X-Plane if it is still there, starts a new one in the background, and
+    /// ends with status 0 (docs/x-plane.md has examples). Then the X-Plane's version, window and profile are checked again.
+    #[arg(long, value_name = "COMMAND")]
+    pub(crate) restart_simulator: Option<String>,
+    /// Restart an X-Plane also after this many live flights, e.g. 45
+    #[arg(long, value_name = "N", requires = "restart_simulator")]
+    pub(crate) restart_every: Option<NonZeroU32>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -114,6 +114,7 @@ async fn record(
         only: Vec::new(),
         shard: Shard::WHOLE,
         patience: Patience::default(),
+        restart: None,
         remote: None,
     };
     let mut told = Vec::new();

@@ -112,10 +112,16 @@ async fn record_into(
     let imaging: Vec<Imaging> = views.iter().map(|(_, camera)| camera.imaging()).collect();
     // Before minutes are spent on a flight that cannot be drawn.
     simulator.check_imaging(&imaging)?;
+    if live {
+        session.flies_live();
+    }
     let trajectory = trajectory(work, scenario, &mut simulator, attempt).await?;
     let window = trajectory
         .approach(&common.runway, parameters.start_dtd_m)
-        .map_err(ScenarioError::Flight)?;
+        .map_err(|fault| match live {
+            true => ScenarioError::LiveFlight(fault),
+            false => ScenarioError::Flight(fault),
+        })?;
     let states = trajectory.resample(window, picture.frame_rate);
     attempt.reporter.tell(Event::Flown {
         id: attempt.id,

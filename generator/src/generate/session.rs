@@ -72,6 +72,13 @@ pub enum BadSimulator {
 const EXPECTED: &str =
     "expected `mock`, `mock:awkward`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
 
+impl SimulatorTarget {
+    /// Whether it was started by somebody else, and is not ours to end.
+    pub(super) fn runs_already(&self) -> bool {
+        matches!(self, Self::Address(_) | Self::Announced)
+    }
+}
+
 impl FromStr for SimulatorTarget {
     type Err = BadSimulator;
 
@@ -136,6 +143,12 @@ pub(super) struct Session {
     ready: Option<Simulator>,
     /// The known profile, which was reported.
     known: Option<KnownProfile>,
+    /// Versions of simulator and plugin in this run.
+    versions: Option<String>,
+    /// Live flights since the simulator was started for this run, or restarted.
+    live_flights: u32,
+    /// Restarts since a scenario was made.
+    restarts_in_vain: u32,
 }
 
 impl Session {
@@ -160,6 +173,41 @@ impl Session {
             stand_in: None,
             ready: None,
             known: None,
+            versions: None,
+            live_flights: 0,
+            restarts_in_vain: 0,
+        }
+    }
+
+    /// A live flight begins.
+    pub(super) fn flies_live(&mut self) {
+        self.live_flights += 1;
+    }
+
+    /// Live flights since the last restart.
+    pub(super) fn live_flights(&self) -> u32 {
+        self.live_flights
+    }
+
+    /// A scenario was made.
+    pub(super) fn made_one(&mut self) {
+        self.restarts_in_vain = 0;
+    }
+
+    /// Restarts since a scenario was made.
+    pub(super) fn restarts_in_vain(&self) -> u32 {
+        self.restarts_in_vain
+    }
+
+    /// Lets go of a simulator that is to be restarted. Its profile is looked at anew afterwards.
+    pub(super) async fn leave_to_restart(&mut self) {
+        self.live_flights = 0;
+        self.restarts_in_vain += 1;
+        self.known = None;
+        if let Some(ready) = self.ready.take()
+            && let Err(error) = ready.release().await
+        {
+            tracing::debug!(%error, "the simulator that is to be restarted did not confirm its release");
         }
     }
 
@@ -176,6 +224,11 @@ impl Session {
     /// The simulator's name in messages.
     pub(super) fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Whether the simulator was started by somebody else.
+    pub(super) fn runs_already(&self) -> bool {
+        self.target.runs_already()
     }
 
     /// The tape that acts as the simulator, if any.
@@ -207,11 +260,33 @@ impl Session {
             }
             (connected, _) => connected?,
         };
+        let simulator = self.of_the_same_version(simulator).await?;
         let mut simulator = self.pictures.set_up(simulator).await?;
         if let Some(known) = &self.known {
             simulator.use_profile(known.clone());
         }
         Ok(simulator)
+    }
+
+    /// Rejects a simulator or a plugin that was updated while it was restarted: no check compares pictures of two versions.
+    async fn of_the_same_version(
+        &mut self,
+        simulator: Simulator,
+    ) -> Result<Simulator, ScenarioError> {
+        let found = simulator.description().versions();
+        match &self.versions {
+            Some(before) if *before != found => {
+                let before = before.clone();
+                if let Err(error) = simulator.release().await {
+                    tracing::debug!(%error, "the simulator did not confirm its release");
+                }
+                Err(ScenarioError::OtherSimulator { before, found })
+            }
+            _ => {
+                self.versions = Some(found);
+                Ok(simulator)
+            }
+        }
     }
 
     async fn connect_to_target(&mut self) -> Result<Simulator, ScenarioError> {
@@ -243,21 +318,21 @@ impl Session {
         Ok(self.stand_in.insert(fresh).address())
     }
 
-    /// Waits up to `limit` for an answer of the simulator; returns whether it came. Our own stand-in is restarted, since its last
-    /// behaviour was wrong.
-    pub(super) async fn come_back(&mut self, limit: Duration) -> bool {
+    /// Waits up to `limit` for the simulator, with its pictures; the error is the last reason why it cannot be used. Our own stand-in is
+    /// restarted, since its last behaviour was wrong.
+    pub(super) async fn come_back(&mut self, limit: Duration) -> Result<(), ScenarioError> {
         self.ready = None;
         if let Some(stand_in) = self.stand_in.take() {
             stand_in.stop().await;
         }
         let until = Instant::now() + limit;
         loop {
-            match self.open().await {
-                Ok(()) => return true,
-                Err(error) => tracing::debug!(simulator = self.name, %error, "still away"),
-            }
+            let Err(error) = self.open().await else {
+                return Ok(());
+            };
+            tracing::debug!(simulator = self.name, %error, "still away");
             if Instant::now() >= until {
-                return false;
+                return Err(error);
             }
             sleep(POLL_INTERVAL.min(limit)).await;
         }

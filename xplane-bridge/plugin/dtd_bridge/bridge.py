@@ -18,7 +18,7 @@ from .datarefs import Datarefs
 from .flight import Flights
 from .found import Found
 from .local_frame import LocalFrame
-from .messages import Refusal
+from .messages import LastingRefusal, Refusal
 from .pixels import Pixels
 from .profile import ProfileFile, still_pictures_move
 from .scenery import Ground
@@ -148,7 +148,7 @@ class Bridge:
             answer: Answer = ended.value
             return answer
         except Refusal as refusal:
-            return _error(str(refusal))
+            return _error(str(refusal), refusal.repeats)
         except Exception as error:  # A bug of ours must not crash X-Plane.
             self._xp.log(f"a request failed: {error!r}")
             return _error(f"the plugin failed: {error!r}")
@@ -188,7 +188,7 @@ class Bridge:
             return _at_once({"message": "shown", "still": self._stage.still_shown})
         if message == "watch_callbacks":
             return self._watch_callbacks(header)
-        raise Refusal(f"the plugin knows no message {message!r}")
+        raise LastingRefusal(f"the plugin knows no message {message!r}")
 
     def _hello(self) -> Task:
         pixels = ["screen"] if self._pixels.no_readback else ["gl", "screen"]
@@ -246,7 +246,7 @@ class Bridge:
 
     def _freeze(self, header: Header) -> Task:
         if header.get("imaging"):
-            raise Refusal("X-Plane draws ideal pictures along straight lines: imaging has to be left out")
+            raise LastingRefusal("X-Plane draws ideal pictures along straight lines: imaging has to be left out")
         messages.runway(messages.part(header, "runway"))
         self._settle_frames = messages.whole(header, "settle_frames", 1, 600)
         running_at = messages.clock(messages.part(header, "running_at")) if header.get("running_at") else None
@@ -280,7 +280,7 @@ class Bridge:
     def _command(self, header: Header) -> Task:
         path = header.get("path")
         if not isinstance(path, str) or not self._xp.findCommand(path):
-            raise Refusal(f"this X-Plane has no command {path!r}")
+            raise LastingRefusal(f"this X-Plane has no command {path!r}")
         self._stage.command(path)
         return _at_once({"message": "commanded"})
 
@@ -339,5 +339,8 @@ def _at_once(header: Header, payload: bytes = b"") -> Task:
     yield
 
 
-def _error(text: str) -> Answer:
-    return {"message": "error", "text": text}, b""
+def _error(text: str, repeats: bool = False) -> Answer:
+    header: Header = {"message": "error", "text": text}
+    if repeats:
+        header["repeats"] = True
+    return header, b""

@@ -14,6 +14,7 @@ impl Simulator {
         let kept = serde_json::to_value(&profile).map_err(|error| BridgeError::Refused {
             doing: "keeping the profile",
             text: error.to_string(),
+            repeats: true,
         })?;
         let request = Request::KeepProfile { profile: kept };
         match self
