@@ -33,7 +33,8 @@ const AFTER_GROUPS: &str = "\nOptions:\n{options}{after-help}";
 pub(crate) const PLAN: &str = "\
 Examples:
   dtd plan scenarios.toml                     what it would make, how long that takes, how large it is
-  dtd plan scenarios.toml --against corpus    what is missing there, and what has changed";
+  dtd plan scenarios.toml --against corpus    what is missing there, and what has changed
+  dtd plan scenarios.toml --sim auto          how long that X-Plane would take";
 
 pub(crate) const GENERATE: &str = "\
 Examples:

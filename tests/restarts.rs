@@ -47,6 +47,11 @@ impl Scripted {
             .env("DTD_SIMULATOR", scripted.address())
             .status();
         assert!(started.unwrap().success());
+        let began = Instant::now();
+        while !fs::read_to_string(scripted.file("log")).is_ok_and(|log| log.contains("\"udp\"")) {
+            assert!(began.elapsed() < TOO_LONG, "it did not start");
+            sleep(Duration::from_millis(10));
+        }
         scripted
     }
 
@@ -62,7 +67,7 @@ impl Scripted {
     fn script(&self, arguments: &str) -> String {
         format!(
             "kill -9 $(cat {pid}) 2>/dev/null; \
-             {dtd} mock-xplane --port {port} --no-beacon {arguments} </dev/null >>{log} 2>&1 & \
+             {dtd} mock-xplane --port {port} --no-beacon --quirks=none {arguments} </dev/null >>{log} 2>&1 & \
              echo $! >{pid}; echo $DTD_SIMULATOR >>{starts}",
             pid = self.file("pid").display(),
             dtd = DTD.program(),

@@ -28,7 +28,9 @@ mod session;
 mod simulators;
 mod space;
 mod stage;
+mod steps;
 mod tally;
+mod trial;
 mod uploads;
 mod workplace;
 
@@ -56,6 +58,7 @@ pub use session::{BadSimulator, SimulatorTarget};
 pub use simulators::Simulators;
 /// A switch that can be set once, from any thread, e.g. by Ctrl-C.
 pub use tokio_util::sync::CancellationToken as Cancel;
+pub use trial::trial;
 
 use crate::plan::{expand, room_bytes};
 use crate::shard::Shard;

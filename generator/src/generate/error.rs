@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use flight_model::NotLanded;
 use store::StoreError;
 use tokio::task::JoinError;
 use xplane_bridge::BridgeError;
@@ -104,6 +105,9 @@ pub enum GenerateError {
         /// How that shows.
         cause: Box<ScenarioError>,
     },
+    /// A trial scenario cannot be recorded.
+    #[error("the trial that measures this simulator failed: {0}")]
+    Trial(Box<ScenarioError>),
     /// The object store of the corpus cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -231,9 +235,15 @@ pub enum ScenarioError {
         /// Its hash.
         blake3: String,
     },
-    /// The plan has a live flight without its profile.
-    #[error("the flight is live, but the plan does not say how")]
+    /// The plan has a flight that is no recording without its profile.
+    #[error("the flight is no recording, but the plan does not say how to fly it")]
     NoLiveStart,
+    /// The flight model does not land.
+    #[error(transparent)]
+    NotLanded(#[from] NotLanded),
+    /// The thread that computes a flight panicked.
+    #[error("computing the flight failed: {0}")]
+    Computing(JoinError),
     /// A picture does not show what was requested.
     #[error("tick {tick}, view {view}: the simulator did not draw what was requested: {what}")]
     NotInStep {
@@ -338,6 +348,8 @@ impl ScenarioError {
                 | Self::Flight(_)
                 | Self::NoRecording { .. }
                 | Self::NoLiveStart
+                | Self::NotLanded(_)
+                | Self::Computing(_)
                 | Self::Corpus(dataset::Error::Corpus { .. })
                 | Self::Bridge(
                     BridgeError::BadConditions { .. }

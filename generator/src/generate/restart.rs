@@ -1,4 +1,5 @@
-//! The user's command that restarts a simulator, which `dtd` cannot do itself: X-Plane is often started by a script, or on another computer.
+//! The user's command that restarts a simulator, which `dtd` cannot do itself: X-Plane is often started by a script, or on another
+//! computer.
 //!
 //! Input: a command line for `sh`, and the simulator's name in the environment variable [`SIMULATOR_VARIABLE`]. Output: how it ended, with
 //! its last words. The command is expected to end the old simulator, to start a new one in the background, and to end.

@@ -225,11 +225,12 @@ impl<'a> Run<'a> {
             cancel: &self.tally.halt,
             reporter: &self.reporter,
             answer_limit: self.patience.answer,
+            most_ticks: None,
         };
         let recorded = record(&self.work, scenario, claim, session, &attempt).await;
         let ticks = match session.tape() {
-            Some(tape) => recorded.map_err(|error| error.of_tape(tape))?,
-            None => recorded?,
+            Some(tape) => recorded.map_err(|error| error.of_tape(tape))?.ticks,
+            None => recorded?.ticks,
         };
         SetAside::clear(self.work.corpus, &scenario.id);
         self.reporter.tell(Event::Committed {

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use tokio::time::{Instant, sleep};
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
-use xplane_bridge::profile::KnownProfile;
+use xplane_bridge::profile::{KnownProfile, RecordedPace};
 use xplane_bridge::{CONNECT_TIMEOUT, Simulator};
 use xplane_tape::{TapeError, TapeReader};
 
@@ -149,6 +149,8 @@ pub(super) struct Session {
     live_flights: u32,
     /// Restarts since a scenario was made.
     restarts_in_vain: u32,
+    /// Whether the simulator keeps how long a scenario took.
+    pace_kept: bool,
 }
 
 impl Session {
@@ -176,6 +178,7 @@ impl Session {
             versions: None,
             live_flights: 0,
             restarts_in_vain: 0,
+            pace_kept: false,
         }
     }
 
@@ -197,6 +200,22 @@ impl Session {
     /// Restarts since a scenario was made.
     pub(super) fn restarts_in_vain(&self) -> u32 {
         self.restarts_in_vain
+    }
+
+    /// Lets a simulator with a profile keep how long the first scenario of this run took. Whether it does changes nothing here.
+    pub(super) async fn keep_pace(&mut self, simulator: &mut Simulator, pace: RecordedPace) {
+        let description = simulator.description();
+        let has_profile = matches!(description.profile, KnownProfile::Current(_));
+        if self.pace_kept || description.replayed || !has_profile {
+            return;
+        }
+        match simulator.keep_pace(&pace).await {
+            Ok(()) => {
+                self.pace_kept = true;
+                self.known = Some(simulator.description().profile.clone());
+            }
+            Err(error) => tracing::warn!(%error, "how long a scenario takes was not kept"),
+        }
     }
 
     /// Lets go of a simulator that is to be restarted. Its profile is looked at anew afterwards.
