@@ -15,7 +15,7 @@ use dataset::runway::Runway;
 use dataset::scenario::Flight;
 use dataset::verify::verify;
 use generator::against::{Against, Standing};
-use generator::generate::{Event, GenerateError, SimulatorTarget, Stopped};
+use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, Stopped, trial};
 use generator::plan::{Estimate, Pacing, expand};
 use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};
 use xplane_bridge::fly::FlyRequest;
@@ -133,6 +133,34 @@ async fn computed_flights_are_only_shown_by_the_simulator_and_the_corpus_says_so
     let error = run(&sweep_of(&live), one.path(), only_draws, &[]).await;
     let error = error.unwrap_err();
     assert!(error.is_bad_input(), "{error}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trial_measures_a_scenario_of_every_weather() {
+    let sweep = sweep_of(&sweep_toml());
+    let options = options(stand_in().await, &[]);
+    let costs = trial(&sweep, &options, &Cancel::new()).await.unwrap();
+    let weathers: Vec<&str> = costs.keys().map(String::as_str).collect();
+    assert_eq!(weathers, ["clear", "foggy"]);
+    for (weather, cost) in costs {
+        let parts = [
+            cost.picture_s,
+            cost.scenario_s,
+            cost.loading_s,
+            cost.weather_s,
+            cost.flying_s,
+        ];
+        assert!(parts.iter().all(|part| *part >= 0.0), "{weather}: {cost:?}");
+        assert!(
+            cost.picture_s + cost.scenario_s > 0.0,
+            "{weather}: {cost:?}"
+        );
+    }
+
+    let nobody = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let nobody = SimulatorTarget::Address(nobody.local_addr().unwrap());
+    let error = trial(&sweep, &small_corpus::options(nobody, &[]), &Cancel::new()).await;
+    assert!(matches!(error, Err(GenerateError::Bridge(_))), "{error:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

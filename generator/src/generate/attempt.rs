@@ -22,7 +22,8 @@ pub(super) struct Attempt<'a, 'r> {
 }
 
 impl Attempt<'_, '_> {
-    /// The states to record: all of them, or for a trial some that lie evenly between the first and the last.
+    /// The states to record: all of them, or for a trial some that lie evenly between the first and the last. The times of pictures count
+    /// ticks, so that clouds move from one to the next as in a whole scenario.
     pub(super) fn part_of(&self, states: Vec<FlightState>) -> Vec<FlightState> {
         match self.most_ticks.map(|most| most as usize) {
             Some(most) if most < states.len() => {

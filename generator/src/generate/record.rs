@@ -161,9 +161,12 @@ async fn record_into(
     let trajectory = trajectory(work, scenario, &mut simulator, attempt).await?;
     let window = trajectory
         .approach(&common.runway, parameters.start_dtd_m)
-        .map_err(|fault| match live {
-            true => ScenarioError::LiveFlight(fault),
-            false => ScenarioError::Flight(fault),
+        .map_err(|fault| {
+            if live {
+                ScenarioError::LiveFlight(fault)
+            } else {
+                ScenarioError::Flight(fault)
+            }
         })?;
     let steps = Steps {
         loading,

@@ -2,7 +2,8 @@
 //! recording takes with the stand-in on this machine.
 //!
 //! Each scenario is recorded with few ticks and with more: the difference is what pictures cost, the rest is what a scenario costs. The
-//! ticks follow each other at the sweep's frame rate, because what moves clouds is shared by pictures that are close in time.
+//! aircraft is shown all along its way, but the pictures are as close in time as the sweep wants: those that are close share the clouds,
+//! which are the most expensive part of a picture.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -89,7 +90,6 @@ impl Trial<'_> {
             let again = self.record(scenario, TICKS[0], session).await?;
             let more = self.record(scenario, TICKS[1], session).await?;
             let views = self.work.plan.common.cameras.len() as f64;
-            let [few, again, more] = [few, again, more];
             let pictures = |(ticks, _): (u32, Steps)| f64::from(ticks) * views;
             let recording_s = |(_, steps): (u32, Steps)| steps.recording.as_secs_f64();
             let more_pictures = (pictures(more) - pictures(again)).max(1.0);
