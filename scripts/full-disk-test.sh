@@ -28,7 +28,7 @@ size_kb=$(du -sk --apparent-size "$work/whole" | cut -f 1)
 mount -t tmpfs -o "size=$((size_kb / 2))k" tmpfs "$work/disk"
 code=0
 "$dtd" generate "$sweep" --out "$work/disk/corpus" --json >"$work/outcome" 2>"$work/said" || code=$?
-[ "$code" -eq 1 ] || fail "a full disk ended with $code, expected 1: $(cat "$work/said")"
+[ "$code" -eq 3 ] || fail "a full disk ended with $code, expected 3: $(cat "$work/said")"
 grep -q '"cause": "storage"' "$work/outcome" || fail "not stopped for storage: $(cat "$work/outcome")"
 grep -q ' free, and about ' "$work/said" || fail "no figures: $(cat "$work/said")"
 made=$(find "$work/disk/corpus/scenarios" -mindepth 1 -maxdepth 1 ! -name '*.partial' | wc -l)

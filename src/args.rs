@@ -1,6 +1,7 @@
 //! Command-line arguments.
 
 use std::net::{IpAddr, SocketAddr};
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -11,7 +12,7 @@ use clap::{
 };
 use clap_complete::Shell;
 use dataset::memory::Bytes;
-use generator::generate::Simulators;
+use generator::generate::{SimulatorTarget, Simulators};
 use labeller::Device;
 use mock_xplane::quirks::Quirks;
 use mock_xplane::server::Faults;
@@ -186,10 +187,19 @@ pub(crate) struct PlanArgs {
     /// The default is ./corpus if it was made from a sweep of this name.
     #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| CorpusLocation::of(&path)))]
     pub(crate) against: Option<CorpusLocation>,
-    /// Pictures per second that your simulator delivers, all views together
+    /// Estimate the recording time with this simulator
     ///
-    /// For the estimate of the recording time.
-    #[arg(long, value_name = "N", value_parser = positive)]
+    /// `mock` records a few pictures of every weather with the stand-in on this machine and measures. Of an X-Plane (HOST:PORT, or `auto`),
+    /// the profile is read that `dtd doctor` measured. By default, figures of the stand-in on two cores are used.
+    #[arg(long, value_name = "mock|auto|HOST:PORT")]
+    pub(crate) sim: Option<SimulatorTarget>,
+    /// Count a restart of X-Plane after every N live flights
+    #[arg(long, value_name = "N")]
+    pub(crate) restart_every: Option<NonZeroU32>,
+    /// Pictures per second that your X-Plane delivers, all views together
+    ///
+    /// For the estimate of the recording time, instead of --sim.
+    #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "sim")]
     pub(crate) pictures_per_second: Option<f64>,
     /// One row per scenario, however many there are
     #[arg(long)]
@@ -252,6 +262,15 @@ pub(crate) struct GenerateArgs {
     /// Recording then continues without that simulator; without the store it ends.
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
     pub(crate) patience: u64,
+    /// Shell command that restarts an X-Plane which is gone beyond the patience
+    ///
+    /// It gets --sim's name of the X-Plane in DTD_SIMULATOR, ends the old X-Plane if it is still there, starts a new one in the background,
+    /// and ends with status 0 (docs/x-plane.md has an example). Then the X-Plane's version, window and profile are checked again.
+    #[arg(long, value_name = "COMMAND")]
+    pub(crate) restart_simulator: Option<String>,
+    /// Restart an X-Plane also after this many live flights, e.g. 45
+    #[arg(long, value_name = "N", requires = "restart_simulator")]
+    pub(crate) restart_every: Option<NonZeroU32>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -33,7 +33,8 @@ const AFTER_GROUPS: &str = "\nOptions:\n{options}{after-help}";
 pub(crate) const PLAN: &str = "\
 Examples:
   dtd plan scenarios.toml                     what it would make, how long that takes, how large it is
-  dtd plan scenarios.toml --against corpus    what is missing there, and what has changed";
+  dtd plan scenarios.toml --against corpus    what is missing there, and what has changed
+  dtd plan scenarios.toml --sim auto          how long that X-Plane would take";
 
 pub(crate) const GENERATE: &str = "\
 Examples:
@@ -41,6 +42,7 @@ Examples:
   dtd generate scenarios.toml --out corpus --sim mock:2      with two of them
   dtd generate demo.toml --out corpus --sim 127.0.0.1:49000  with X-Plane (first: dtd doctor)
   dtd generate scenarios.toml --out s3://bucket/corpus --shard 0/4
+  dtd generate scenarios.toml --out corpus --sim auto --restart-simulator ./restart.sh
 
 Environment:
   DTD_LINK_TOKEN        the secret of a capture link on another computer

@@ -48,6 +48,37 @@ fn the_papers_corpus_is_one_hundred_scenarios_of_five_times_and_four_weathers() 
 }
 
 #[test]
+fn a_plan_lists_how_long_each_part_of_the_recording_takes() {
+    let estimate = |arguments: &[&str]| {
+        let all = [&["plan", "tests/data/small.toml", "--json"], arguments].concat();
+        DTD.json(&all)["estimate"].clone()
+    };
+    let parts = ["pictures", "live_flying", "loading", "weather", "restarts"];
+    let x_plane = ["--pictures-per-second", "8", "--restart-every", "1"];
+    for arguments in [&["--sim", "mock"][..], &x_plane, &[]] {
+        let estimate = estimate(arguments);
+        let hours = |part: &str| estimate[format!("{part}_h")].as_f64().unwrap();
+        let sum: f64 = parts.iter().map(|part| hours(part)).sum();
+        assert!(
+            (hours("making") - sum).abs() < 1e-9 && sum > 0.0,
+            "{estimate}"
+        );
+        for part in parts {
+            let basis = estimate[format!("{part}_basis")].as_str().unwrap();
+            assert!(!basis.is_empty(), "{part}: {estimate}");
+        }
+        // Three of the six flights are live.
+        let is_x_plane = arguments == x_plane;
+        assert_eq!(
+            hours("live_flying") * 3_600.0 > 150.0,
+            is_x_plane,
+            "{estimate}"
+        );
+        assert_eq!(hours("restarts") > 0.0, is_x_plane, "{estimate}");
+    }
+}
+
+#[test]
 fn the_demo_flies_recorded_flights_in_every_weather_at_three_times() {
     let plan = plan_json("demo.toml");
     let scenarios = plan["scenarios"].as_array().unwrap();

@@ -25,6 +25,11 @@ pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
 pub enum Flight {
     /// The simulator's own flight model under its autopilot.
     Live,
+    /// Our own flight model, ahead of the recording; the simulator shows the flight as it shows recorded ones.
+    Computed {
+        /// Version of the flight model.
+        model: u32,
+    },
     /// A recorded flight, replayed.
     Recorded {
         /// File name of the recording, without folders.
@@ -32,6 +37,17 @@ pub enum Flight {
         /// BLAKE3 hash of the recording.
         blake3: String,
     },
+}
+
+impl Flight {
+    /// A short name: `live`, `computed`, or the file name of the recording.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Live => "live",
+            Self::Computed { .. } => "computed",
+            Self::Recorded { file, .. } => file,
+        }
+    }
 }
 
 /// The record of one scenario.

@@ -227,6 +227,7 @@ fn record(sweep: &Sweep, corpus: &Path, engine: Arc<Remembering>) -> Result<Cost
         only: Vec::new(),
         shard: Shard::WHOLE,
         patience: Patience::default(),
+        restart: None,
         remote: None,
     };
     let mut on_event = |event: Event<'_>| match event {

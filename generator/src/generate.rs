@@ -23,12 +23,15 @@ mod pictures;
 mod queue;
 mod record;
 mod remote;
+mod restart;
 mod run;
 mod session;
 mod simulators;
 mod space;
 mod stage;
+mod steps;
 mod tally;
+mod trial;
 mod uploads;
 mod workplace;
 
@@ -51,10 +54,12 @@ pub use event::{Event, OnEvent};
 pub use outcome::{FailedScenario, Outcome, Stopped};
 pub use patience::Patience;
 pub use remote::Remote;
+pub use restart::Restart;
 pub use session::{BadSimulator, SimulatorTarget};
 pub use simulators::Simulators;
 /// A switch that can be set once, from any thread, e.g. by Ctrl-C.
 pub use tokio_util::sync::CancellationToken as Cancel;
+pub use trial::trial;
 
 use crate::plan::{expand, room_bytes};
 use crate::shard::Shard;
@@ -83,6 +88,8 @@ pub struct GenerateOptions {
     pub shard: Shard,
     /// Timeouts and retries.
     pub patience: Patience,
+    /// How to restart the simulators, if they can be.
+    pub restart: Option<Restart>,
     /// The object store of the corpus; its folder is then only the stage.
     pub remote: Option<Remote>,
 }
@@ -103,6 +110,9 @@ pub fn generate<'a>(
     Box::pin(async move {
         let plan = expand(sweep);
         let wanted = wanted(&plan, options)?;
+        if options.restart.is_some() {
+            restart::check(&options.simulators)?;
+        }
         let (split_there, in_store) = match &options.remote {
             Some(remote) => (remote.look(&plan).await?, remote.committed(&wanted).await?),
             None => (None, BTreeMap::new()),

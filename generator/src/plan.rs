@@ -5,12 +5,14 @@
 //! are. What a plan is on disk: [`dataset::plan`].
 
 mod difference;
+mod duration;
 mod estimate;
 mod expand;
 mod split;
 
 pub use difference::{Change, Difference};
-pub use estimate::{Estimate, MeasuredSize, PicturesPerSecond, room_bytes};
+pub use duration::{Durations, Pacing, WeatherCost};
+pub use estimate::{Estimate, MeasuredSize, room_bytes};
 pub use expand::{expand, is_seeded_by};
 pub use split::assign_sides;
 

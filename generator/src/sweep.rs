@@ -43,7 +43,7 @@ pub use recorded::{RecordedFlights, RecordedRule};
 pub(crate) use runways::AirportTable;
 pub use schema::schema;
 pub use split::SplitFractions;
-pub use start::Start;
+pub use start::{Fly, Start};
 pub use weather::{CloudTable, WeatherTable};
 
 /// A checked sweep, with the recordings that it names already read.

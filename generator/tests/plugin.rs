@@ -1,5 +1,7 @@
 //! Scenarios recorded through the plugin's own Python: a recorded flight gives the same as the built-in link, live ones are valid.
 
+mod small_corpus;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,7 +11,9 @@ use dataset::frames::TickRow;
 use dataset::scenario::Flight;
 use dataset::verify::verify;
 use dataset::video::VideoReader;
-use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
+use generator::generate::{
+    Cancel, Event, GenerateOptions, Patience, SimulatorTarget, Stopped, generate,
+};
 use generator::shard::Shard;
 use generator::sweep::Sweep;
 use mock_xplane::server::{LinkServer, ServerOptions};
@@ -18,7 +22,9 @@ use testkit::sweep::SmallSweep;
 use testkit_simulator::{plugin, quiet, serving};
 use xplane_bridge::Simulator;
 use xplane_bridge::datarefs::Generation;
+use xplane_bridge::doctor::{DoctorOptions, examine};
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
+use xplane_bridge::profile::{Finding, KnownProfile, PacedBy, Profile};
 
 /// One recorded flight from 1.5 NM, a picture every four seconds.
 fn sweep_toml() -> String {
@@ -114,6 +120,7 @@ async fn record(
         only: Vec::new(),
         shard: Shard::WHOLE,
         patience: Patience::default(),
+        restart: None,
         remote: None,
     };
     let mut told = Vec::new();
@@ -209,4 +216,72 @@ async fn live_flights_through_the_plugin_make_a_sound_corpus() {
         let sunk_m = first.pose.altitude_msl_m - last.pose.altitude_msl_m;
         assert!((110.0..160.0).contains(&sunk_m), "{sunk_m}");
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_profile_learns_from_the_first_scenario_of_a_run_how_long_recording_takes() {
+    let target = stand_in(plugin::link((96, 64))).await;
+    let SimulatorTarget::Address(address) = target else {
+        panic!("it has an address");
+    };
+    let profile = async || {
+        let simulator = Simulator::connect(address, Duration::from_secs(60)).await;
+        let simulator = simulator.unwrap();
+        let profile = simulator.description().profile.clone();
+        simulator.release().await.unwrap();
+        match profile {
+            KnownProfile::Current(profile) => *profile,
+            other => panic!("{other:?}"),
+        }
+    };
+    examine(&DoctorOptions::at(Some(address)), &mut |_| {}).await;
+    let before = profile().await;
+    assert_eq!(before.pace.found().unwrap().measured_by, PacedBy::Doctor);
+
+    let folder = tempfile::tempdir().unwrap();
+    let sweep = Sweep::parse(
+        Path::new("test.toml"),
+        &repository().join("tests/data"),
+        sweep_toml(),
+    );
+    let options = small_corpus::options(target, &[]);
+    let made = small_corpus::run_until(&sweep.unwrap(), folder.path(), &options, |_| false).await;
+    assert_eq!(made.unwrap().committed.len(), 1);
+    let after = profile().await;
+    let pace = after.pace.found().unwrap();
+    assert_eq!(pace.measured_by, PacedBy::Generate);
+    assert!(
+        pace.pictures_per_s > 0.0 && pace.weather_s.is_some(),
+        "{pace:?}"
+    );
+    // The flight was a recorded one.
+    assert_eq!(pace.loading_s, None);
+    let without_pace = |profile: &Profile| Profile {
+        pace: Finding::NotMeasured(String::new()),
+        ..profile.clone()
+    };
+    assert_eq!(without_pace(&after), without_pace(&before));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_no_scenario_can_have_here_ends_the_run_at_once_with_what_to_change() {
+    let target = stand_in(plugin::link((96, 64))).await;
+    let folder = tempfile::tempdir().unwrap();
+    let text = sweep_toml().replace("repeats = 1", "repeats = 3")
+        + "\n[imaging]\nrefraction_coefficient = 0.13\n";
+    let data = repository().join("tests/data");
+    let sweep = Sweep::parse(Path::new("test.toml"), &data, text).unwrap();
+    let mut attempts = 0;
+    let options = small_corpus::options(target, &[]);
+    let outcome = small_corpus::run_until(&sweep, folder.path(), &options, |event| {
+        attempts += usize::from(matches!(event, Event::Started { .. }));
+        false
+    });
+    let outcome = outcome.await.unwrap();
+    assert!(
+        matches!(&outcome.stopped, Some(Stopped::Setup { reason }) if reason.contains("take [imaging]")),
+        "{outcome:?}"
+    );
+    assert_eq!((attempts, outcome.not_made.len()), (1, 3));
+    assert!(outcome.failed.is_empty() && !folder.path().join("failed").exists());
 }

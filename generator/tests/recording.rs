@@ -3,16 +3,26 @@
 mod small_corpus;
 
 use std::fs;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use dataset::camera::Camera;
+use dataset::conditions::{Clock, Weather};
 use dataset::corpus::Corpus;
+use dataset::imaging::Degradation;
+use dataset::pose::FlightState;
+use dataset::runway::Runway;
+use dataset::scenario::Flight;
 use dataset::verify::verify;
 use generator::against::{Against, Standing};
-use generator::generate::{Event, GenerateError, SimulatorTarget, Stopped};
-use generator::plan::{Estimate, expand};
+use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, Stopped, trial};
+use generator::plan::{Estimate, Pacing, expand};
+use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};
+use xplane_bridge::fly::FlyRequest;
 
 use small_corpus::{
-    IDS, folders, options, run, run_until, same_tables, sorted_ids, stand_in, sweep_of, sweep_toml,
+    IDS, folders, options, run, run_until, same_tables, sorted_ids, stand_in, stand_in_with,
+    sweep_of, sweep_toml,
 };
 
 #[tokio::test(flavor = "multi_thread")]
@@ -75,6 +85,82 @@ async fn a_sweep_becomes_a_sound_corpus_and_a_second_run_has_nothing_to_do() {
         assert!(fs::read(&path).unwrap() == good, "{name}");
         assert_eq!(split_lost, name == Corpus::SPLITS, "{name}");
     }
+}
+
+/// A simulator that draws but does not fly.
+struct OnlyDraws;
+
+impl Engine for OnlyDraws {
+    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
+        Err(NotFlown::Because("this simulator does not fly"))
+    }
+
+    fn picture(
+        &self,
+        camera: &Camera,
+        runway: &Runway,
+        weather: &Weather,
+        clock: &Clock,
+        degradation: Option<&Degradation>,
+    ) -> Box<dyn SceneRenderer> {
+        BuiltIn.picture(camera, runway, weather, clock, degradation)
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn computed_flights_are_only_shown_by_the_simulator_and_the_corpus_says_so() {
+    let [one, other] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let live = sweep_toml();
+    let computed = sweep_of(&live.replace("speed_mps = 72", "speed_mps = 72\nfly = \"computed\""));
+    let (address, _) = stand_in_with(0, Arc::new(OnlyDraws)).await;
+    let only_draws = SimulatorTarget::Address(address);
+    let made = run(&computed, one.path(), only_draws.clone(), &[]).await;
+    assert_eq!(made.unwrap().committed, IDS);
+    let made = run(&computed, other.path(), stand_in().await, &[]).await;
+    assert_eq!(made.unwrap().committed, IDS);
+    same_tables(one.path(), other.path());
+
+    let corpus = Corpus::open(one.path()).unwrap();
+    let report = verify(&corpus);
+    assert!(report.is_sound(), "{:#?}", report.findings);
+    let model = flight_model::VERSION;
+    let record = |id: &str| corpus.scenario(id).open().unwrap().record().unwrap();
+    assert_eq!(record(IDS[0]).flight, Flight::Computed { model });
+    assert_eq!(record(IDS[0]).trajectory, format!("computed-{}", IDS[0]));
+    assert!(record(IDS[0]).flight_touchdown.is_some());
+    assert!(matches!(record(IDS[1]).flight, Flight::Recorded { .. }));
+
+    let error = run(&sweep_of(&live), one.path(), only_draws, &[]).await;
+    let error = error.unwrap_err();
+    assert!(error.is_bad_input(), "{error}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trial_measures_a_scenario_of_every_weather() {
+    let sweep = sweep_of(&sweep_toml());
+    let options = options(stand_in().await, &[]);
+    let costs = trial(&sweep, &options, &Cancel::new()).await.unwrap();
+    let weathers: Vec<&str> = costs.keys().map(String::as_str).collect();
+    assert_eq!(weathers, ["clear", "foggy"]);
+    for (weather, cost) in costs {
+        let parts = [
+            cost.picture_s,
+            cost.scenario_s,
+            cost.loading_s,
+            cost.weather_s,
+            cost.flying_s,
+        ];
+        assert!(parts.iter().all(|part| *part >= 0.0), "{weather}: {cost:?}");
+        assert!(
+            cost.picture_s + cost.scenario_s > 0.0,
+            "{weather}: {cost:?}"
+        );
+    }
+
+    let nobody = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let nobody = SimulatorTarget::Address(nobody.local_addr().unwrap());
+    let error = trial(&sweep, &small_corpus::options(nobody, &[]), &Cancel::new()).await;
+    assert!(matches!(error, Err(GenerateError::Bridge(_))), "{error:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -191,7 +277,12 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
         (size.scenarios, size.pictures),
         (1, 2 * u64::from(record.ticks))
     );
-    let estimate = Estimate::new(&plan.common, &plan.scenarios, None, grown.size);
+    let estimate = Estimate::new(
+        &plan.common,
+        &plan.scenarios,
+        (&Pacing::StandIn, None),
+        grown.size,
+    );
     let expected = size.bytes * estimate.pictures / size.pictures;
     assert!(estimate.bytes.unwrap().abs_diff(expected) <= 1);
     let outcome = run(&more, folder.path(), target, &["1200-clear-r2"])

@@ -60,7 +60,7 @@ async fn ask(stream: &mut TcpStream, header: &str) -> Answer {
 
 async fn refused(stream: &mut TcpStream, header: &str) -> String {
     match ask(stream, header).await {
-        Answer::Error { text } => text,
+        Answer::Error { text, .. } => text,
         other => panic!("expected a refusal of {header}, found {other:?}"),
     }
 }

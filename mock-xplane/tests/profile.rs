@@ -149,6 +149,11 @@ async fn how_many_frames_a_picture_takes_is_measured() {
     let (slow, checks) = measured(plugin("slow_exposure")).await;
     let settled = frames(slow.frames_until_settled);
     assert!((12..=32).contains(&settled), "{checks:#?}");
+
+    let [sound, slow] = [sound.pace, slow.pace].map(|pace| *pace.found().expect("it is measured"));
+    assert_eq!(slow.settle_frames, settled);
+    assert!(sound.settle_frames < settled && sound.pictures_per_s > 0.0);
+    assert_eq!((sound.loading_s, sound.weather_s), (None, None));
 }
 
 #[tokio::test(flavor = "multi_thread")]

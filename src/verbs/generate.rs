@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use generator::generate::{
-    Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote,
+    Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
     Simulators, Stopped, generate as record,
 };
 use generator::shard::Shard;
@@ -43,6 +43,10 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
             store: patience,
             ..Patience::default()
         },
+        restart: args.restart_simulator.clone().map(|command| Restart {
+            command,
+            every: args.restart_every,
+        }),
         remote,
         ..options(args.sim.clone())?
     };
@@ -115,6 +119,7 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
         only: Vec::new(),
         shard: Shard::WHOLE,
         patience: Patience::default(),
+        restart: None,
         remote: None,
     })
 }
@@ -144,9 +149,19 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
             );
             Ok(Ending::Interrupted)
         }
-        Some(Stopped::Storage { reason } | Stopped::Store { reason }) => {
-            Err(Failure::Failed(anyhow::anyhow!("{reason}")))
+        Some(Stopped::Setup { reason }) => {
+            eprintln!(
+                "every scenario would fail ({reason}): {} made, {} to go; change this, and run the same command again to resume",
+                generated.committed.len(),
+                generated.not_made.len()
+            );
+            Ok(Ending::Losses)
         }
+        Some(Stopped::Storage { reason }) => {
+            eprintln!("error: {reason}");
+            Ok(Ending::Losses)
+        }
+        Some(Stopped::Store { reason }) => Err(Failure::Failed(anyhow::anyhow!("{reason}"))),
         None if generated.failed.is_empty() => Ok(Ending::Done),
         None => Ok(Ending::Losses),
     }
@@ -310,8 +325,19 @@ impl ShowEvents {
             Event::SimulatorBack { simulator } => {
                 self.bar.say(&format!("simulator {simulator} is back"));
             }
-            Event::SimulatorGone { simulator } => {
-                self.bar.say(&format!("giving up simulator {simulator}"));
+            Event::SimulatorRestarting {
+                simulator,
+                live_flights,
+            } => self.bar.say(&format!(
+                "restarting simulator {simulator} after {}",
+                count(live_flights as usize, "live flight")
+            )),
+            Event::RestartFailed { simulator, reason } => self.bar.say(&format!(
+                "simulator {simulator} was not restarted: {reason}"
+            )),
+            Event::SimulatorGone { simulator, reason } => {
+                self.bar
+                    .say(&format!("giving up simulator {simulator}: {reason}"));
             }
         }
     }

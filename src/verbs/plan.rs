@@ -1,5 +1,6 @@
 //! `dtd plan`: the scenarios of a sweep, their cost, and how they differ from a corpus.
 
+mod pacing;
 mod show;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,7 +11,7 @@ use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 use generator::against::{Against, Standing};
-use generator::plan::{Change, Estimate, PicturesPerSecond, expand};
+use generator::plan::{Change, Estimate, Pacing, expand};
 use generator::sweep::Sweep;
 use serde::Serialize;
 use store::{CorpusLocation, CorpusStore, StoreUrl};
@@ -43,7 +44,8 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
             None => None,
         },
     };
-    let report = Report::new(args, &plan, compared.as_ref());
+    let pacing = pacing::pacing(args, &sweep)?;
+    let report = Report::new(args, &plan, &pacing, compared.as_ref());
     if args.json {
         print_json(&report.document())?;
     } else {
@@ -140,17 +142,22 @@ struct Report<'a> {
 }
 
 impl<'a> Report<'a> {
-    fn new(args: &PlanArgs, plan: &'a Plan, compared: Option<&'a Compared>) -> Self {
-        let rate = args.pictures_per_second.map(PicturesPerSecond);
+    fn new(
+        args: &PlanArgs,
+        plan: &'a Plan,
+        pacing: &Pacing,
+        compared: Option<&'a Compared>,
+    ) -> Self {
+        let pacing = (pacing, args.restart_every.map(u32::from));
         let size = compared.and_then(|compared| compared.against.size);
-        let estimate = Estimate::new(&plan.common, &plan.scenarios, rate, size);
+        let estimate = Estimate::new(&plan.common, &plan.scenarios, pacing, size);
         let left = compared.map(|compared| {
             let pairs = plan.scenarios.iter().zip(&compared.against.standings);
             let unmade = pairs.filter(|(_, standing)| **standing != Standing::Whole);
             Estimate::new(
                 &plan.common,
                 unmade.map(|(scenario, _)| scenario),
-                rate,
+                pacing,
                 size,
             )
         });
@@ -208,7 +215,7 @@ struct Row<'a> {
     time_of_day: &'a str,
     weather: &'a str,
     seed: u64,
-    /// `live` or a file name.
+    /// `live`, `computed` or a file name.
     flight: &'a str,
     /// Name of the flight profile; absent for recordings.
     profile: Option<&'a str>,

@@ -1,8 +1,8 @@
 //! Six flights of an independent flight model, and the tools to compare ours with them.
 //!
 //! Input: the folder `tests/data/flights`. Output: the recorded flights, and twins of them (same start, profile and wind, flown by
-//! the built-in model). `mock-xplane/tests/recorded_flights.rs` compares them, and
-//! `cargo run --release -p mock-xplane --example compare_flights` plots them.
+//! the built-in model). `flight-model/tests/recorded_flights.rs` compares them, and
+//! `cargo run --release -p flight-model --example compare_flights` plots them.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use dataset::approach_profile::ApproachProfile;
 use dataset::conditions::Weather;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::units::MPS_PER_KNOT;
-use mock_xplane::flight::{OUTPUT_RATE_HZ, fly};
+use flight_model::{OUTPUT_RATE_HZ, fly};
 use testkit::scenario::calm;
 use testkit::{changi_02l, repository};
 use xplane_bridge::fly::{FlightStart, FlyRequest};

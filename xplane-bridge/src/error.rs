@@ -9,6 +9,9 @@ use crate::packet::PacketError;
 use crate::pixels::PixelError;
 use crate::simulator::BadWebApiPlace;
 
+/// The first request on the capture link, in messages.
+pub(crate) const HELLO: &str = "hello";
+
 /// Why the simulator could not be made to do something.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
@@ -231,6 +234,8 @@ pub enum BridgeError {
         doing: &'static str,
         /// What it said.
         text: String,
+        /// Whether it says that it would refuse the same request again.
+        repeats: bool,
     },
     /// The simulator gave an unexpected answer.
     #[error("capture link: expected {expected}, found {found}")]
@@ -295,6 +300,28 @@ pub enum BridgeError {
         /// The source of the weather, according to X-Plane.
         made_by: Option<WeatherSource>,
     },
+}
+
+impl BridgeError {
+    /// Whether whatever is asked of this simulator would fail until somebody changes its settings, the sweep or this computer.
+    pub fn is_setup(&self) -> bool {
+        match self {
+            Self::BadVariable { .. }
+            | Self::NoPlugin { .. }
+            | Self::NoImaging { .. }
+            | Self::WrongAircraft { .. }
+            | Self::WrongSize { .. } => true,
+            Self::Refused { doing, repeats, .. } => *repeats && *doing == HELLO,
+            Self::Link { source, .. } => {
+                matches!(
+                    source,
+                    LinkError::NotTheLink { .. } | LinkError::OtherVersion { .. }
+                )
+            }
+            Self::Pixels(error) => error.is_setup(),
+            _ => false,
+        }
+    }
 }
 
 /// What keeps the weather from changing.

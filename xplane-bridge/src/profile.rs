@@ -68,6 +68,55 @@ pub struct Grabbing {
     pub lag_ms: f64,
 }
 
+/// Who measured a [`Pace`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PacedBy {
+    /// `dtd doctor`, by pictures that were not encoded.
+    Doctor,
+    /// `dtd generate`, by a whole scenario.
+    Generate,
+}
+
+impl fmt::Display for PacedBy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Doctor => "dtd doctor",
+            Self::Generate => "dtd generate",
+        })
+    }
+}
+
+/// How long the parts of a scenario take, for the estimates of `dtd plan`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pace {
+    /// Who measured.
+    pub measured_by: PacedBy,
+    /// Size of the pictures.
+    pub size: PictureSize,
+    /// Frames that each view settled.
+    pub settle_frames: u32,
+    /// Pictures a second, all views together.
+    pub pictures_per_s: f64,
+    /// From connecting until a live flight has begun and its scenery is loaded, seconds; absent if no flight was begun.
+    pub loading_s: Option<f64>,
+    /// From writing the weather until it is there, seconds.
+    pub weather_s: Option<f64>,
+}
+
+/// How long the parts of one recorded scenario took.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecordedPace {
+    /// Size of its pictures.
+    pub size: PictureSize,
+    /// Pictures a second, all views together, encoding included.
+    pub pictures_per_s: f64,
+    /// From connecting until its live flight had begun; absent if it is no live flight.
+    pub loading: Option<Duration>,
+    /// From writing its weather until it was there.
+    pub weather: Duration,
+}
+
 /// All measurements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
@@ -105,6 +154,13 @@ pub struct Profile {
     pub still_pictures_move: Finding<bool>,
     /// The order of the plugin's callbacks.
     pub callbacks: Finding<CallbackOrders>,
+    /// How long recording takes.
+    #[serde(default = "pace_of_older_doctors")]
+    pub pace: Finding<Pace>,
+}
+
+fn pace_of_older_doctors() -> Finding<Pace> {
+    Finding::NotMeasured("an earlier doctor did not measure it".into())
 }
 
 /// Why a profile cannot be used.
@@ -249,6 +305,12 @@ impl Profile {
         }
     }
 
+    /// How long written weather takes to be there, seconds, as far as it was measured.
+    pub fn weather_takes_s(&self) -> Option<f64> {
+        let paced = self.pace.found().and_then(|pace| pace.weather_s);
+        paced.or(self.clouds_take_s.found().copied())
+    }
+
     /// Whether pictures move by themselves, so that two equal ones prove nothing.
     pub(crate) fn pictures_move(&self) -> bool {
         self.still_pictures_move.found() == Some(&true)
@@ -297,7 +359,34 @@ mod tests {
             frames_until_settled: Finding::Found(24),
             still_pictures_move: Finding::Found(true),
             callbacks: Finding::NotMeasured(not()),
+            pace: Finding::Found(Pace {
+                measured_by: PacedBy::Doctor,
+                size: PictureSize {
+                    width_px: 1920,
+                    height_px: 1280,
+                },
+                settle_frames: 4,
+                pictures_per_s: 8.5,
+                loading_s: None,
+                weather_s: None,
+            }),
         }
+    }
+
+    #[test]
+    fn a_profile_of_an_earlier_doctor_has_no_pace_and_its_clouds_tell_how_long_weather_takes() {
+        let mut kept = serde_json::to_value(measured()).unwrap();
+        kept.as_object_mut().unwrap().remove("pace");
+        let plugin = Some("dtd_bridge 0.1.0");
+        let known = KnownProfile::of(Some(kept), "X-Plane 12.4.3", plugin);
+        let profile = known.current().unwrap();
+        assert_eq!(profile.pace.found(), None);
+        assert_eq!(profile.weather_takes_s(), Some(80.0));
+        let mut paced = measured();
+        if let Finding::Found(pace) = &mut paced.pace {
+            pace.weather_s = Some(66.0);
+        }
+        assert_eq!(paced.weather_takes_s(), Some(66.0));
     }
 
     #[test]

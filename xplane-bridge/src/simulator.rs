@@ -31,7 +31,7 @@ use futures_util::future::{BoxFuture, LocalBoxFuture};
 use tokio::time::{Instant, timeout_at};
 
 use crate::datarefs::{self, Generation};
-use crate::error::BridgeError;
+use crate::error::{BridgeError, HELLO};
 use crate::fly::{FlightStart, FlyRequest};
 use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
@@ -96,6 +96,17 @@ pub struct SimulatorDescription {
     pub replayed: bool,
     /// Whether it can show a tick for one drawn frame, with the frame's number in the margins around the picture.
     pub frame_codes: bool,
+}
+
+impl SimulatorDescription {
+    /// Names and versions of simulator and plugin.
+    pub fn versions(&self) -> String {
+        let Self { name, version, .. } = self;
+        match &self.plugin {
+            Some(plugin) => format!("{name} {version} with {plugin}"),
+            None => format!("{name} {version}"),
+        }
+    }
 }
 
 /// A connected simulator.
@@ -187,7 +198,7 @@ impl Simulator {
                 client,
                 token: token.clone(),
             };
-            let answer = link.ask("hello", &hello, limit).await?;
+            let answer = link.ask(HELLO, &hello, limit).await?;
             let Answer::Hello {
                 name,
                 version: simulator_version,
@@ -203,7 +214,7 @@ impl Simulator {
                 frame_codes,
             } = answer
             else {
-                return Err(wrong("hello", &answer));
+                return Err(wrong(HELLO, &answer));
             };
             let sharing = match no_shared_memory {
                 true => Sharing::Impossible,
@@ -448,6 +459,7 @@ impl Simulator {
                 return Err(BridgeError::Refused {
                     doing: "a capture",
                     text: reason.to_string(),
+                    repeats: true,
                 });
             }
             let lent = self.lend_memory(request).await?;

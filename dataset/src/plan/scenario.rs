@@ -23,11 +23,11 @@ pub struct PlannedScenario {
     pub weather: String,
     /// Seed of everything random in the scenario, below 2^53.
     pub seed: u64,
-    /// `live`, or the file name of the recording that is flown.
+    /// `live`, `computed`, or the file name of the recording that is flown.
     pub flight: String,
     /// Identifier of the trajectory; scenarios that fly the same recording share it.
     pub trajectory: String,
-    /// Expected number of ticks. Exact for recordings; a live flight determines the actual one.
+    /// Expected number of ticks. Exact for recordings; a flight that is yet to be flown determines the actual one.
     pub ticks: u32,
     /// BLAKE3 over identifier, seed, parameters and common values: a recorded scenario with another hash must be recorded again.
     pub config_hash: String,
@@ -44,7 +44,7 @@ pub struct Parameters {
     pub start_dtd_m: f64,
     /// Source of the flight.
     pub flight: Flight,
-    /// Start of a live flight; absent for recordings.
+    /// Start of a live or computed flight; absent for recordings.
     pub live: Option<LiveStart>,
     /// Where the cameras are aimed; absent if as in the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -57,7 +57,7 @@ pub struct Parameters {
     pub imaging: BTreeMap<String, Imaging>,
 }
 
-/// Start of a live flight, as drawn from the sweep's spreads.
+/// Start of a live or computed flight, as drawn from the sweep's spreads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LiveStart {
     /// Offset right of the extended centreline, metres.

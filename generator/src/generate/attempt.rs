@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use dataset::pose::FlightState;
 use tokio::time::timeout;
 use xplane_bridge::BridgeError;
 
@@ -16,9 +17,23 @@ pub(super) struct Attempt<'a, 'r> {
     pub(super) reporter: &'a Reporter<'r>,
     /// Timeout of an answer while pictures are taken.
     pub(super) answer_limit: Duration,
+    /// At most so many ticks, for a trial.
+    pub(super) most_ticks: Option<u32>,
 }
 
 impl Attempt<'_, '_> {
+    /// The states to record: all of them, or for a trial some that lie evenly between the first and the last. The times of pictures count
+    /// ticks, so that clouds move from one to the next as in a whole scenario.
+    pub(super) fn part_of(&self, states: Vec<FlightState>) -> Vec<FlightState> {
+        match self.most_ticks.map(|most| most as usize) {
+            Some(most) if most < states.len() => {
+                let at = |tick: usize| states[tick * states.len() / most];
+                (0..most).map(at).collect()
+            }
+            _ => states,
+        }
+    }
+
     /// Waits for an answer of the simulator, until the timeout or until the run is cancelled.
     pub(super) async fn answered<T>(
         &self,

@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use flight_model::NotLanded;
 use store::StoreError;
 use tokio::task::JoinError;
 use xplane_bridge::BridgeError;
@@ -77,6 +78,16 @@ pub enum GenerateError {
         /// For how long.
         waited: Duration,
     },
+    /// A command to restart simulators that are no X-Plane.
+    #[error(
+        "--restart-simulator: {simulator} {why}; the command is for an X-Plane that is named by HOST:PORT or `auto`"
+    )]
+    NotRestartable {
+        /// Its name.
+        simulator: String,
+        /// What it is instead.
+        why: &'static str,
+    },
     /// The run was cancelled before anything was written.
     #[error("stopped before anything was made")]
     Cancelled,
@@ -94,6 +105,9 @@ pub enum GenerateError {
         /// How that shows.
         cause: Box<ScenarioError>,
     },
+    /// A trial scenario cannot be recorded.
+    #[error("the trial that measures this simulator failed: {0}")]
+    Trial(Box<ScenarioError>),
     /// The object store of the corpus cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -130,6 +144,7 @@ impl GenerateError {
             | Self::ForeignFolder { .. }
             | Self::NotAStage { .. }
             | Self::Tape { .. }
+            | Self::NotRestartable { .. }
             | Self::NotAFolder { .. } => true,
             // A path where no corpus can be created.
             Self::Corpus(dataset::Error::Io { source, .. }) => matches!(
@@ -173,6 +188,17 @@ pub enum ScenarioError {
     /// The simulator did not do what was requested.
     #[error(transparent)]
     Bridge(#[from] BridgeError),
+    /// Another version came back after a restart.
+    #[error(
+        "the simulator was {before} when the run began, and is {found} now: its pictures may differ. Run the same command again to \
+         go on with this version"
+    )]
+    OtherSimulator {
+        /// Simulator and plugin when the run began.
+        before: String,
+        /// Simulator and plugin now.
+        found: String,
+    },
     /// The stand-in does not start again.
     #[error(transparent)]
     StandIn(#[from] StandInError),
@@ -209,9 +235,15 @@ pub enum ScenarioError {
         /// Its hash.
         blake3: String,
     },
-    /// The plan has a live flight without its profile.
-    #[error("the flight is live, but the plan does not say how")]
+    /// The plan has a flight that is no recording without its profile.
+    #[error("the flight is no recording, but the plan does not say how to fly it")]
     NoLiveStart,
+    /// The flight model does not land.
+    #[error(transparent)]
+    NotLanded(#[from] NotLanded),
+    /// The thread that computes a flight panicked.
+    #[error("computing the flight failed: {0}")]
+    Computing(JoinError),
     /// A picture does not show what was requested.
     #[error("tick {tick}, view {view}: the simulator did not draw what was requested: {what}")]
     NotInStep {
@@ -266,6 +298,8 @@ pub(super) enum Blame {
     Nobody,
     /// The disk: every scenario would fail.
     Storage,
+    /// The simulator as it is set up: every scenario would fail with it.
+    Setup,
     /// The simulator: it may be gone.
     Simulator,
     /// Presumably the scenario itself.
@@ -306,12 +340,32 @@ impl ScenarioError {
         }
     }
 
-    /// Whether the next attempt would fail in the same way.
+    /// Whether the next attempt at the same scenario would fail in the same way. A live flight differs each time.
     pub(super) fn is_certain(&self) -> bool {
         matches!(
             self,
-            Self::NotOnTape { .. } | Self::Corpus(dataset::Error::Corpus { .. })
+            Self::NotOnTape { .. }
+                | Self::Flight(_)
+                | Self::NoRecording { .. }
+                | Self::NoLiveStart
+                | Self::NotLanded(_)
+                | Self::Computing(_)
+                | Self::Corpus(dataset::Error::Corpus { .. })
+                | Self::Bridge(
+                    BridgeError::BadConditions { .. }
+                        | BridgeError::Packet(_)
+                        | BridgeError::Refused { repeats: true, .. }
+                )
         )
+    }
+
+    /// Whether every scenario would fail with this simulator until somebody changes something.
+    pub(super) fn is_setup(&self) -> bool {
+        match self {
+            Self::OtherSimulator { .. } => true,
+            Self::Bridge(error) => error.is_setup(),
+            _ => false,
+        }
     }
 
     /// Whose fault it is.
@@ -320,17 +374,85 @@ impl ScenarioError {
             Self::Cancelled => Blame::Nobody,
             Self::Corpus(error) if space::is_storage_failure(error, corpus) => Blame::Storage,
             Self::Frozen { .. } | Self::StandIn(_) | Self::Tape { .. } => Blame::Simulator,
+            // An X-Plane that is starting answers before its plugin does.
+            Self::Bridge(BridgeError::NoPlugin { .. }) => Blame::Simulator,
+            error if error.is_setup() => Blame::Setup,
             Self::Bridge(error) => match error {
                 BridgeError::Refused { .. }
                 | BridgeError::BadConditions { .. }
                 | BridgeError::NotTaken { .. }
                 | BridgeError::WeatherNotTaken { .. }
-                | BridgeError::WrongAircraft { .. }
-                | BridgeError::WrongSize { .. }
                 | BridgeError::Packet(_) => Blame::Scenario,
                 _ => Blame::Simulator,
             },
             _ => Blame::Scenario,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use xplane_bridge::link::PictureSize;
+    use xplane_bridge::pixels::PixelError;
+
+    use super::*;
+
+    fn refused(doing: &'static str, repeats: bool) -> ScenarioError {
+        let text = "no".into();
+        ScenarioError::Bridge(BridgeError::Refused {
+            doing,
+            text,
+            repeats,
+        })
+    }
+
+    fn other_window() -> ScenarioError {
+        let size = |width_px| PictureSize {
+            width_px,
+            height_px: 1280,
+        };
+        ScenarioError::Bridge(BridgeError::Pixels(PixelError::OtherWindow {
+            wanted: size(1920),
+            window: size(1900),
+        }))
+    }
+
+    #[test]
+    fn what_every_scenario_would_meet_is_the_setups_and_what_one_meets_again_is_certain() {
+        let too_few = BadFlight::TooFewStates { states: 1 };
+        let no_plugin = || BridgeError::NoPlugin {
+            address: ([127, 0, 0, 1], 49_000).into(),
+            waited: Duration::ZERO,
+        };
+        let wrong_aircraft = BridgeError::WrongAircraft {
+            wanted: "B738",
+            found: "C172".into(),
+            path: "Aircraft/737.acf",
+        };
+        let unplayable = BridgeError::BadConditions {
+            what: "a day of 400".into(),
+        };
+        for (error, blame, certain) in [
+            (other_window(), Blame::Setup, false),
+            (wrong_aircraft.into(), Blame::Setup, false),
+            (refused("hello", true), Blame::Setup, true),
+            // A plugin may still be starting, but if it never comes the setup is wrong.
+            (no_plugin().into(), Blame::Simulator, false),
+            (refused("hello", false), Blame::Scenario, false),
+            (refused("a flight", false), Blame::Scenario, false),
+            (refused("a flight", true), Blame::Scenario, true),
+            (unplayable.into(), Blame::Scenario, true),
+            (
+                ScenarioError::Flight(too_few.clone()),
+                Blame::Scenario,
+                true,
+            ),
+            // The next one may be flown without a hitch.
+            (ScenarioError::LiveFlight(too_few), Blame::Scenario, false),
+        ] {
+            assert_eq!(error.blame(Path::new(".")), blame, "{error}");
+            assert_eq!(error.is_certain(), certain, "{error}");
+        }
+        assert!(ScenarioError::from(no_plugin()).is_setup());
     }
 }

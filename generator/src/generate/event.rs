@@ -133,10 +133,26 @@ pub enum Event<'a> {
         /// Which.
         simulator: &'a str,
     },
+    /// The user's command to restart a simulator runs.
+    SimulatorRestarting {
+        /// Which.
+        simulator: &'a str,
+        /// Live flights since its last restart.
+        live_flights: u32,
+    },
+    /// The command failed.
+    RestartFailed {
+        /// Which.
+        simulator: &'a str,
+        /// How, and its last output.
+        reason: &'a str,
+    },
     /// It did not come back; the others continue, if there are any.
     SimulatorGone {
         /// Which.
         simulator: &'a str,
+        /// The reason.
+        reason: &'a str,
     },
 }
 

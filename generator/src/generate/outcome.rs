@@ -40,6 +40,11 @@ pub enum Stopped {
         /// The failure of the last one.
         reason: String,
     },
+    /// No simulator is left, and with the last one every scenario would fail until somebody changes something.
+    Setup {
+        /// What has to be changed.
+        reason: String,
+    },
     /// The object store does not accept the scenarios.
     Store {
         /// Its message, where everything is, how to resume.

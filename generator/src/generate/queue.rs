@@ -115,6 +115,11 @@ impl<'a> Queue<'a> {
         self.in_hand -= 1;
     }
 
+    /// Whether a worker may get one now or later.
+    pub(super) fn has_waiting(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
     /// Those that are still waiting.
     pub(super) fn left(&self) -> impl Iterator<Item = &'a PlannedScenario> {
         self.waiting.iter().map(|task| task.scenario)

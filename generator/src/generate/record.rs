@@ -1,6 +1,7 @@
 //! Records one scenario: conditions, flight, pictures, tables, seal.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use dataset::calibration::{Calibration, CameraEntry, Conventions};
 use dataset::claim::Claim;
@@ -16,6 +17,8 @@ use dataset::units::Degrees;
 use tokio::task::spawn_blocking;
 use xplane_bridge::Simulator;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
+use xplane_bridge::link::PictureSize;
+use xplane_bridge::profile::RecordedPace;
 
 use super::attempt::Attempt;
 use super::blocks::{capture_blocks, may_use_blocks};
@@ -24,6 +27,7 @@ use super::error::ScenarioError;
 use super::event::Event;
 use super::lockstep::{Drawn, capture};
 use super::session::Session;
+use super::steps::{Steps, Stopwatch};
 use super::workplace::Workplace;
 use crate::sweep::Sweep;
 use crate::trajectory::Trajectory;
@@ -40,25 +44,36 @@ pub(super) struct Work<'a> {
     pub(super) corpus: &'a Corpus,
 }
 
-/// Records a scenario and commits it; returns its number of ticks. On failure nothing of it remains.
+/// A committed scenario.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Recorded {
+    /// Its number of ticks.
+    pub(super) ticks: u32,
+    /// How long it took; absent if an earlier run had recorded it and only the renaming was left.
+    pub(super) steps: Option<Steps>,
+}
+
+/// Records a scenario and commits it. On failure nothing of it remains.
 pub(super) async fn record(
     work: &Work<'_>,
     scenario: &PlannedScenario,
     claim: &Claim,
     session: &mut Session,
     attempt: &Attempt<'_, '_>,
-) -> Result<u32, ScenarioError> {
+) -> Result<Recorded, ScenarioError> {
     let committed = work.corpus.scenario(&scenario.id);
     if let Some(left) = Workplace::finished(work.corpus, &scenario.id, &scenario.config_hash, claim)
     {
         let ticks = left.folder().open()?.record()?.ticks;
         commit_folder(left.folder().root(), committed.root())?;
-        return Ok(ticks);
+        return Ok(Recorded { ticks, steps: None });
     }
     let workplace = Workplace::clear(work.corpus, &scenario.id, claim)?;
     let folder = workplace.folder();
     let recorded = async {
-        let (ticks, simulator) = record_into(folder, work, scenario, session, attempt).await?;
+        let mut watch = Stopwatch::start();
+        let (ticks, mut steps, simulator) =
+            record_into(folder, work, scenario, session, attempt, &mut watch).await?;
         let (partial, config_hash) = (folder.root().to_owned(), scenario.config_hash.clone());
         // Hashing and syncing videos takes seconds, which must not block other simulators.
         on_a_thread(move || {
@@ -66,19 +81,44 @@ pub(super) async fn record(
             commit_folder(&partial, committed.root())
         })
         .await?;
-        Ok((ticks, simulator))
+        steps.recording = watch.lap();
+        Ok((ticks, steps, simulator))
     };
     match recorded.await {
-        Ok((ticks, simulator)) => {
+        Ok((ticks, steps, mut simulator)) => {
+            tracing::info!(id = scenario.id, ticks, ?steps, "recorded");
+            session
+                .keep_pace(&mut simulator, pace(work, scenario, ticks, &steps))
+                .await;
             if let Err(error) = simulator.release().await {
                 tracing::warn!(%error, "the scenario is complete, but the simulator did not confirm its release");
             }
-            Ok(ticks)
+            Ok(Recorded {
+                ticks,
+                steps: Some(steps),
+            })
         }
         Err(error) => {
             workplace.abandon();
             Err(error)
         }
+    }
+}
+
+fn pace(work: &Work<'_>, scenario: &PlannedScenario, ticks: u32, steps: &Steps) -> RecordedPace {
+    let Common {
+        picture, cameras, ..
+    } = &work.plan.common;
+    let pictures = f64::from(ticks) * cameras.len() as f64;
+    let is_live = scenario.parameters.flight == Flight::Live;
+    RecordedPace {
+        size: PictureSize {
+            width_px: picture.width_px,
+            height_px: picture.height_px,
+        },
+        pictures_per_s: pictures / steps.recording.as_secs_f64(),
+        loading: is_live.then_some(steps.loading),
+        weather: steps.weather,
     }
 }
 
@@ -98,7 +138,8 @@ async fn record_into(
     scenario: &PlannedScenario,
     session: &mut Session,
     attempt: &Attempt<'_, '_>,
-) -> Result<(u32, Simulator), ScenarioError> {
+    watch: &mut Stopwatch,
+) -> Result<(u32, Steps, Simulator), ScenarioError> {
     let (common, parameters) = (&work.plan.common, &scenario.parameters);
     let picture = common.picture;
     let mut simulator = attempt.unless_cancelled(session.connect()).await?;
@@ -107,18 +148,35 @@ async fn record_into(
     attempt
         .unless_cancelled(simulator.prepare(&parameters.conditions, &start, live))
         .await?;
+    let loading = watch.lap();
     attempt
         .unless_cancelled(simulator.set_conditions(&parameters.conditions))
         .await?;
+    let weather = watch.lap();
     let views = parameters.cameras(common);
     let imaging: Vec<Imaging> = views.iter().map(|(_, camera)| camera.imaging()).collect();
     // Before minutes are spent on a flight that cannot be drawn.
     simulator.check_imaging(&imaging)?;
+    if live {
+        session.flies_live();
+    }
     let trajectory = trajectory(work, scenario, &mut simulator, attempt).await?;
     let window = trajectory
         .approach(&common.runway, parameters.start_dtd_m)
-        .map_err(ScenarioError::Flight)?;
-    let states = trajectory.resample(window, picture.frame_rate);
+        .map_err(|fault| {
+            if live {
+                ScenarioError::LiveFlight(fault)
+            } else {
+                ScenarioError::Flight(fault)
+            }
+        })?;
+    let steps = Steps {
+        loading,
+        weather,
+        flying: watch.lap(),
+        recording: Duration::ZERO,
+    };
+    let states = attempt.part_of(trajectory.resample(window, picture.frame_rate));
     attempt.reporter.tell(Event::Flown {
         id: attempt.id,
         ticks: states.len() as u32,
@@ -188,7 +246,7 @@ async fn record_into(
         ..record
     };
     record.write(&folder.record_path())?;
-    Ok((states.len() as u32, simulator))
+    Ok((states.len() as u32, steps, simulator))
 }
 
 /// In blocks if the simulator can, otherwise each picture by itself.
@@ -223,7 +281,7 @@ fn start(work: &Work<'_>, scenario: &PlannedScenario) -> (FlightStart, bool) {
     (start, false)
 }
 
-/// The flight of a scenario: read with the sweep, or flown now.
+/// The flight of a scenario: read with the sweep, computed, or flown now.
 async fn trajectory(
     work: &Work<'_>,
     scenario: &PlannedScenario,
@@ -256,7 +314,16 @@ async fn trajectory(
                 .map(Arc::new)
                 .map_err(ScenarioError::LiveFlight)
         }
-        (Flight::Live, None) => Err(ScenarioError::NoLiveStart),
+        (Flight::Computed { .. }, Some(live)) => {
+            let request = fly_request(&work.plan.common, scenario, live);
+            let weather = parameters.conditions.weather.clone();
+            let flown = spawn_blocking(move || flight_model::land(&request, &weather));
+            let states = flown.await.map_err(ScenarioError::Computing)??;
+            Trajectory::new(states)
+                .map(Arc::new)
+                .map_err(ScenarioError::Flight)
+        }
+        (Flight::Live | Flight::Computed { .. }, None) => Err(ScenarioError::NoLiveStart),
     }
 }
 

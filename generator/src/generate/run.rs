@@ -1,10 +1,13 @@
 //! A run: workers, each with its own simulator, take scenarios from one queue until none is left or nothing works any more.
 //!
 //! A failed attempt is retried after a growing delay, by whichever worker is free then; after the last one the scenario is set
-//! aside. A simulator that does not answer is waited for; if it does not come back, its worker ends and leaves the rest to the
-//! others. A full disk ends the run, since nothing else could succeed.
+//! aside. An error that must repeat ends the attempts at its scenario at once, one that every scenario would meet with this simulator ends
+//! its worker. A simulator that does not answer is waited for (`away.rs`); if it does not come back, its worker ends and leaves the rest to
+//! the others. A full disk ends the run, since nothing else could succeed.
 //!
 //! If the corpus is in an object store, finished scenarios go to one more worker, which uploads them (`uploads.rs`).
+
+mod away;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -15,7 +18,7 @@ use dataset::set_aside::SetAside;
 use futures_util::future::join_all;
 use indicatif::DecimalBytes;
 
-use super::attempt::{Attempt, unless_cancelled};
+use super::attempt::Attempt;
 use super::error::{Blame, GenerateError, ScenarioError};
 use super::event::{Event, Reporter};
 use super::outcome::{Outcome, Stopped};
@@ -23,6 +26,7 @@ use super::patience::Patience;
 use super::queue::{Next, Queue, Task};
 use super::record::{Work, record};
 use super::remote::Remote;
+use super::restart::Restart;
 use super::session::Session;
 use super::space;
 use super::tally::Tally;
@@ -38,6 +42,7 @@ pub(super) struct Run<'a> {
     work: Work<'a>,
     reporter: Reporter<'a>,
     patience: Patience,
+    restart: Option<&'a Restart>,
     /// Destination of finished scenarios, if not a folder.
     remote: Option<&'a Remote>,
     queue: Mutex<Queue<'a>>,
@@ -63,6 +68,7 @@ impl<'a> Run<'a> {
             work,
             reporter,
             patience: options.patience,
+            restart: options.restart.as_ref(),
             remote: options.remote.as_ref(),
             queue: Mutex::new(Queue::new(to_make)),
             tally: Tally::new(outcome),
@@ -123,13 +129,16 @@ impl<'a> Run<'a> {
         uploads: Option<Uploads<'_, 'a>>,
     ) {
         if let Some(trouble) = trouble
-            && self.wait_for(&mut session, &trouble).await == Then::Leave
+            && self.take_over_with(&mut session, &trouble).await == Then::Leave
         {
             session.close().await;
             return;
         }
         let mut failures_in_a_row = 0;
         while !self.tally.halt.is_cancelled() {
+            if self.restart_if_due(&mut session).await == Then::Leave {
+                break;
+            }
             let next = self.queue().next(self.work.corpus);
             match next {
                 Err(GenerateError::Corpus(error)) if self.is_storage_failure(&error) => {
@@ -159,6 +168,7 @@ impl<'a> Run<'a> {
                     let then = match self.make(&task, &claim, &mut session).await {
                         Ok(()) => {
                             failures_in_a_row = 0;
+                            session.made_one();
                             self.made(task, claim, uploads.as_ref()).await;
                             Then::GoOn
                         }
@@ -215,11 +225,12 @@ impl<'a> Run<'a> {
             cancel: &self.tally.halt,
             reporter: &self.reporter,
             answer_limit: self.patience.answer,
+            most_ticks: None,
         };
         let recorded = record(&self.work, scenario, claim, session, &attempt).await;
         let ticks = match session.tape() {
-            Some(tape) => recorded.map_err(|error| error.of_tape(tape))?,
-            None => recorded?,
+            Some(tape) => recorded.map_err(|error| error.of_tape(tape))?.ticks,
+            None => recorded?.ticks,
         };
         SetAside::clear(self.work.corpus, &scenario.id);
         self.reporter.tell(Event::Committed {
@@ -263,6 +274,12 @@ impl<'a> Run<'a> {
             _ => {}
         }
         tracing::warn!(id, simulator = session.name(), %error, "attempt failed");
+        if blame == Blame::Setup {
+            // Another simulator may be able to make it, and so may this one later.
+            self.queue().give_back(task, Duration::ZERO);
+            self.give_up_on(session, &error);
+            return Then::Leave;
+        }
         let reason = error.to_string();
         task.reasons.push(reason.clone());
         let failed = task.reasons.len() as u32;
@@ -283,8 +300,8 @@ impl<'a> Run<'a> {
         }
         *failures_in_a_row += 1;
         if *failures_in_a_row >= FAILURES_IN_A_ROW {
-            self.give_up_on(session, &error);
-            return Then::Leave;
+            *failures_in_a_row = 0;
+            return self.restart_or_give_up(session, &error).await;
         }
         self.wait_for(session, &error).await
     }
@@ -307,51 +324,6 @@ impl<'a> Run<'a> {
         }
         self.tally.failed(task.scenario, reason);
         self.queue().done_with(task);
-    }
-
-    /// Waits for a simulator that caused trouble. Reports it only if it does not answer at once.
-    async fn wait_for(&self, session: &mut Session, trouble: &ScenarioError) -> Then {
-        let name = session.name().to_owned();
-        match self.until_back(session, Duration::ZERO).await {
-            Ok(true) => return Then::GoOn,
-            Ok(false) => {}
-            Err(_) => return Then::Leave,
-        }
-        self.reporter.tell(Event::SimulatorLost {
-            simulator: &name,
-            reason: &trouble.to_string(),
-        });
-        match self.until_back(session, self.patience.simulator).await {
-            Ok(true) => {
-                self.reporter
-                    .tell(Event::SimulatorBack { simulator: &name });
-                Then::GoOn
-            }
-            Ok(false) => {
-                self.give_up_on(session, trouble);
-                Then::Leave
-            }
-            Err(_) => Then::Leave,
-        }
-    }
-
-    /// Whether the simulator comes back within a time; an error if the run was cancelled in the meantime.
-    async fn until_back(
-        &self,
-        session: &mut Session,
-        limit: Duration,
-    ) -> Result<bool, ScenarioError> {
-        let back = async { Ok::<_, ScenarioError>(session.come_back(limit).await) };
-        unless_cancelled(&self.tally.halt, back).await
-    }
-
-    /// Giving up the last simulator ends the run: the workers have left, and scenarios remain.
-    fn give_up_on(&self, session: &Session, trouble: &ScenarioError) {
-        self.reporter.tell(Event::SimulatorGone {
-            simulator: session.name(),
-        });
-        let reason = format!("{}: {trouble}", session.name());
-        self.tally.gave_up_simulator(reason);
     }
 
     fn is_storage_failure(&self, error: &dataset::Error) -> bool {

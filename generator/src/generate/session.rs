@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use tokio::time::{Instant, sleep};
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
-use xplane_bridge::profile::KnownProfile;
+use xplane_bridge::profile::{KnownProfile, RecordedPace};
 use xplane_bridge::{CONNECT_TIMEOUT, KnownBlocks, Simulator};
 use xplane_tape::{TapeError, TapeReader};
 
@@ -71,6 +71,13 @@ pub enum BadSimulator {
 
 const EXPECTED: &str =
     "expected `mock`, `mock:awkward`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
+
+impl SimulatorTarget {
+    /// Whether it was started by somebody else, and is not ours to end.
+    pub(super) fn runs_already(&self) -> bool {
+        matches!(self, Self::Address(_) | Self::Announced)
+    }
+}
 
 impl FromStr for SimulatorTarget {
     type Err = BadSimulator;
@@ -138,6 +145,14 @@ pub(super) struct Session {
     known: Option<KnownProfile>,
     /// What its blocks showed so far.
     known_blocks: KnownBlocks,
+    /// Versions of simulator and plugin in this run.
+    versions: Option<String>,
+    /// Live flights since the simulator was started for this run, or restarted.
+    live_flights: u32,
+    /// Restarts since a scenario was made.
+    restarts_in_vain: u32,
+    /// Whether the simulator keeps how long a scenario took.
+    pace_kept: bool,
 }
 
 impl Session {
@@ -163,6 +178,59 @@ impl Session {
             ready: None,
             known: None,
             known_blocks: KnownBlocks::default(),
+            versions: None,
+            live_flights: 0,
+            restarts_in_vain: 0,
+            pace_kept: false,
+        }
+    }
+
+    /// A live flight begins.
+    pub(super) fn flies_live(&mut self) {
+        self.live_flights += 1;
+    }
+
+    /// Live flights since the last restart.
+    pub(super) fn live_flights(&self) -> u32 {
+        self.live_flights
+    }
+
+    /// A scenario was made.
+    pub(super) fn made_one(&mut self) {
+        self.restarts_in_vain = 0;
+    }
+
+    /// Restarts since a scenario was made.
+    pub(super) fn restarts_in_vain(&self) -> u32 {
+        self.restarts_in_vain
+    }
+
+    /// Lets a simulator with a profile keep how long the first scenario of this run took. Whether it does changes nothing here.
+    pub(super) async fn keep_pace(&mut self, simulator: &mut Simulator, pace: RecordedPace) {
+        let description = simulator.description();
+        let has_profile = matches!(description.profile, KnownProfile::Current(_));
+        if self.pace_kept || description.replayed || !has_profile {
+            return;
+        }
+        match simulator.keep_pace(&pace).await {
+            Ok(()) => {
+                self.pace_kept = true;
+                self.known = Some(simulator.description().profile.clone());
+            }
+            Err(error) => tracing::warn!(%error, "how long a scenario takes was not kept"),
+        }
+    }
+
+    /// Lets go of a simulator that is to be restarted. Its profile is looked at anew afterwards.
+    pub(super) async fn leave_to_restart(&mut self) {
+        self.live_flights = 0;
+        self.restarts_in_vain += 1;
+        self.known = None;
+        self.known_blocks = KnownBlocks::default();
+        if let Some(ready) = self.ready.take()
+            && let Err(error) = ready.release().await
+        {
+            tracing::debug!(%error, "the simulator that is to be restarted did not confirm its release");
         }
     }
 
@@ -184,6 +252,11 @@ impl Session {
     /// The simulator's name in messages.
     pub(super) fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Whether the simulator was started by somebody else.
+    pub(super) fn runs_already(&self) -> bool {
+        self.target.runs_already()
     }
 
     /// The tape that acts as the simulator, if any.
@@ -215,12 +288,34 @@ impl Session {
             }
             (connected, _) => connected?,
         };
+        let simulator = self.of_the_same_version(simulator).await?;
         let mut simulator = self.pictures.set_up(simulator).await?;
         if let Some(known) = &self.known {
             simulator.use_profile(known.clone());
         }
         simulator.use_known_blocks(self.known_blocks);
         Ok(simulator)
+    }
+
+    /// Rejects a simulator or a plugin that was updated while it was restarted: no check compares pictures of two versions.
+    async fn of_the_same_version(
+        &mut self,
+        simulator: Simulator,
+    ) -> Result<Simulator, ScenarioError> {
+        let found = simulator.description().versions();
+        match &self.versions {
+            Some(before) if *before != found => {
+                let before = before.clone();
+                if let Err(error) = simulator.release().await {
+                    tracing::debug!(%error, "the simulator did not confirm its release");
+                }
+                Err(ScenarioError::OtherSimulator { before, found })
+            }
+            _ => {
+                self.versions = Some(found);
+                Ok(simulator)
+            }
+        }
     }
 
     async fn connect_to_target(&mut self) -> Result<Simulator, ScenarioError> {
@@ -252,9 +347,9 @@ impl Session {
         Ok(self.stand_in.insert(fresh).address())
     }
 
-    /// Waits up to `limit` for an answer of the simulator; returns whether it came. Our own stand-in is restarted, since its last
-    /// behaviour was wrong.
-    pub(super) async fn come_back(&mut self, limit: Duration) -> bool {
+    /// Waits up to `limit` for the simulator, with its pictures; the error is the last reason why it cannot be used. Our own stand-in is
+    /// restarted, since its last behaviour was wrong.
+    pub(super) async fn come_back(&mut self, limit: Duration) -> Result<(), ScenarioError> {
         self.ready = None;
         // Another process may draw with another lag.
         self.known_blocks = KnownBlocks::default();
@@ -263,12 +358,12 @@ impl Session {
         }
         let until = Instant::now() + limit;
         loop {
-            match self.open().await {
-                Ok(()) => return true,
-                Err(error) => tracing::debug!(simulator = self.name, %error, "still away"),
-            }
+            let Err(error) = self.open().await else {
+                return Ok(());
+            };
+            tracing::debug!(simulator = self.name, %error, "still away");
             if Instant::now() >= until {
-                return false;
+                return Err(error);
             }
             sleep(POLL_INTERVAL.min(limit)).await;
         }

@@ -43,11 +43,7 @@ impl FromStr for Simulators {
                 continue;
             }
             let target: SimulatorTarget = part.parse()?;
-            let runs_already = matches!(
-                target,
-                SimulatorTarget::Address(_) | SimulatorTarget::Announced
-            );
-            if runs_already && targets.contains(&target) {
+            if target.runs_already() && targets.contains(&target) {
                 return Err(BadSimulator::Twice { text: part.into() });
             }
             targets.push(target);

@@ -20,8 +20,8 @@ pub(super) struct Tally {
 struct Counts {
     outcome: Outcome,
     fatal: Option<GenerateError>,
-    /// The problem of the simulator that was given up last.
-    last_simulator_failure: Option<String>,
+    /// Why the last simulator was given up.
+    last_simulator_failure: Option<Stopped>,
     told_of_waiting: bool,
 }
 
@@ -57,7 +57,7 @@ impl Tally {
             .push(FailedScenario { id, reason });
     }
 
-    pub(super) fn gave_up_simulator(&self, reason: String) {
+    pub(super) fn gave_up_simulator(&self, reason: Stopped) {
         self.lock().last_simulator_failure = Some(reason);
     }
 
@@ -105,11 +105,8 @@ impl Tally {
         outcome.not_made.sort_by_key(|id| place(id));
         outcome.staged.sort_by_key(|id| place(id));
         outcome.failed.sort_by_key(|scenario| place(&scenario.id));
-        if outcome.stopped.is_none()
-            && !outcome.not_made.is_empty()
-            && let Some(reason) = last_simulator_failure
-        {
-            outcome.stopped = Some(Stopped::NoSimulator { reason });
+        if outcome.stopped.is_none() && !outcome.not_made.is_empty() {
+            outcome.stopped = last_simulator_failure;
         }
         Ok(outcome)
     }

@@ -1,4 +1,4 @@
-//! The cost of a plan: hours of flight, hours of recording, bytes. Every figure states its source.
+//! The cost of a plan: hours of flight, hours of recording (`duration.rs`), bytes. Every figure states its source.
 //!
 //! There are two figures for bytes: the expected size ([`Estimate::bytes`]), and the free space to have before a run, which allows
 //! for more detailed scenery than any that was measured ([`room_bytes`]).
@@ -7,9 +7,8 @@ use dataset::plan::{Common, PlannedScenario};
 use dataset::video::VideoSettings;
 use serde::Serialize;
 
-/// Pictures that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
-/// 1280, the default `[video]`. How it was measured: `docs/sweeps.md`.
-const STAND_IN_PICTURES_PER_S: f64 = 45.0;
+use super::duration::{Durations, Pacing, relative_size};
+
 /// Seconds between two pictures, and bytes of one on disk, mean over the four weathers of `scenarios.toml`: the further apart pictures are,
 /// the less a video gains from the one before. How it was measured: `docs/sweeps.md`.
 const BYTES_PER_PICTURE: [(f64, f64); 5] = [
@@ -27,13 +26,6 @@ const AMPLE_BITS_PER_LOSSLESS_PIXEL: f64 = 6.0;
 const TABLE_BYTES_PER_TICK: f64 = 400.0;
 /// A measured corpus may contain the easier scenarios.
 const AMPLE_OVER_MEASURED: f64 = 1.5;
-/// Picture size for which the two figures hold; cost grows with the number of pixels.
-const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
-
-/// Measured pictures per second of a simulator, all views together.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PicturesPerSecond(pub f64);
-
 /// Measured in a corpus of the same pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredSize {
@@ -56,10 +48,11 @@ pub struct Estimate {
     pub pictures: u64,
     /// Simulated flight, hours.
     pub flight_h: f64,
-    /// Recording time, hours.
+    /// Recording time, hours: the sum of its parts.
     pub making_h: f64,
-    /// Source of that figure.
-    pub making_basis: String,
+    /// Its parts.
+    #[serde(flatten)]
+    pub durations: Durations,
     /// Bytes on disk; absent if nothing is known about such pictures.
     pub bytes: Option<u64>,
     /// Source of that figure, or how to get one.
@@ -69,18 +62,18 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// The cost of scenarios of a plan.
+    /// The cost of scenarios of a plan, with an X-Plane that is restarted after every so many live flights.
     pub fn new<'a>(
         common: &Common,
         scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
-        rate: Option<PicturesPerSecond>,
+        (pacing, restart_every): (&Pacing, Option<u32>),
         size: Option<MeasuredSize>,
     ) -> Self {
         let scenarios: Vec<&PlannedScenario> = scenarios.into_iter().collect();
         let count = scenarios.len();
         let ticks = ticks(scenarios.iter().copied());
         let pictures = ticks * common.cameras.len() as u64;
-        let (pictures_per_s, making_basis) = making(common, rate);
+        let durations = Durations::new(common, &scenarios, pacing, restart_every);
         let (bytes_per_picture, bytes_basis) = bytes(common, size);
         let flight_s = ticks as f64 * common.picture.frame_rate.period_s();
         Self {
@@ -88,8 +81,8 @@ impl Estimate {
             ticks,
             pictures,
             flight_h: flight_s / 3_600.0,
-            making_h: pictures as f64 / pictures_per_s / 3_600.0,
-            making_basis,
+            making_h: durations.total_h(),
+            durations,
             bytes: bytes_per_picture.map(|per_picture| (per_picture * pictures as f64) as u64),
             bytes_basis,
             room_bytes: room(common, ticks, size),
@@ -134,24 +127,6 @@ fn measured_bytes_per_picture(size: Option<MeasuredSize>) -> Option<f64> {
         .map(|size| size.bytes as f64 / size.pictures as f64)
 }
 
-fn relative_size(common: &Common) -> f64 {
-    let picture = common.picture;
-    f64::from(picture.width_px) * f64::from(picture.height_px) / MEASURED_PIXELS
-}
-
-fn making(common: &Common, rate: Option<PicturesPerSecond>) -> (f64, String) {
-    match rate {
-        Some(PicturesPerSecond(per_s)) => (per_s, format!("{per_s} pictures a second, as given")),
-        None => {
-            let per_s = STAND_IN_PICTURES_PER_S / relative_size(common);
-            let basis = format!(
-                "{per_s:.0} pictures a second, measured with the stand-in on two cores at 1920x1280; for another simulator give --pictures-per-second"
-            );
-            (per_s, basis)
-        }
-    }
-}
-
 /// Bytes of one of the stand-in's pictures, if its size was measured with this `[video]`.
 fn expected_bytes_per_picture(common: &Common) -> Option<f64> {
     let apart_s = common.picture.frame_rate.period_s();
@@ -159,14 +134,16 @@ fn expected_bytes_per_picture(common: &Common) -> Option<f64> {
         .then(|| bytes_of_picture_after(apart_s) * relative_size(common))
 }
 
-/// Bytes of a picture this long after the one before: between the measured ones, linear in the logarithm of the time.
+/// Bytes of a picture this long after the one before.
 fn bytes_of_picture_after(apart_s: f64) -> f64 {
-    let next = BYTES_PER_PICTURE.partition_point(|(measured_s, _)| *measured_s < apart_s);
-    let [before, after] = [
-        next.saturating_sub(1),
-        next.min(BYTES_PER_PICTURE.len() - 1),
-    ]
-    .map(|index| BYTES_PER_PICTURE[index]);
+    by_distance(&BYTES_PER_PICTURE, apart_s)
+}
+
+/// What was measured for pictures this many seconds apart: between two measurements, linear in the logarithm of the time.
+pub(super) fn by_distance(measured: &[(f64, f64)], apart_s: f64) -> f64 {
+    let next = measured.partition_point(|(measured_s, _)| *measured_s < apart_s);
+    let [before, after] =
+        [next.saturating_sub(1), next.min(measured.len() - 1)].map(|index| measured[index]);
     match (after.0 / before.0).ln() {
         0.0 => after.1,
         all => {

@@ -14,7 +14,8 @@ use crate::spread::Spread;
 use crate::sweep::{Combination, JitterTable, Sweep};
 use crate::trajectory::AlongCourse;
 
-/// Mean ground speed of a jet on its last ten miles, metres per second: accurate enough to predict the duration of a live flight.
+/// Mean ground speed of a jet on its last ten miles, metres per second: accurate enough to predict the duration of a flight that is not
+/// recorded.
 const EXPECTED_GROUND_SPEED_MPS: f64 = 72.0;
 
 /// Expands a sweep.
@@ -93,12 +94,11 @@ fn decide(
     let seed = seed::of_scenario(sweep.corpus.seed, &id);
     let start_dtd_m = draw(seed, "start.dtd_nm", &sweep.start.dtd_nm) * METERS_PER_NAUTICAL_MILE;
     let rate = sweep.picture.frame_rate;
-    let recording = flown.map(|flown| flown.recording);
     let (flight, live, ticks) = match flown {
         None => {
             let duration_s = start_dtd_m / EXPECTED_GROUND_SPEED_MPS;
             (
-                Flight::Live,
+                sweep.start.fly.source(),
                 Some(live_start(sweep, combination, seed)),
                 (duration_s / rate.period_s()) as u32 + 1,
             )
@@ -144,8 +144,11 @@ fn decide(
         time_of_day,
         weather,
         seed,
-        flight: recording.map_or("live".into(), |recording| recording.file.clone()),
-        trajectory: flown.map_or_else(|| format!("live-{id}"), |flown| flown.trajectory.to_owned()),
+        trajectory: flown.map_or_else(
+            || format!("{}-{id}", parameters.flight.name()),
+            |flown| flown.trajectory.to_owned(),
+        ),
+        flight: parameters.flight.name().to_owned(),
         ticks,
         config_hash: hasher.config_hash(&id, seed, &parameters),
         parameters,

@@ -433,7 +433,9 @@ fn one_scenario_alone_is_no_error() {
 #[test]
 fn more_room_is_asked_for_than_is_expected_and_far_more_without_loss() {
     let plan = expand(&sweep_of(SMALL));
-    let estimate = |common: &Common, size| Estimate::new(common, &plan.scenarios, None, size);
+    let estimate = |common: &Common, size| {
+        Estimate::new(common, &plan.scenarios, (&Pacing::StandIn, None), size)
+    };
     let default = Common {
         video: VideoSettings::default(),
         ..plan.common.clone()
@@ -463,4 +465,102 @@ fn more_room_is_asked_for_than_is_expected_and_far_more_without_loss() {
     let known = estimate(&default, Some(measured));
     let expected = known.bytes.unwrap();
     assert!((expected..2 * expected).contains(&known.room_bytes));
+}
+
+fn seconds(pacing: &Pacing, restart_every: Option<u32>) -> [f64; 6] {
+    let plan = expand(&sweep_of(SMALL));
+    let estimate = Estimate::new(&plan.common, &plan.scenarios, (pacing, restart_every), None);
+    let parts = &estimate.durations;
+    [
+        parts.pictures_h,
+        parts.live_flying_h,
+        parts.loading_h,
+        parts.weather_h,
+        parts.restarts_h,
+        estimate.making_h,
+    ]
+    .map(|hours| hours * 3_600.0)
+}
+
+#[test]
+fn an_x_plane_flies_in_real_time_and_every_part_of_its_night_is_counted() {
+    let plan = expand(&sweep_of(SMALL));
+    let scenarios = plan.scenarios.len() as f64;
+    let ticks: u32 = plan.scenarios.iter().map(|s| s.ticks).sum();
+    let flight_s = f64::from(ticks) * plan.common.picture.frame_rate.period_s();
+    let [pictures, flying, loading, weather, restarts, total] =
+        seconds(&Pacing::PicturesPerSecond(4.0), Some(3));
+    assert!((pictures - f64::from(ticks) * 2.0 / 4.0).abs() < 1e-6);
+    assert!((flight_s..flight_s + 10.0 * scenarios).contains(&flying));
+    assert!(loading >= 20.0 * scenarios && weather >= 55.0 * scenarios);
+    // Eight flights: after three and after six.
+    assert_eq!(scenarios, 8.0);
+    assert!(restarts > 60.0);
+    assert_eq!(
+        seconds(&Pacing::PicturesPerSecond(4.0), Some(4))[4],
+        restarts / 2.0
+    );
+    let sum = pictures + flying + loading + weather + restarts;
+    assert!((total - sum).abs() < 1e-6, "{total} and {sum}");
+    assert_eq!(seconds(&Pacing::PicturesPerSecond(4.0), None)[4], 0.0);
+}
+
+#[test]
+fn computed_flights_take_no_time_to_fly_and_the_plan_of_live_ones_is_what_it_was() {
+    let live = expand(&sweep_of(SMALL));
+    let said = expand(&sweep_of(
+        &SMALL.replace("[start]", "[start]\nfly = \"live\""),
+    ));
+    assert_eq!(live, said);
+    let computed = expand(&sweep_of(
+        &SMALL.replace("[start]", "[start]\nfly = \"computed\""),
+    ));
+    assert_ne!(live.plan_hash, computed.plan_hash);
+    let flights: BTreeSet<&str> = computed
+        .scenarios
+        .iter()
+        .map(|s| s.flight.as_str())
+        .collect();
+    assert_eq!(flights, BTreeSet::from(["computed"]));
+    for (live, computed) in live.scenarios.iter().zip(&computed.scenarios) {
+        assert_eq!(live.parameters.live, computed.parameters.live);
+        assert_eq!((&live.id, live.seed), (&computed.id, computed.seed));
+    }
+    let pacing = (&Pacing::PicturesPerSecond(4.0), None);
+    let estimate = Estimate::new(&computed.common, &computed.scenarios, pacing, None);
+    assert_eq!(estimate.durations.live_flying_h, 0.0);
+}
+
+#[test]
+fn a_trial_counts_each_weather_by_its_own_cost() {
+    let plan = expand(&sweep_of(SMALL));
+    let cost = |picture_s| WeatherCost {
+        picture_s,
+        scenario_s: 1.0,
+        loading_s: 2.0,
+        weather_s: 3.0,
+        flying_s: 4.0,
+    };
+    let costs = [("clear", 0.01), ("foggy", 0.03)];
+    let costs = costs.map(|(weather, picture_s)| (weather.to_owned(), cost(picture_s)));
+    let found = seconds(&Pacing::Trial(costs.into()), Some(1));
+    let of = |weather: &str| -> f64 {
+        let ticks = plan.scenarios.iter().filter(|s| s.weather == weather);
+        ticks.map(|s| 2.0 * f64::from(s.ticks)).sum()
+    };
+    let pictures = 0.01 * of("clear") + 0.03 * of("foggy");
+    let expected = [
+        pictures,
+        8.0 * 4.0,
+        8.0 * 3.0,
+        8.0 * 3.0,
+        0.0,
+        pictures + 80.0,
+    ];
+    for (found, expected) in found.iter().zip(expected) {
+        assert!(
+            (found - expected).abs() < 1e-6,
+            "{found}, expected {expected}"
+        );
+    }
 }

@@ -1,9 +1,10 @@
-//! `[start]`: where and how live flights begin.
+//! `[start]`: who flies, and where and how flights that are not recordings begin.
 
 use std::collections::BTreeMap;
 
 use dataset::approach_profile::ApproachProfile;
 use dataset::limits;
+use dataset::scenario::Flight;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -12,10 +13,35 @@ use super::limits::Enforce;
 use super::profiles::LEVEL_THEN_GLIDE_PATH;
 use crate::spread::Spread;
 
-/// `[start]`: where and how live flights begin. Each value is a number or a spread to draw from.
+/// Who flies the flights that are not recordings.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Fly {
+    /// The simulator, in real time.
+    #[default]
+    Live,
+    /// Our own flight model, ahead of the recording: the simulator only shows the flight.
+    Computed,
+}
+
+impl Fly {
+    /// The source of such a flight.
+    pub(crate) fn source(self) -> Flight {
+        match self {
+            Self::Live => Flight::Live,
+            Self::Computed => Flight::Computed {
+                model: flight_model::VERSION,
+            },
+        }
+    }
+}
+
+/// `[start]`: who flies, and where and how flights that are not recordings begin. Each value is a number or a spread to draw from.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Start {
+    /// Who flies: the simulator (`live`, in real time), or our own flight model (`computed`), whose flights are only shown.
+    pub fly: Fly,
     /// Distance to the touchdown target along the course, nautical miles. Recorded flights are trimmed to it, too.
     #[schemars(transform = limits::START_DTD_NM.in_schema())]
     pub dtd_nm: Spread,
@@ -40,6 +66,7 @@ pub struct Start {
 impl Default for Start {
     fn default() -> Self {
         Self {
+            fly: Fly::Live,
             dtd_nm: Spread::Fixed(10.0),
             cross_track_m: Spread::Fixed(0.0),
             above_profile_m: Spread::Fixed(0.0),

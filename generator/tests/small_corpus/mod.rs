@@ -104,6 +104,7 @@ pub fn options(simulators: impl Into<Simulators>, only: &[&str]) -> GenerateOpti
             simulator: Duration::from_secs(20),
             ..Patience::default()
         },
+        restart: None,
         remote: None,
     }
 }

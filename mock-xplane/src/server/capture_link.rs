@@ -158,8 +158,8 @@ impl CaptureService {
             return Ok(());
         };
         let Some(seated) = self.seat.take(self.admission.patience).await else {
-            let text = "another client holds the capture link".to_owned();
-            return write_message(&mut stream, &Answer::Error { text }, &[]).await;
+            let busy = Answer::refusal("another client holds the capture link");
+            return write_message(&mut stream, &busy, &[]).await;
         };
         let activity = &seated.activity;
         let (from_client, to_client) = stream.into_split();
@@ -206,7 +206,7 @@ impl CaptureService {
             },
             Err(error) => error.to_string(),
         };
-        write_message(stream, &Answer::Error { text }, &[]).await?;
+        write_message(stream, &Answer::lasting_refusal(text), &[]).await?;
         Ok(None)
     }
 
@@ -373,7 +373,8 @@ impl CaptureService {
         let flown = spawn_blocking(move || service.engine.fly(&request, &weather)).await;
         let states = match flown {
             Ok(Ok(states)) => states,
-            Ok(Err(not_flown)) => return refusal(not_flown.to_string()),
+            // The flight model is a pure function: it would fly the same again.
+            Ok(Err(not_flown)) => return ready(Answer::lasting_refusal(not_flown.to_string())),
             Err(error) => return Pending::Ready(Box::new(failed(error))),
         };
         if let Some(&last) = states.last() {
@@ -575,11 +576,11 @@ fn ready(answer: Answer) -> Pending {
 }
 
 fn refusal(text: String) -> Pending {
-    ready(Answer::Error { text })
+    ready(Answer::refusal(text))
 }
 
 /// A panic while flying or drawing is a bug in this crate; the client is told and the server lives on.
 fn failed(error: JoinError) -> Reply {
     let text = format!("the stand-in failed: {error}");
-    (Answer::Error { text }, Vec::new())
+    (Answer::refusal(text), Vec::new())
 }

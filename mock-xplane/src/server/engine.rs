@@ -6,22 +6,17 @@ use dataset::conditions::{Clock, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
+use flight_model::NotLanded;
 use xplane_bridge::fly::FlyRequest;
 
-use crate::flight;
 use crate::render::{Instants, Scene};
 
 /// Why an engine does not fly an approach.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotFlown {
     /// The aircraft was still in the air at the end.
-    #[error("the flight has not landed within {limit_s} s; it ended at {last:?}")]
-    NotLanded {
-        /// Limit of the request, seconds.
-        limit_s: f64,
-        /// Where it was then.
-        last: Option<Box<FlightState>>,
-    },
+    #[error(transparent)]
+    NotLanded(#[from] NotLanded),
     /// Another reason of an engine.
     #[error("{0}")]
     Because(&'static str),
@@ -62,20 +57,13 @@ pub trait SceneRenderer: Send + Sync {
     }
 }
 
-/// The flight model and the renderer of this crate.
+/// The built-in flight model and the renderer of this crate.
 #[derive(Debug, Clone, Copy)]
 pub struct BuiltIn;
 
 impl Engine for BuiltIn {
     fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown> {
-        let states = flight::fly(request, weather);
-        match states.last() {
-            Some(last) if last.on_ground => Ok(states),
-            last => Err(NotFlown::NotLanded {
-                limit_s: request.time_limit_s,
-                last: last.copied().map(Box::new),
-            }),
-        }
+        Ok(flight_model::land(request, weather)?)
     }
 
     fn picture(

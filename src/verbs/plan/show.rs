@@ -1,12 +1,12 @@
 //! A plan in readable form.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 use dataset::plan::PlannedScenario;
+use dataset::scenario::Flight;
 use generator::against::Standing;
 use generator::plan::Estimate;
-use indicatif::{DecimalBytes, HumanDuration};
+use indicatif::DecimalBytes;
 
 use super::{Compared, Report};
 use crate::verbs::output::print_table;
@@ -103,12 +103,28 @@ impl Report<'_> {
     fn show_totals(&self) {
         let plan = self.plan;
         let scenarios = plan.scenarios.len();
-        let live = plan.scenarios.iter().filter(|s| s.flight == "live").count();
+        let flown = |how: fn(&Flight) -> bool| {
+            let flights = plan.scenarios.iter().map(|s| &s.parameters.flight);
+            flights.filter(|flight| how(flight)).count()
+        };
+        let by_source = [
+            (flown(|flight| matches!(flight, Flight::Live)), "live"),
+            (
+                flown(|flight| matches!(flight, Flight::Computed { .. })),
+                "computed",
+            ),
+            (
+                flown(|flight| matches!(flight, Flight::Recorded { .. })),
+                "recorded",
+            ),
+        ];
+        let by_source: Vec<String> = by_source
+            .iter()
+            .filter(|(number, _)| *number > 0)
+            .map(|(number, source)| format!("{number} {source}"))
+            .collect();
         println!("plan        {} of {}", plan.plan_hash, plan.corpus);
-        println!(
-            "scenarios   {scenarios} ({live} live, {} recorded)",
-            scenarios - live
-        );
+        println!("scenarios   {scenarios} ({})", by_source.join(", "));
         let common = &plan.common;
         let estimate = &self.estimate;
         println!(
@@ -205,18 +221,32 @@ fn in_words(standing: Standing) -> &'static str {
 }
 
 fn show_cost(name: &str, estimate: &Estimate) {
-    println!(
-        "{name:<11} {} ({})",
-        hours(estimate.making_h),
-        estimate.making_basis
-    );
+    println!("{name:<11} {}, of which", hours(estimate.making_h));
+    let durations = &estimate.durations;
+    for (part, part_h, basis) in [
+        ("pictures", durations.pictures_h, &durations.pictures_basis),
+        (
+            "live flying",
+            durations.live_flying_h,
+            &durations.live_flying_basis,
+        ),
+        ("loading", durations.loading_h, &durations.loading_basis),
+        ("weather", durations.weather_h, &durations.weather_basis),
+        ("restarts", durations.restarts_h, &durations.restarts_basis),
+    ] {
+        println!("            {part:<11} {} ({basis})", hours(part_h));
+    }
 }
 
 /// In the unit that a person would say.
 fn hours(hours: f64) -> String {
-    match Duration::try_from_secs_f64(hours * 3_600.0) {
-        Ok(duration) => HumanDuration(duration).to_string(),
-        Err(_) => format!("{hours:.0} hours"),
+    let (minutes, seconds) = (hours * 60.0, hours * 3_600.0);
+    if seconds < 120.0 {
+        format!("{seconds:.0} s")
+    } else if minutes < 120.0 {
+        format!("{minutes:.0} min")
+    } else {
+        format!("{hours:.1} h")
     }
 }
 

@@ -22,7 +22,7 @@ from .found import Found
 from .local_frame import LocalFrame
 from .log import Faults, log
 from .loops import FlightLoops
-from .messages import Refusal
+from .messages import LastingRefusal, Refusal
 from .pixels import Pixels
 from .profile import ProfileFile, still_pictures_move
 from .scenery import Ground
@@ -210,7 +210,7 @@ class Bridge:
         except Refusal as refusal:
             # Answers keep the order of the requests.
             self._coded.fail(str(refusal))
-            self._send(_error(str(refusal)))
+            self._send(_error(str(refusal), refusal.repeats))
 
     def _advance(self, task: Task) -> Answer | None:
         """Advances a request; returns its answer when it is done."""
@@ -221,7 +221,7 @@ class Bridge:
             answer: Answer = ended.value
             return answer
         except Refusal as refusal:
-            return _error(str(refusal))
+            return _error(str(refusal), refusal.repeats)
         except Exception as error:  # A bug of ours must not crash X-Plane.
             self._faults.caught("a request", error)
             return _error(f"the plugin failed: {error!r}")
@@ -263,7 +263,7 @@ class Bridge:
             return _at_once({"message": "complaints", "lines": complaints.read(self._xp.getSystemPath())})
         if message == "watch_callbacks":
             return self._watch_callbacks(header)
-        raise Refusal(f"the plugin knows no message {message!r}")
+        raise LastingRefusal(f"the plugin knows no message {message!r}")
 
     def _hello(self) -> Task:
         pixels = ["screen"] if self._pixels.no_readback else ["gl", "screen"]
@@ -322,7 +322,7 @@ class Bridge:
 
     def _freeze(self, header: Header) -> Task:
         if header.get("imaging"):
-            raise Refusal("X-Plane draws ideal pictures along straight lines: imaging has to be left out")
+            raise LastingRefusal("X-Plane draws ideal pictures along straight lines: imaging has to be left out")
         messages.runway(messages.part(header, "runway"))
         self._settle_frames = messages.whole(header, "settle_frames", 1, 600)
         self._margins_px = messages.margins(header)
@@ -360,7 +360,7 @@ class Bridge:
     def _command(self, header: Header) -> Task:
         path = header.get("path")
         if not isinstance(path, str) or not self._xp.findCommand(path):
-            raise Refusal(f"this X-Plane has no command {path!r}")
+            raise LastingRefusal(f"this X-Plane has no command {path!r}")
         self._stage.command(path)
         return _at_once({"message": "commanded"})
 
@@ -420,5 +420,8 @@ def _at_once(header: Header, payload: bytes = b"") -> Task:
     yield
 
 
-def _error(text: str) -> Answer:
-    return {"message": "error", "text": text}, b""
+def _error(text: str, repeats: bool = False) -> Answer:
+    header: Header = {"message": "error", "text": text}
+    if repeats:
+        header["repeats"] = True
+    return header, b""

@@ -16,7 +16,7 @@ from .capture import Answer
 from .datarefs import Datarefs
 from .frame_code import MARGIN_PX, code_of, rectangles
 from .frame_numbers import FrameNumbers
-from .messages import Capture, Refusal
+from .messages import Capture, LastingRefusal
 from .opengl import OpenGl
 from .pixels import Pixels
 from .stage import Stage, Tick
@@ -55,10 +55,10 @@ class CodedFrames:
     def show(self, request: Capture) -> None:
         """Shows a request in one of the next frames, after those that wait.
 
-        Raises :class:`Refusal` if the window has no room for the code.
+        Raises :class:`LastingRefusal` if the window has no room for the code.
         """
         if min(request.margin_x_px, request.margin_y_px) < MARGIN_PX:
-            raise Refusal(f"the margins are {request.margin_x_px} and {request.margin_y_px} pixels, expected {MARGIN_PX} or more for the code")
+            raise LastingRefusal(f"the margins are {request.margin_x_px} and {request.margin_y_px} pixels, expected {MARGIN_PX} or more for the code")
         capturing.check_window(request, self._datarefs)
         if not self.is_busy:
             self._since = time.monotonic()

@@ -14,6 +14,14 @@ CODED = ("coded", "probe")
 class Refusal(Exception):
     """Why a request is answered by ``error``, as a sentence."""
 
+    repeats = False
+
+
+class LastingRefusal(Refusal):
+    """Why a request cannot be met, however often it is sent."""
+
+    repeats = True
+
 
 @dataclass(frozen=True)
 class Pose:
@@ -108,9 +116,9 @@ def number(header: Mapping[str, Any], key: str, low: float = -math.inf, high: fl
     """A finite number within bounds."""
     value = header.get(key)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise Refusal(f"{key} is {value!r}, expected a number")
+        raise LastingRefusal(f"{key} is {value!r}, expected a number")
     if not low <= value <= high:
-        raise Refusal(f"{key} is {value}, expected {low} to {high}")
+        raise LastingRefusal(f"{key} is {value}, expected {low} to {high}")
     return float(value)
 
 
@@ -118,7 +126,7 @@ def whole(header: Mapping[str, Any], key: str, low: int, high: int) -> int:
     """A whole number within bounds."""
     value = header.get(key)
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise Refusal(f"{key} is {value!r}, expected a whole number from {low} to {high}")
+        raise LastingRefusal(f"{key} is {value!r}, expected a whole number from {low} to {high}")
     return value
 
 
@@ -126,7 +134,7 @@ def part(header: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     """An object within the header."""
     value = header.get(key)
     if not isinstance(value, dict):
-        raise Refusal(f"{key} is {value!r}, expected an object")
+        raise LastingRefusal(f"{key} is {value!r}, expected an object")
     return value
 
 
@@ -152,7 +160,7 @@ def margins(header: Mapping[str, Any]) -> tuple[int, int]:
     """The window's margins around the picture, by a ``freeze`` request."""
     value = header.get("margins_px", [0, 0])
     if not isinstance(value, list) or len(value) != 2:
-        raise Refusal(f"margins_px is {value!r}, expected two numbers")
+        raise LastingRefusal(f"margins_px is {value!r}, expected two numbers")
     left, top = (whole({"margins_px": side}, "margins_px", 0, MAX_PICTURE_SIDE_PX) for side in value)
     return left, top
 
@@ -162,10 +170,10 @@ def capture(header: Mapping[str, Any], margins_px: tuple[int, int] = (0, 0)) -> 
     camera, controls = part(header, "camera"), part(header, "controls")
     deliver = header.get("deliver", "picture")
     if deliver not in ("picture", "drawn", *CODED, "screenshot"):
-        raise Refusal(f"deliver is {deliver!r}, expected picture, drawn, coded, probe or screenshot")
+        raise LastingRefusal(f"deliver is {deliver!r}, expected picture, drawn, coded, probe or screenshot")
     hfov_deg = number(camera, "hfov_deg")
     if not 0 < hfov_deg < 180:
-        raise Refusal(f"hfov_deg is {hfov_deg}, expected more than 0 and less than 180")
+        raise LastingRefusal(f"hfov_deg is {hfov_deg}, expected more than 0 and less than 180")
     return Capture(
         tick=whole(header, "tick", 0, 2**32 - 1),
         view=whole(header, "view", 0, 2**32 - 1),
@@ -221,7 +229,7 @@ def profile(header: Mapping[str, Any]) -> Profile:
         )
     if kind == "continuous_descent":
         return Profile(kind, number(header, "start_altitude_msl_m"))
-    raise Refusal(f"profile is {kind!r}, expected glide_path, step_down or continuous_descent")
+    raise LastingRefusal(f"profile is {kind!r}, expected glide_path, step_down or continuous_descent")
 
 
 def start(header: Mapping[str, Any]) -> Start:

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from . import screen_grab
 from .screen_grab import ScreenError
 from .settings import Settings
-from .wire import GREETING, Header, WireError, check_greeting, pack, read_request
+from .wire import GREETING, Header, WireError, WrongToken, check_greeting, pack, read_request
 
 # From the connection to its greeting and its complete hello.
 HELLO_TIMEOUT_S = 5.0
@@ -387,7 +387,8 @@ class LinkServer:
             self.events.put(Note(f"capture link closed: {error}"))
         except WireError as error:
             self.events.put(Note(f"capture link closed: {error}"))
-            connection.answer({"message": "error", "text": str(error)})
+            repeats = {"repeats": True} if error.repeats else {}
+            connection.answer({"message": "error", "text": str(error), **repeats})
         finally:
             connection.finish()
             self._open.discard(connection)
@@ -403,7 +404,7 @@ class LinkServer:
             if not isinstance(given, str) or not hmac.compare_digest(
                 given.strip().encode("utf-8", "surrogatepass"), self._token.encode()
             ):
-                raise WireError(
+                raise WrongToken(
                     "this capture link is open to other machines and requires a token: set DTD_LINK_TOKEN to "
                     "the token of dtd_bridge.ini"
                 )

@@ -23,6 +23,14 @@ ReadExactly = Callable[[int], bytes]
 class WireError(Exception):
     """The other side does not speak this protocol; the text says how that shows."""
 
+    repeats = False
+
+
+class WrongToken(WireError):
+    """The other side does not have the link's token, and will not have it the next time."""
+
+    repeats = True
+
 
 def check_greeting(greeting: bytes) -> None:
     """Raises WireError unless the eight bytes are those of this version."""

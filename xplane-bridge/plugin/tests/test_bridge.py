@@ -162,6 +162,21 @@ class Greeting(WithBridge):
         self.assertEqual((answer, self.world.commands), ({"message": "commanded"}, ["sim/operation/regen_weather"]))
         self.assertRegex(client.refused({"message": "command", "path": "sim/no/such"}), "sim/no/such")
 
+    def test_only_what_would_be_refused_again_is_said_to_repeat(self):
+        client = self.frozen()
+        for request in [
+            {"message": "command", "path": "sim/no/such"},
+            {"message": "dance"},
+            capture(tick=-1),
+            {"message": "probe_terrain", "latitude_deg": 1.0, "longitude_deg": "east"},
+        ]:
+            with self.subTest(request):
+                answer, _ = client.ask(request)
+                self.assertEqual(answer["message"], "error")
+                self.assertTrue(answer["repeats"])
+        late = self.another()
+        self.assertNotIn("repeats", late.ask({"message": "hello", "client": "late"})[0])
+
     def test_the_size_of_the_window_is_told_although_its_place_is_not_known(self):
         self.world.values["sim/graphics/view/window_width"] = [96.0]
         client = self.start()

@@ -184,6 +184,9 @@ pub enum Answer {
     Error {
         /// What went wrong.
         text: String,
+        /// Whether the same request would be refused again.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        repeats: bool,
     },
 }
 
@@ -194,6 +197,22 @@ fn known_kinds<'de, D: Deserializer<'de>>(source: D) -> Result<Vec<PixelKind>, D
 }
 
 impl Answer {
+    /// A refusal that may not last.
+    pub fn refusal(text: impl Into<String>) -> Self {
+        Self::Error {
+            text: text.into(),
+            repeats: false,
+        }
+    }
+
+    /// The refusal of a request that would be refused again.
+    pub fn lasting_refusal(text: impl Into<String>) -> Self {
+        Self::Error {
+            text: text.into(),
+            repeats: true,
+        }
+    }
+
     /// The answer's name, for messages.
     pub fn name(&self) -> &'static str {
         match self {
@@ -277,7 +296,16 @@ mod tests {
             text.ends_with(r#""imaging":[{},{"refraction_coefficient":0.13}]}"#),
             "{text}"
         );
-        let text = serde_json::to_string(&Answer::Error { text: "no".into() }).unwrap();
-        assert_eq!(text, r#"{"message":"error","text":"no"}"#);
+        for (error, expected) in [
+            (Answer::refusal("no"), r#"{"message":"error","text":"no"}"#),
+            (
+                Answer::lasting_refusal("no"),
+                r#"{"message":"error","text":"no","repeats":true}"#,
+            ),
+        ] {
+            assert_eq!(serde_json::to_string(&error).unwrap(), expected);
+            let read: Answer = serde_json::from_str(expected).unwrap();
+            assert!(read == error, "{read:?}");
+        }
     }
 }

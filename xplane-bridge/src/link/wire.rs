@@ -226,9 +226,7 @@ mod tests {
     #[tokio::test]
     async fn a_message_comes_back_with_its_payload() {
         let (mut here, mut there) = tokio::io::duplex(64);
-        let answer = Answer::Error {
-            text: "because".into(),
-        };
+        let answer = Answer::refusal("because");
         let payload: Vec<u8> = (0..1_000).map(|i| i as u8).collect();
         let sent = (answer.clone(), payload.clone());
         let writer = tokio::spawn(async move { write_message(&mut here, &sent.0, &sent.1).await });

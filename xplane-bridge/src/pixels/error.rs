@@ -203,6 +203,18 @@ pub enum PixelError {
 }
 
 impl PixelError {
+    /// Whether no picture will come until somebody changes the window, the screen, this computer or the sweep.
+    pub fn is_setup(&self) -> bool {
+        self.is_bad_input()
+            || matches!(
+                self,
+                Self::NoScreenHere
+                    | Self::NoDevice { .. }
+                    | Self::PixelForm { .. }
+                    | Self::WrongSize { .. }
+            )
+    }
+
     /// Whether the caller requested something that this simulator does not have: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         matches!(

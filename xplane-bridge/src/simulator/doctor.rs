@@ -11,6 +11,7 @@ mod eyes;
 mod lockstep;
 mod measure;
 mod next;
+mod pace;
 mod pictures;
 mod readable;
 mod sky;

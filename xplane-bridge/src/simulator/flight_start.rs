@@ -314,12 +314,10 @@ impl Simulator {
                 }
             }
         }
-        Err(BridgeError::Refused {
-            doing: "another aircraft (ACFN)",
-            text: format!(
-                "{} is not loaded, but {found}; load it in X-Plane",
-                file.path
-            ),
+        Err(BridgeError::WrongAircraft {
+            wanted: file.icao,
+            found,
+            path: file.path,
         })
     }
 

@@ -92,9 +92,11 @@ impl LinkClient {
         self.payload_bytes = payload_bytes;
         let expects_payload = matches!(answer, Answer::Frame(_) | Answer::Flown { .. });
         match answer {
-            Answer::Error { text } if payload_bytes == 0 => {
-                Err(BridgeError::Refused { doing, text })
-            }
+            Answer::Error { text, repeats } if payload_bytes == 0 => Err(BridgeError::Refused {
+                doing,
+                text,
+                repeats,
+            }),
             answer if expects_payload || payload_bytes == 0 => Ok(answer),
             answer => {
                 self.close();

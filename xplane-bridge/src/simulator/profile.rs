@@ -3,7 +3,7 @@
 use super::{SWITCH_TIMEOUT, Simulator, wrong};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
-use crate::profile::{CallbackOrders, KnownProfile, Profile};
+use crate::profile::{CallbackOrders, Finding, KnownProfile, Pace, PacedBy, Profile, RecordedPace};
 
 impl Simulator {
     /// Lets the plugin store a profile; from now on it is used here, too.
@@ -14,6 +14,7 @@ impl Simulator {
         let kept = serde_json::to_value(&profile).map_err(|error| BridgeError::Refused {
             doing: "keeping the profile",
             text: error.to_string(),
+            repeats: true,
         })?;
         let request = Request::KeepProfile { profile: kept };
         match self
@@ -27,6 +28,34 @@ impl Simulator {
             }
             other => Err(wrong("profile_kept", &other)),
         }
+    }
+
+    /// Adds to the profile how long a recorded scenario took, for later estimates. Without a profile of this simulator there is nothing to
+    /// add it to.
+    ///
+    /// # Errors
+    /// The plugin cannot store it.
+    pub async fn keep_pace(&mut self, recorded: &RecordedPace) -> Result<(), BridgeError> {
+        let KnownProfile::Current(profile) = &self.description.profile else {
+            return Ok(());
+        };
+        let before = profile.pace.found().copied();
+        let pace = Pace {
+            measured_by: PacedBy::Generate,
+            size: recorded.size,
+            settle_frames: self.frames_to_settle(),
+            pictures_per_s: recorded.pictures_per_s,
+            loading_s: recorded
+                .loading
+                .map(|took| took.as_secs_f64())
+                .or(before.and_then(|pace| pace.loading_s)),
+            weather_s: Some(recorded.weather.as_secs_f64()),
+        };
+        let profile = Profile {
+            pace: Finding::Found(pace),
+            ..profile.as_ref().clone()
+        };
+        self.keep_profile(profile).await
     }
 
     /// Uses the findings of an earlier connection to the same simulator, unless the plugin has more.

@@ -309,9 +309,7 @@ async fn talk(
                 columns: FLIGHT_COLUMNS.map(str::to_owned).to_vec(),
                 rows: 0,
             },
-            other => Answer::Error {
-                text: format!("{other:?} is not part of this test"),
-            },
+            other => Answer::refusal(format!("{other:?} is not part of this test")),
         };
         told.lock().unwrap().requests.push(request);
         write_message(&mut stream, &answer, &[]).await?;

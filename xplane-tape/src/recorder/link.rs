@@ -159,7 +159,7 @@ impl Connection {
             && !token.is(hello.token().as_deref())
         {
             let text = "this recorder requires a token: set DTD_LINK_TOKEN to the same value on both sides";
-            let answer = Answer::Error { text: text.into() };
+            let answer = Answer::refusal(text);
             write_message(&mut client_writes, &answer, &[]).await?;
             return Ok(None);
         }

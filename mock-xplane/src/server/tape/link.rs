@@ -232,6 +232,6 @@ fn scene_key(playback: &Playback, request: &Value) -> Result<(SceneKey, CaptureR
 }
 
 fn error(text: &str) -> LinkMessage {
-    let answer = Answer::Error { text: text.into() };
+    let answer = Answer::refusal(text);
     LinkMessage::new(&serde_json::to_vec(&answer).unwrap_or_default(), &[])
 }

@@ -1,6 +1,6 @@
 //! How an aircraft continues between placements: a calm one that turns with its bank, levels out, and is never completely still.
 //!
-//! This is not a flight model: approaches are flown by [`crate::flight`]. It makes the values that clients read over UDP move as in
+//! This is not a flight model: approaches are flown by [`flight_model`]. It makes the values that clients read over UDP move as in
 //! a simulator, with rates consistent with the attitudes.
 
 use dataset::geodesy::Geodetic;

@@ -7,6 +7,7 @@ use futures_util::future::LocalBoxFuture;
 use serde_json::json;
 
 use super::eyes::{Eyes, noon_zulu_s};
+use super::pace;
 use super::pictures::PictureFindings;
 use super::sky::SkyFindings;
 use super::talk::PlaceOnGround;
@@ -65,6 +66,11 @@ pub(super) async fn measure(
     }
     let sky = SkyFindings::measure(&mut eyes).await;
     sky.checks().into_iter().for_each(&mut *note);
+    let mut profile = profile(simulator, pictures, sky, grabbing);
+    // As a recording does: with the frames to settle that were just measured.
+    simulator.description.profile = KnownProfile::Current(Box::new(profile.clone()));
+    profile.pace = pace::measure(simulator, &place).await;
+    note(pace::check(&profile.pace));
     let given_back = match clock {
         Ok(before) => simulator.give_clock_back(&before).await,
         Err(error) => Err(error),
@@ -72,7 +78,6 @@ pub(super) async fn measure(
     if let Err(error) = given_back {
         tracing::warn!(%error, "the clock was not given back");
     }
-    let profile = profile(simulator, pictures, sky, grabbing);
     note(keep(simulator, profile).await);
 }
 
@@ -147,6 +152,7 @@ fn profile(
         frames_until_settled: pictures.frames_until_settled,
         still_pictures_move: pictures.still_pictures_move,
         callbacks: pictures.callbacks,
+        pace: Finding::NotMeasured("only `dtd doctor` and `dtd generate` measure it".into()),
     }
 }
 

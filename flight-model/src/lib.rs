@@ -6,6 +6,10 @@
 //!
 //! A point mass with attitude under an ILS autopilot flies through a moving atmosphere; each of these has its own file. The model
 //! is compared with flights of an independent one (`tests/recorded_flights.rs`).
+//!
+//! The stand-in flies with it, and so does `dtd generate` for sweeps whose flights are computed ahead instead of flown by X-Plane.
+
+#![forbid(unsafe_code)]
 
 mod aerodynamics;
 mod air;
@@ -38,15 +42,43 @@ use vertical_guidance::Situation;
 /// Standard gravity, metres per second squared.
 const GRAVITY_MPS2: f64 = 9.806_65;
 
+/// Version of the flights: another one for the same request and weather has another version. It is part of the plans of computed flights.
+pub const VERSION: u32 = 1;
+
 /// Rate of the states of a flight, hertz.
 pub const OUTPUT_RATE_HZ: u32 = 30;
 /// A flight ends this long after the wheels first touch, seconds.
-pub(crate) const ROLL_OUT_S: f64 = 6.0;
+const ROLL_OUT_S: f64 = 6.0;
 
 /// Integration steps per state, and per update of the autopilot.
 const STEPS_PER_STATE: u64 = 4;
 const STEP_S: f64 = 1.0 / (OUTPUT_RATE_HZ as f64 * STEPS_PER_STATE as f64);
 const AUTOPILOT_STEP_S: f64 = 1.0 / OUTPUT_RATE_HZ as f64;
+
+/// A flight that did not end on the runway.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("the flight has not landed within {limit_s} s; it ended at {last:?}")]
+pub struct NotLanded {
+    /// Limit of the request, seconds.
+    pub limit_s: f64,
+    /// Where it was then.
+    pub last: Option<Box<FlightState>>,
+}
+
+/// Flies `request` through `weather` until the aircraft has landed.
+///
+/// # Errors
+/// The flight is still in the air at `request.time_limit_s`.
+pub fn land(request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotLanded> {
+    let states = fly(request, weather);
+    match states.last() {
+        Some(last) if last.on_ground => Ok(states),
+        last => Err(NotLanded {
+            limit_s: request.time_limit_s,
+            last: last.copied().map(Box::new),
+        }),
+    }
+}
 
 /// Flies `request` through `weather`. A flight that has not landed by `request.time_limit_s` ends there, in the air.
 pub fn fly(request: &FlyRequest, weather: &Weather) -> Vec<FlightState> {

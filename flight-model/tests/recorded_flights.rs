@@ -2,7 +2,7 @@
 //!
 //! A flight in turbulence is one draw of many, so twins are flown with several seeds, and figures are compared by the geometric
 //! mean of their ratios over the five flights in moving air.
-//! `cargo test -p mock-xplane recorded -- --nocapture` prints the figures.
+//! `cargo test -p flight-model recorded -- --nocapture` prints the figures.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;

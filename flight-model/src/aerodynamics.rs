@@ -91,7 +91,7 @@ fn drag_coefficient(lift: f64, controls: Controls, spoiler_ratio: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::GRAVITY_MPS2;
+    use crate::GRAVITY_MPS2;
 
     const LANDING: Controls = Controls {
         flap_ratio: 0.75,

@@ -1,6 +1,6 @@
 //! Draws the six recorded flights of an independent model and the built-in model's twins of them.
 //!
-//! `cargo run --release -p mock-xplane --example compare_flights -- docs/images` writes flights.svg (height, cross-track, airspeed and
+//! `cargo run --release -p flight-model --example compare_flights -- docs/images` writes flights.svg (height, cross-track, airspeed and
 //! sink rate over the distance to touchdown) and flight-spectra.svg (airspeed and sink rate on the final approach by frequency).
 
 use std::path::PathBuf;

@@ -1,0 +1,251 @@
+//! The user's command that restarts a simulator, which `dtd` cannot do itself: X-Plane is often started by a script, or on another
+//! computer.
+//!
+//! Input: a command line for `sh`, and the simulator's name in the environment variable [`SIMULATOR_VARIABLE`]. Output: how it ended, with
+//! its last words. The command is expected to end the old simulator, to start a new one in the background, and to end.
+//!
+//! The simulator that it starts must outlive `dtd`: the command has a process group of its own, so that Ctrl-C does not reach it, and
+//! writes into a file, because a program that writes into the pipe of a process that has ended is ended itself.
+
+use std::fs::File;
+use std::io;
+use std::num::NonZeroU32;
+use std::os::unix::fs::FileExt;
+use std::process::{ExitStatus, Stdio};
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process_group};
+use tokio::process::{Child, Command};
+use tokio::time::timeout;
+
+use super::error::GenerateError;
+use super::session::SimulatorTarget;
+use super::simulators::Simulators;
+
+/// The simulator to restart, as in `--sim`.
+const SIMULATOR_VARIABLE: &str = "DTD_SIMULATOR";
+/// At most this much of the command's output is logged.
+const OUTPUT_BYTES: u64 = 8 << 10;
+/// Lines of output in an error message.
+const LAST_LINES: usize = 3;
+
+/// How to restart simulators that are not started by `dtd`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Restart {
+    /// A command line for `sh -c`.
+    pub command: String,
+    /// Live flights after which a simulator is restarted although it answers; never if absent.
+    pub every: Option<NonZeroU32>,
+}
+
+/// Why a command did not restart a simulator.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum RestartError {
+    /// No shell.
+    #[error("cannot run `sh -c` for --restart-simulator: {0}")]
+    Start(io::Error),
+    /// The command says so.
+    #[error(
+        "the command of --restart-simulator ended with {status}, expected exit status 0; its last output: {}",
+        last_lines(output)
+    )]
+    Failed {
+        /// How it ended.
+        status: ExitStatus,
+        /// What it wrote.
+        output: String,
+    },
+    /// It does not end.
+    #[error(
+        "the command of --restart-simulator still runs after {waited:?}; let it start X-Plane in the background (`&`, or `start` on Windows); \
+         its last output: {}",
+        last_lines(output)
+    )]
+    StillRuns {
+        /// How long we waited.
+        waited: Duration,
+        /// What it has written.
+        output: String,
+    },
+}
+
+/// Whether all simulators of a run are restartable by a command, or are stand-ins, which `dtd` restarts itself.
+pub(super) fn check(simulators: &Simulators) -> Result<(), GenerateError> {
+    let targets = simulators.targets();
+    let not_restartable = |target: &SimulatorTarget, why| GenerateError::NotRestartable {
+        simulator: target.to_string(),
+        why,
+    };
+    let tape = targets
+        .iter()
+        .find(|target| matches!(target, SimulatorTarget::Tape(_)));
+    if let Some(tape) = tape {
+        return Err(not_restartable(tape, "is a recording, which never ends"));
+    }
+    if targets.iter().any(SimulatorTarget::runs_already) {
+        Ok(())
+    } else {
+        Err(not_restartable(
+            &SimulatorTarget::StandIn,
+            "is started, and started again, by dtd itself",
+        ))
+    }
+}
+
+/// A command that was started.
+pub(super) struct Running {
+    child: Child,
+    output: File,
+}
+
+impl Restart {
+    /// Starts the command for a simulator.
+    pub(super) fn start(&self, simulator: &str) -> Result<Running, RestartError> {
+        let output = tempfile::tempfile().map_err(RestartError::Start)?;
+        let copy = || output.try_clone().map_err(RestartError::Start);
+        let child = Command::new("sh")
+            .args(["-c", &self.command])
+            .env(SIMULATOR_VARIABLE, simulator)
+            .stdin(Stdio::null())
+            .stdout(copy()?)
+            .stderr(copy()?)
+            .process_group(0)
+            .spawn()
+            .map_err(RestartError::Start)?;
+        Ok(Running { child, output })
+    }
+}
+
+impl Running {
+    /// Waits for the end of the command, and logs its output.
+    pub(super) async fn ended(&mut self, limit: Duration) -> Result<(), RestartError> {
+        let ended = timeout(limit, self.child.wait()).await;
+        let output = self.output();
+        for line in output.lines() {
+            tracing::info!(line, "--restart-simulator");
+        }
+        match ended {
+            Ok(Ok(status)) if status.success() => Ok(()),
+            Ok(Ok(status)) => Err(RestartError::Failed { status, output }),
+            Ok(Err(error)) => Err(RestartError::Start(error)),
+            Err(_) => Err(RestartError::StillRuns {
+                waited: limit,
+                output,
+            }),
+        }
+    }
+
+    /// Ends a command that does not end by itself, with all that it started.
+    pub(super) fn kill(&self) {
+        let group = self.child.id().and_then(|id| Pid::from_raw(id as i32));
+        if let Some(group) = group
+            && let Err(error) = kill_process_group(group, Signal::KILL)
+        {
+            tracing::warn!(%error, "the command of --restart-simulator could not be ended");
+        }
+    }
+
+    /// The last of what the command has written.
+    fn output(&self) -> String {
+        let length = self.output.metadata().map_or(0, |found| found.len());
+        let from = length.saturating_sub(OUTPUT_BYTES);
+        let mut bytes = vec![0; (length - from) as usize];
+        let read = self.output.read_at(&mut bytes, from).unwrap_or(0);
+        String::from_utf8_lossy(&bytes[..read]).into_owned()
+    }
+}
+
+fn last_lines(output: &str) -> String {
+    let lines: Vec<&str> = output.lines().map(str::trim_end).collect();
+    match lines.as_slice() {
+        [] => "none".into(),
+        lines => lines[lines.len().saturating_sub(LAST_LINES)..].join(" / "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use super::*;
+
+    fn start(command: &str) -> Running {
+        let restart = Restart {
+            command: command.into(),
+            every: None,
+        };
+        restart.start("127.0.0.1:49000").unwrap()
+    }
+
+    const LONG: Duration = Duration::from_secs(60);
+
+    #[tokio::test]
+    async fn a_command_gets_the_simulator_and_is_given_to_a_shell() {
+        let mut command = start("test \"$DTD_SIMULATOR\" = 127.0.0.1:49000 && echo 'it is' >&2");
+        command.ended(LONG).await.unwrap();
+        assert_eq!(command.output(), "it is\n");
+    }
+
+    #[tokio::test]
+    async fn a_command_that_fails_is_reported_with_its_last_output() {
+        let mut command = start("for n in 1 2 3 4; do echo line $n; done; exit 7");
+        let error = command.ended(LONG).await.unwrap_err().to_string();
+        assert!(
+            error.contains("exit status: 7") && error.contains("line 2 / line 3 / line 4"),
+            "{error}"
+        );
+        let error = start("no-such-command-here").ended(LONG).await;
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("127"), "{error}");
+    }
+
+    #[tokio::test]
+    async fn what_a_command_leaves_in_the_background_is_not_waited_for_and_can_write_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let written = folder.path().join("written");
+        let line = format!(
+            "(sleep 0.3; echo more && echo done >{}) & echo started",
+            written.display()
+        );
+        let mut command = start(&line);
+        command.ended(LONG).await.unwrap();
+        drop(command);
+        let began = Instant::now();
+        while !written.exists() {
+            assert!(began.elapsed() < LONG, "it was ended");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    }
+
+    #[tokio::test]
+    async fn a_command_that_never_ends_is_reported_and_can_be_ended_with_all_that_it_started() {
+        let mut command = start("echo waiting; sleep 1000 & wait");
+        let error = command.ended(Duration::from_millis(300)).await;
+        let error = error.unwrap_err();
+        assert!(
+            matches!(error, RestartError::StillRuns { .. })
+                && error.to_string().contains("waiting"),
+            "{error}"
+        );
+        command.kill();
+        let ended = command.ended(LONG).await;
+        assert!(
+            matches!(ended, Err(RestartError::Failed { .. })),
+            "{ended:?}"
+        );
+    }
+
+    #[test]
+    fn only_a_simulator_that_somebody_else_starts_is_restarted() {
+        let check = |text: &str| check(&text.parse().unwrap()).map_err(|error| error.to_string());
+        assert_eq!(check("auto"), Ok(()));
+        assert_eq!(check("mock,127.0.0.1:49000"), Ok(()));
+        assert!(check("mock:2").unwrap_err().contains("by dtd itself"));
+        let tape = concat!(
+            "127.0.0.1:49000,tape:",
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/data/tape/session.mcap"
+        );
+        assert!(check(tape).unwrap_err().contains("is a recording"));
+    }
+}

@@ -1,0 +1,44 @@
+//! How long the steps of a scenario took: for the log, and for the estimates of `dtd plan`.
+
+use std::time::{Duration, Instant};
+
+/// The steps of one recorded scenario.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Steps {
+    /// Connecting, and starting the flight or travelling to it.
+    pub(crate) loading: Duration,
+    /// Writing the weather, until it is there.
+    pub(crate) weather: Duration,
+    /// Flying or computing the flight.
+    pub(crate) flying: Duration,
+    /// All pictures, the tables, and the seal.
+    pub(crate) recording: Duration,
+}
+
+/// Measures one step after the other.
+pub(super) struct Stopwatch(Instant);
+
+impl Stopwatch {
+    pub(super) fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    /// The time since the last step.
+    pub(super) fn lap(&mut self) -> Duration {
+        let now = Instant::now();
+        now - std::mem::replace(&mut self.0, now)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_lap_begins_where_the_last_one_ended() {
+        let began = Instant::now();
+        let mut watch = Stopwatch::start();
+        let laps = [watch.lap(), watch.lap(), watch.lap()];
+        assert!(laps.iter().sum::<Duration>() <= began.elapsed());
+    }
+}

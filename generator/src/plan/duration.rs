@@ -1,0 +1,304 @@
+//! How long recording takes, part by part: pictures, flights that are flown live, loading, weather, restarts.
+//!
+//! Every part has a source: a trial with the stand-in on this machine, the profile of an X-Plane, or an assumption, which is said.
+
+use std::collections::BTreeMap;
+
+use dataset::plan::{Common, PlannedScenario};
+use dataset::scenario::Flight;
+use serde::Serialize;
+use xplane_bridge::profile::Profile;
+
+use super::estimate::by_distance;
+
+/// Seconds between two pictures, and seconds that one takes with the stand-in, encoded, on two otherwise idle cores: mean over the four
+/// weathers of `scenarios.toml` at 1920 x 1280 and the default `[video]`. The closer pictures are in time, the more of the clouds they
+/// share. How it was measured: `docs/sweeps.md`.
+const STAND_IN_PICTURE_S: [(f64, f64); 5] = [
+    (1.0 / 30.0, 0.022),
+    (0.2, 0.030),
+    (0.5, 0.040),
+    (1.0, 0.050),
+    (2.0, 0.055),
+];
+/// What a scenario takes besides, whatever its number of pictures: for a picture of that size, and without any picture, seconds.
+const STAND_IN_SCENARIO_S: (f64, f64) = (1.5, 0.5);
+/// Picture size of the figures above; cost grows with the number of pixels.
+const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
+
+/// What an X-Plane is assumed to take where nothing was measured, seconds: to load the place of a flight (20 s measured by others, and
+/// the terrain settles), to show written clouds (55 s measured by others), and to start again.
+const ASSUMED_LOADING_S: f64 = 30.0;
+const ASSUMED_WEATHER_S: f64 = 60.0;
+const ASSUMED_RESTART_S: f64 = 180.0;
+/// A replayed flight needs no start of a flight, only the aircraft's way there.
+const ASSUMED_TRAVEL_S: f64 = 5.0;
+/// A flight is flown on for this long after touchdown, which no scenario shows, seconds.
+const ROLL_OUT_S: f64 = 3.0;
+/// Pictures per second that X-Plane is assumed to deliver.
+const ASSUMED_PICTURES_PER_S: f64 = 8.0;
+
+/// Measured cost of the scenarios of one weather, seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WeatherCost {
+    /// A picture.
+    pub picture_s: f64,
+    /// A scenario, besides its pictures and what follows.
+    pub scenario_s: f64,
+    /// Until the flight can begin.
+    pub loading_s: f64,
+    /// Until the weather is there.
+    pub weather_s: f64,
+    /// Flying it, in whatever time the simulator needs.
+    pub flying_s: f64,
+}
+
+/// Where the figures of an estimate come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Pacing {
+    /// Figures of the stand-in on another machine.
+    StandIn,
+    /// A trial with the stand-in on this machine; cost by weather.
+    Trial(BTreeMap<String, WeatherCost>),
+    /// An X-Plane, with its profile if it has one.
+    XPlane(Option<Box<Profile>>),
+    /// An X-Plane that delivers as many pictures a second, all views together.
+    PicturesPerSecond(f64),
+}
+
+/// How long the parts take, hours, and the source of each figure.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Durations {
+    /// Drawing, grabbing and encoding pictures.
+    pub pictures_h: f64,
+    /// Source of that figure.
+    pub pictures_basis: String,
+    /// Flying live flights.
+    pub live_flying_h: f64,
+    /// Source of that figure.
+    pub live_flying_basis: String,
+    /// Starting flights and loading scenery, and all that a scenario takes besides its pictures.
+    pub loading_h: f64,
+    /// Source of that figure.
+    pub loading_basis: String,
+    /// Waiting until the weather is there.
+    pub weather_h: f64,
+    /// Source of that figure.
+    pub weather_basis: String,
+    /// Restarts of X-Plane.
+    pub restarts_h: f64,
+    /// Source of that figure.
+    pub restarts_basis: String,
+}
+
+impl Durations {
+    /// All parts together, hours.
+    pub fn total_h(&self) -> f64 {
+        self.pictures_h + self.live_flying_h + self.loading_h + self.weather_h + self.restarts_h
+    }
+
+    /// The durations of scenarios of a plan; X-Plane is restarted after every so many live flights.
+    pub(super) fn new(
+        common: &Common,
+        scenarios: &[&PlannedScenario],
+        pacing: &Pacing,
+        restart_every: Option<u32>,
+    ) -> Self {
+        let count = Count::of(common, scenarios);
+        let parts = match pacing {
+            Pacing::StandIn => count.with_the_stand_in(common),
+            Pacing::Trial(costs) => trial(common, scenarios, costs),
+            Pacing::XPlane(profile) => count.with_x_plane(common, profile.as_deref()),
+            Pacing::PicturesPerSecond(per_s) => Self {
+                pictures_h: count.pictures / per_s / 3_600.0,
+                pictures_basis: format!("{per_s} a second, as given"),
+                ..count.with_x_plane(common, None)
+            },
+        };
+        parts.with_restarts(count.live, pacing, restart_every)
+    }
+
+    fn with_restarts(mut self, live: usize, pacing: &Pacing, every: Option<u32>) -> Self {
+        let is_x_plane = matches!(pacing, Pacing::XPlane(_) | Pacing::PicturesPerSecond(_));
+        let restarts = match every {
+            Some(every) if is_x_plane && live > 0 => (live - 1) / (every.max(1) as usize),
+            _ => 0,
+        };
+        self.restarts_h = restarts as f64 * ASSUMED_RESTART_S / 3_600.0;
+        self.restarts_basis = match (is_x_plane, every) {
+            (false, _) => "the stand-in needs none".into(),
+            (true, None) => "none; --restart-every N counts one after every N live flights".into(),
+            (true, Some(every)) => format!(
+                "{restarts}, after every {every} live flights, {ASSUMED_RESTART_S:.0} s each, assumed"
+            ),
+        };
+        self
+    }
+}
+
+/// What is to be recorded.
+struct Count {
+    scenarios: usize,
+    live: usize,
+    live_flying_s: f64,
+    pictures: f64,
+}
+
+impl Count {
+    fn of(common: &Common, scenarios: &[&PlannedScenario]) -> Self {
+        let period_s = common.picture.frame_rate.period_s();
+        let live = scenarios
+            .iter()
+            .filter(|scenario| scenario.parameters.flight == Flight::Live);
+        let ticks = scenarios.iter().map(|scenario| f64::from(scenario.ticks));
+        Self {
+            scenarios: scenarios.len(),
+            live: live.clone().count(),
+            live_flying_s: live
+                .map(|scenario| f64::from(scenario.ticks) * period_s + ROLL_OUT_S)
+                .sum(),
+            pictures: ticks.sum::<f64>() * common.cameras.len() as f64,
+        }
+    }
+
+    fn with_the_stand_in(&self, common: &Common) -> Durations {
+        const BASIS: &str = "measured with the stand-in on two cores; --sim mock measures yours";
+        let size = relative_size(common);
+        let picture_s = size * stand_in_picture_s(common.picture.frame_rate.period_s());
+        let scenario_s = size * STAND_IN_SCENARIO_S.0 + STAND_IN_SCENARIO_S.1;
+        Durations {
+            pictures_h: self.pictures * picture_s / 3_600.0,
+            pictures_basis: format!("{:.0} a second, {BASIS}", 1.0 / picture_s),
+            live_flying_basis: "the stand-in does not fly in real time".into(),
+            loading_h: self.scenarios as f64 * scenario_s / 3_600.0,
+            loading_basis: format!("{scenario_s:.1} s a scenario, {BASIS}"),
+            weather_basis: "the stand-in changes its weather at once".into(),
+            ..Durations::default()
+        }
+    }
+
+    fn with_x_plane(&self, common: &Common, profile: Option<&Profile>) -> Durations {
+        let pace = profile.and_then(|profile| profile.pace.found());
+        let (pictures_per_s, pictures_basis) = match pace {
+            Some(pace) => {
+                let pixels = f64::from(pace.size.width_px) * f64::from(pace.size.height_px)
+                    / MEASURED_PIXELS;
+                // Frames a second fall less than pixels grow: the same is assumed for any size, and said.
+                let other = if (pixels - relative_size(common)).abs() > 1e-9 {
+                    format!(", at {}", pace.size)
+                } else {
+                    String::new()
+                };
+                (
+                    pace.pictures_per_s,
+                    format!(
+                        "{:.1} a second, measured by {}{other}, {} frames to settle",
+                        pace.pictures_per_s, pace.measured_by, pace.settle_frames
+                    ),
+                )
+            }
+            None => (
+                ASSUMED_PICTURES_PER_S,
+                format!("{ASSUMED_PICTURES_PER_S:.0} a second, assumed; `dtd doctor` measures it"),
+            ),
+        };
+        let measured_or = |measured: Option<f64>, assumed: f64| match measured {
+            Some(took_s) => (took_s, format!("{took_s:.0} s each, measured")),
+            None => (assumed, format!("{assumed:.0} s each, assumed")),
+        };
+        let (loading_s, loading_basis) =
+            measured_or(pace.and_then(|pace| pace.loading_s), ASSUMED_LOADING_S);
+        let (weather_s, weather_basis) = measured_or(
+            profile.and_then(Profile::weather_takes_s),
+            ASSUMED_WEATHER_S,
+        );
+        let replayed = (self.scenarios - self.live) as f64;
+        Durations {
+            pictures_h: self.pictures / pictures_per_s / 3_600.0,
+            pictures_basis,
+            live_flying_h: self.live_flying_s / 3_600.0,
+            live_flying_basis: format!(
+                "{}, in real time; [start] fly = \"computed\" saves it",
+                flights(self.live, "live flight")
+            ),
+            loading_h: (self.live as f64 * loading_s + replayed * ASSUMED_TRAVEL_S) / 3_600.0,
+            loading_basis: match self.scenarios - self.live {
+                0 => loading_basis,
+                replayed => format!(
+                    "{}, {loading_basis}; {}, {ASSUMED_TRAVEL_S:.0} s each, assumed",
+                    flights(self.live, "live flight"),
+                    flights(replayed, "replayed flight")
+                ),
+            },
+            weather_h: self.scenarios as f64 * weather_s / 3_600.0,
+            weather_basis,
+            ..Durations::default()
+        }
+    }
+}
+
+fn flights(number: usize, what: &str) -> String {
+    match number {
+        1 => format!("1 {what}"),
+        _ => format!("{number} {what}s"),
+    }
+}
+
+fn trial(
+    common: &Common,
+    scenarios: &[&PlannedScenario],
+    costs: &BTreeMap<String, WeatherCost>,
+) -> Durations {
+    let mut durations = Durations::default();
+    let mut pictures = 0.0;
+    for scenario in scenarios {
+        let Some(cost) = costs.get(&scenario.weather) else {
+            continue;
+        };
+        let of_scenario = f64::from(scenario.ticks) * common.cameras.len() as f64;
+        pictures += of_scenario;
+        durations.pictures_h += of_scenario * cost.picture_s / 3_600.0;
+        durations.loading_h += (cost.scenario_s + cost.loading_s) / 3_600.0;
+        durations.weather_h += cost.weather_s / 3_600.0;
+        if scenario.parameters.flight == Flight::Live {
+            durations.live_flying_h += cost.flying_s / 3_600.0;
+        }
+    }
+    const BASIS: &str = "measured now, by a trial with the stand-in";
+    durations.pictures_basis = match durations.pictures_h {
+        0.0 => BASIS.into(),
+        hours => format!("{:.1} a second, {BASIS}", pictures / (hours * 3_600.0)),
+    };
+    durations.live_flying_basis = BASIS.into();
+    durations.loading_basis = format!(
+        "{:.1} s a scenario, {BASIS}",
+        durations.loading_h * 3_600.0 / scenarios.len().max(1) as f64
+    );
+    durations.weather_basis = BASIS.into();
+    durations
+}
+
+/// Pixels of a picture, in multiples of the measured ones.
+pub(super) fn relative_size(common: &Common) -> f64 {
+    let picture = common.picture;
+    f64::from(picture.width_px) * f64::from(picture.height_px) / MEASURED_PIXELS
+}
+
+/// Seconds for a picture this long after the one before: between the measured ones, linear in the logarithm of the time.
+fn stand_in_picture_s(apart_s: f64) -> f64 {
+    by_distance(&STAND_IN_PICTURE_S, apart_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_that_are_further_apart_take_longer() {
+        for (apart_s, took_s) in STAND_IN_PICTURE_S {
+            assert!((stand_in_picture_s(apart_s) - took_s).abs() < 1e-9);
+        }
+        assert!(stand_in_picture_s(0.1) > stand_in_picture_s(1.0 / 30.0));
+        assert_eq!(stand_in_picture_s(10.0), STAND_IN_PICTURE_S[4].1);
+    }
+}

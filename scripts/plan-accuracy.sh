@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# Compares the time that `dtd plan` expects with the time that recording then takes, in three cases: ten scenarios at full size and twelve
+# small ones with the stand-in, and live flights with the plugin's own Python behind a stand-in, in real time, after `dtd doctor`.
+# Prints the parts that the plan expects, and expected over taken. On an idle machine: everything that runs beside it is in the second.
+# Usage: scripts/plan-accuracy.sh [full|small|plugin ..]; all three take about a quarter of an hour.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+dtd=${DTD:-target/release/dtd}
+[ -x "$dtd" ] || cargo build --release --locked
+work=$(mktemp -d)
+simulator=
+finish() {
+    [ -z "$simulator" ] || kill "$simulator" 2>/dev/null || true
+    rm -rf "$work"
+}
+trap finish EXIT
+
+compare() { # NAME SWEEP SIMULATOR
+    "$dtd" plan "$2" --sim "$3" --json >"$work/plan" 2>/dev/null
+    local began took
+    began=$(date +%s%N)
+    "$dtd" generate "$2" --sim "$3" --out "$work/$1" >"$work/said" 2>&1 || { cat "$work/said" >&2; exit 1; }
+    took=$((($(date +%s%N) - began) / 1000000))
+    python3 - "$1" "$took" "$work/plan" <<'PY'
+import json, sys
+name, took_ms, plan = sys.argv[1:]
+estimate = json.load(open(plan))["estimate"]
+parts = ["pictures", "live_flying", "loading", "weather", "restarts"]
+seconds = {part: 3600 * estimate[part + "_h"] for part in parts}
+expected = 3600 * estimate["making_h"]
+print(f"{name}: {estimate['scenarios']} scenarios, {estimate['pictures']} pictures: expected {expected:.1f} s, took {int(took_ms) / 1000:.1f} s, "
+      f"ratio {1000 * expected / int(took_ms):.2f}; " + ", ".join(f"{part} {s:.1f}" for part, s in seconds.items()))
+PY
+}
+
+# The weathers of the demo, so that all of them are in it, at another size and rate.
+small() {
+    sed -e 's/^width_px = .*/width_px = 480/' -e 's/^height_px = .*/height_px = 320/' -e 's/^frame_rate = .*/frame_rate = 2/' \
+        -e "s|\"tests/data|\"$PWD/tests/data|" demo.toml >"$work/small.toml"
+    compare small "$work/small.toml" mock
+}
+
+# Three flights from 2 NM, two of them live, as an X-Plane flies them.
+plugin() {
+    sed -e 's/^weathers = \["foggy"\]$/weathers = ["clear"]\nrepeats = [3]/' -e 's/^weathers = \["clear", "foggy"\]/weathers = ["clear"]/' \
+        -e "s|\"flights|\"$PWD/tests/data/flights|" tests/data/small.toml >"$work/plugin.toml"
+    "$dtd" mock-xplane --xplane 11 --port 49300 --no-beacon --plugin xplane-bridge/plugin --plugin-window 64x64 >"$work/simulator" 2>&1 &
+    simulator=$!
+    sleep 8
+    "$dtd" doctor --sim 127.0.0.1:49300 --measure --sweep "$work/plugin.toml" >"$work/doctor" 2>&1 || { cat "$work/doctor" >&2; exit 1; }
+    compare plugin "$work/plugin.toml" 127.0.0.1:49300
+}
+
+full() { compare full demo.toml mock; }
+
+echo "load before: $(cut -d ' ' -f 1-3 /proc/loadavg), $(nproc) cores"
+[ $# -gt 0 ] || set -- full small plugin
+for name; do "$name"; done
+echo "load after: $(cut -d ' ' -f 1-3 /proc/loadavg)"

@@ -1,0 +1,73 @@
+//! What the estimate of the recording time is based on: a trial with the stand-in, the profile of a running X-Plane, or assumptions.
+
+use generator::generate::{Cancel, GenerateError, SimulatorTarget, trial};
+use generator::plan::Pacing;
+use generator::sweep::Sweep;
+use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
+use xplane_bridge::profile::KnownProfile;
+use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, Simulator, SimulatorDescription};
+
+use crate::args::PlanArgs;
+use crate::failure::Failure;
+use crate::signals;
+use crate::verbs::async_runtime::async_runtime;
+use crate::verbs::generate::options;
+
+/// The base of the estimate.
+pub(super) fn pacing(args: &PlanArgs, sweep: &Sweep) -> Result<Pacing, Failure> {
+    match (&args.sim, args.pictures_per_second) {
+        (_, Some(per_s)) => Ok(Pacing::PicturesPerSecond(per_s)),
+        (None, None) => Ok(Pacing::StandIn),
+        (Some(target @ (SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn)), None) => {
+            tried(target, sweep)
+        }
+        (Some(SimulatorTarget::Tape(_)), None) => Err(Failure::bad_input_message(
+            "--sim tape:FILE: a tape says nothing of how long an X-Plane takes; name an X-Plane, or `mock`",
+        )),
+        (Some(SimulatorTarget::Address(address)), None) => {
+            let address = *address;
+            asked(async move { Simulator::connect(address, CONNECT_TIMEOUT).await })
+        }
+        (Some(SimulatorTarget::Announced), None) => asked(async {
+            let announced = the_announced(DISCOVERY_TIMEOUT).await?;
+            Simulator::connect(announced.address, CONNECT_TIMEOUT).await
+        }),
+    }
+}
+
+fn tried(target: &SimulatorTarget, sweep: &Sweep) -> Result<Pacing, Failure> {
+    eprintln!(
+        "plan: recording a few pictures of every weather with the stand-in, to measure how long they take here"
+    );
+    let options = options(target.clone().into())?;
+    let cancel = Cancel::default();
+    let stoppable = signals::in_good_order(&cancel);
+    let costs = async_runtime()?.block_on(trial(sweep, &options, &cancel));
+    drop(stoppable);
+    match costs {
+        Ok(costs) => Ok(Pacing::Trial(costs)),
+        Err(GenerateError::Cancelled) => Err(Failure::TryAgain(GenerateError::Cancelled.into())),
+        Err(error) if error.is_bad_input() => Err(Failure::bad_input(error)),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The profile of a running simulator, which is asked for nothing else.
+fn asked(
+    connecting: impl Future<Output = Result<Simulator, BridgeError>>,
+) -> Result<Pacing, Failure> {
+    async_runtime()?.block_on(async {
+        let simulator = connecting.await?;
+        let SimulatorDescription {
+            plugin, profile, ..
+        } = simulator.description().clone();
+        simulator.release().await?;
+        if plugin.is_none() {
+            return Ok(Pacing::StandIn);
+        }
+        if !matches!(profile, KnownProfile::Current(_)) {
+            eprintln!("plan: the simulator {profile}");
+        }
+        Ok(Pacing::XPlane(profile.current().cloned().map(Box::new)))
+    })
+}
