@@ -5,7 +5,9 @@ use std::fs;
 use std::path::Path;
 
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::effective_weather::ReportedWeather;
 use dataset::plan::{Plan, PlannedScenario};
+use dataset::scenario::ScenarioRecord;
 use dataset::seal::{self, Seal};
 use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
@@ -39,6 +41,9 @@ pub struct Against {
     pub standings: Vec<Standing>,
     /// What is wrong with the damaged ones, by identifier.
     pub damaged: BTreeMap<String, String>,
+    /// What simulators reported at the aircraft in the complete scenarios, by name of the planned weather. Empty for an object store, of
+    /// which only the seals are read.
+    pub weather: BTreeMap<String, ReportedWeather>,
     /// Size of the complete scenarios, if their pictures are like those of the plan.
     pub size: Option<MeasuredSize>,
 }
@@ -63,11 +68,13 @@ impl Against {
             }
         }
         let mut against = Self::of(plan, frozen.as_ref(), &seals, damaged);
+        let records = against.records(plan, corpus)?;
+        against.weather = ReportedWeather::by_name(&records);
         let alike = |frozen: &Plan| {
             frozen.common.picture == plan.common.picture && frozen.common.video == plan.common.video
         };
         if frozen.as_ref().is_some_and(alike) {
-            against.size = against.measure(plan, corpus)?;
+            against.size = measure(&records, corpus)?;
         }
         Ok(against)
     }
@@ -121,6 +128,7 @@ impl Against {
             difference,
             standings,
             damaged,
+            weather: BTreeMap::new(),
             size: None,
         }
     }
@@ -135,22 +143,28 @@ impl Against {
         pairs.filter_map(move |(scenario, its)| (*its == standing).then_some(scenario))
     }
 
-    /// Bytes and pictures of the complete scenarios.
-    fn measure(&self, plan: &Plan, corpus: &Corpus) -> dataset::Result<Option<MeasuredSize>> {
-        let mut size = MeasuredSize {
-            bytes: 0,
-            pictures: 0,
-            scenarios: 0,
-        };
-        for scenario in self.standing(plan, Standing::Whole) {
-            let folder = corpus.scenario(&scenario.id);
-            let record = folder.open()?.record()?;
-            size.bytes += bytes_below(folder.root())?;
-            size.pictures += u64::from(record.ticks) * record.views.len() as u64;
-            size.scenarios += 1;
-        }
-        Ok((size.scenarios > 0).then_some(size))
+    /// The records of the complete scenarios.
+    fn records(&self, plan: &Plan, corpus: &Corpus) -> dataset::Result<Vec<ScenarioRecord>> {
+        let whole = self.standing(plan, Standing::Whole);
+        whole
+            .map(|scenario| corpus.scenario(&scenario.id).open()?.record())
+            .collect()
     }
+}
+
+/// Bytes and pictures of complete scenarios.
+fn measure(records: &[ScenarioRecord], corpus: &Corpus) -> dataset::Result<Option<MeasuredSize>> {
+    let mut size = MeasuredSize {
+        bytes: 0,
+        pictures: 0,
+        scenarios: 0,
+    };
+    for record in records {
+        size.bytes += bytes_below(corpus.scenario(&record.id).root())?;
+        size.pictures += record.pictures();
+        size.scenarios += 1;
+    }
+    Ok((size.scenarios > 0).then_some(size))
 }
 
 /// What a look at a scenario's folder finds.

@@ -14,6 +14,7 @@ mod attempt;
 mod encoders;
 mod error;
 mod event;
+mod followed;
 mod freeze;
 mod lockstep;
 mod outcome;
@@ -47,7 +48,7 @@ use xplane_bridge::pixels::{PixelChoice, Screen};
 
 pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
-pub use outcome::{FailedScenario, Outcome, Stopped};
+pub use outcome::{FailedScenario, MarkedScenario, Outcome, Stopped};
 pub use patience::Patience;
 pub use remote::Remote;
 pub use session::{BadSimulator, SimulatorTarget};

@@ -69,6 +69,9 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
                 CorpusLocation::Store(url) => url.to_string(),
             }
         );
+        for marked in &generated.marked {
+            println!("marked: {}: {}", marked.id, marked.differences.join("; "));
+        }
         for failed in &generated.failed {
             println!("failed: {}: {}", failed.id, failed.reason);
         }
@@ -147,7 +150,7 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
         Some(Stopped::Storage { reason } | Stopped::Store { reason }) => {
             Err(Failure::Failed(anyhow::anyhow!("{reason}")))
         }
-        None if generated.failed.is_empty() => Ok(Ending::Done),
+        None if generated.failed.is_empty() && generated.marked.is_empty() => Ok(Ending::Done),
         None => Ok(Ending::Losses),
     }
 }
@@ -274,6 +277,16 @@ impl ShowEvents {
                     .say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
                 self.ended(id, u64::from(ticks));
             }
+            Event::Marked { id, differences } => self.bar.say(&format!(
+                "{id} is marked, the weather at the aircraft is not the planned one: {differences}"
+            )),
+            Event::NotFollowed {
+                simulator,
+                quantity,
+            } => self.bar.say(&format!(
+                "simulator {simulator} does not follow the {quantity} that is set: it differed in three scenarios alike. It is no longer \
+                 waited for, and scenarios in which it differs are marked; `dtd doctor --measure` examines it"
+            )),
             Event::StagedBefore { scenarios } => self.bar.say(&format!(
                 "{} made before, and sent now",
                 count(scenarios, "scenario")

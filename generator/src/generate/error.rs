@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use dataset::effective_weather::WeatherDifference;
 use store::StoreError;
 use tokio::task::JoinError;
 use xplane_bridge::BridgeError;
@@ -314,6 +315,14 @@ impl ScenarioError {
         )
     }
 
+    /// What differed at the aircraft, if that is the reason.
+    pub(super) fn weather_difference(&self) -> Option<WeatherDifference> {
+        match self {
+            Self::Bridge(BridgeError::OtherWeatherShows { difference, .. }) => Some(*difference),
+            _ => None,
+        }
+    }
+
     /// Whose fault it is.
     pub(super) fn blame(&self, corpus: &Path) -> Blame {
         match self {
@@ -325,6 +334,7 @@ impl ScenarioError {
                 | BridgeError::BadConditions { .. }
                 | BridgeError::NotTaken { .. }
                 | BridgeError::WeatherNotTaken { .. }
+                | BridgeError::OtherWeatherShows { .. }
                 | BridgeError::WrongAircraft { .. }
                 | BridgeError::WrongSize { .. }
                 | BridgeError::Packet(_) => Blame::Scenario,

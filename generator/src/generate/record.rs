@@ -5,6 +5,7 @@ use std::sync::Arc;
 use dataset::calibration::{Calibration, Conventions};
 use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::effective_weather::{EffectiveWeather, WeatherDifference};
 use dataset::frames::{Frames, TickRow, ViewStamp};
 use dataset::imaging::Imaging;
 use dataset::plan::{Common, LiveStart, Picture, Plan, PlannedScenario};
@@ -38,25 +39,44 @@ pub(super) struct Work<'a> {
     pub(super) corpus: &'a Corpus,
 }
 
-/// Records a scenario and commits it; returns its number of ticks. On failure nothing of it remains.
+/// A scenario that was recorded and committed.
+pub(super) struct Recorded {
+    pub(super) ticks: u32,
+    /// The weather at the aircraft, if it was reported.
+    pub(super) effective_weather: Option<EffectiveWeather>,
+    /// How it differs from the planned one.
+    pub(super) marks: Vec<WeatherDifference>,
+}
+
+impl Recorded {
+    fn of(record: ScenarioRecord) -> Self {
+        Self {
+            ticks: record.ticks,
+            marks: record.weather_marks(),
+            effective_weather: record.effective_weather,
+        }
+    }
+}
+
+/// Records a scenario and commits it. On failure nothing of it remains.
 pub(super) async fn record(
     work: &Work<'_>,
     scenario: &PlannedScenario,
     claim: &Claim,
     session: &mut Session,
     attempt: &Attempt<'_, '_>,
-) -> Result<u32, ScenarioError> {
+) -> Result<Recorded, ScenarioError> {
     let committed = work.corpus.scenario(&scenario.id);
     if let Some(left) = Workplace::finished(work.corpus, &scenario.id, &scenario.config_hash, claim)
     {
-        let ticks = left.folder().open()?.record()?.ticks;
+        let record = left.folder().open()?.record()?;
         commit_folder(left.folder().root(), committed.root())?;
-        return Ok(ticks);
+        return Ok(Recorded::of(record));
     }
     let workplace = Workplace::clear(work.corpus, &scenario.id, claim)?;
     let folder = workplace.folder();
     let recorded = async {
-        let (ticks, simulator) = record_into(folder, work, scenario, session, attempt).await?;
+        let (record, simulator) = record_into(folder, work, scenario, session, attempt).await?;
         let (partial, config_hash) = (folder.root().to_owned(), scenario.config_hash.clone());
         // Hashing and syncing videos takes seconds, which must not block other simulators.
         on_a_thread(move || {
@@ -64,14 +84,14 @@ pub(super) async fn record(
             commit_folder(&partial, committed.root())
         })
         .await?;
-        Ok((ticks, simulator))
+        Ok((record, simulator))
     };
     match recorded.await {
-        Ok((ticks, simulator)) => {
+        Ok((record, simulator)) => {
             if let Err(error) = simulator.release().await {
                 tracing::warn!(%error, "the scenario is complete, but the simulator did not confirm its release");
             }
-            Ok(ticks)
+            Ok(Recorded::of(record))
         }
         Err(error) => {
             workplace.abandon();
@@ -96,7 +116,7 @@ async fn record_into(
     scenario: &PlannedScenario,
     session: &mut Session,
     attempt: &Attempt<'_, '_>,
-) -> Result<(u32, Simulator), ScenarioError> {
+) -> Result<(ScenarioRecord, Simulator), ScenarioError> {
     let (common, parameters) = (&work.plan.common, &scenario.parameters);
     let picture = common.picture;
     let mut simulator = attempt.unless_cancelled(session.connect()).await?;
@@ -177,11 +197,11 @@ async fn record_into(
         &simulator,
     );
     let record = ScenarioRecord {
-        schema_version: calibration.schema_version(),
+        schema_version: record.required_version(calibration.schema_version()),
         ..record
     };
     record.write(&folder.record_path())?;
-    Ok((states.len() as u32, simulator))
+    Ok((record, simulator))
 }
 
 /// Where the aircraft must be before the weather is set, and whether it continues from there.
@@ -327,6 +347,7 @@ fn scenario_record(
         flight_touchdown: trajectory.touchdown(),
         geoid: None,
         conditions: parameters.conditions.clone(),
+        effective_weather: simulator.effective_weather().cloned(),
         flight: parameters.flight.clone(),
         rig: common.rig.clone(),
         views,

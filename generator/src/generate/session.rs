@@ -14,6 +14,7 @@ use xplane_bridge::{CONNECT_TIMEOUT, Simulator};
 use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
+use super::followed::Followed;
 use super::pictures::Pictures;
 use crate::stand_in::{StandIn, StandInError, StandInTask};
 
@@ -136,6 +137,8 @@ pub(super) struct Session {
     ready: Option<Simulator>,
     /// The known profile, which was reported.
     known: Option<KnownProfile>,
+    /// What it follows of the written weather, by experience.
+    pub(super) followed: Followed,
 }
 
 impl Session {
@@ -160,6 +163,7 @@ impl Session {
             stand_in: None,
             ready: None,
             known: None,
+            followed: Followed::default(),
         }
     }
 
@@ -211,6 +215,7 @@ impl Session {
         if let Some(known) = &self.known {
             simulator.use_profile(known.clone());
         }
+        simulator.set_not_followed(self.followed.not_followed());
         Ok(simulator)
     }
 

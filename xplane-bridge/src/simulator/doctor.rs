@@ -7,6 +7,7 @@
 
 mod announcement;
 mod eyes;
+mod following;
 mod lockstep;
 mod measure;
 mod next;
