@@ -95,6 +95,9 @@ pub struct Versions {
     /// Where the pixels came from: `link`, `gl`, `screen` or `screenshot`; missing in older records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixels: Option<String>,
+    /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`; missing in older records.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub encoder: Option<String>,
 }
 
 impl ScenarioRecord {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use dataset::video::TRIAL_PICTURES;
 use generator::generate::{
     Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote,
     Simulators, Stopped, generate as record,
@@ -36,6 +37,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let options = GenerateOptions {
         simulators: args.sim.clone(),
         pixels: args.pixels,
+        encoder: args.encoder,
         only: args.only.clone(),
         shard: args.shard.or_of_environment("generate")?,
         patience: Patience {
@@ -114,6 +116,7 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
         simulators,
         stand_in_program: env::current_exe()?,
         pixels: PixelChoice::Auto,
+        encoder: None,
         screen: Arc::new(FfmpegScreen::here()),
         only: Vec::new(),
         shard: Shard::WHOLE,
@@ -239,6 +242,10 @@ impl ShowEvents {
                     ));
                 }
             }
+            Event::EncoderTried { encoder, seconds } => self.bar.say(&format!(
+                "encoder {encoder}: {TRIAL_PICTURES} pictures, and again without an end, in {seconds:.1} s; order, timestamps, colours and \
+                 what a kill leaves are right"
+            )),
             Event::SetAsideBefore { id, reason } => self.bar.say(&format!(
                 "{id} failed in an earlier run and is tried again: {reason}"
             )),

@@ -57,6 +57,7 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
             simulator: "fixture".into(),
             capture_link: 1,
             pixels: None,
+            encoder: None,
         },
     }
 }

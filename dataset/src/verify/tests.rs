@@ -155,6 +155,7 @@ fn record(id: &str) -> ScenarioRecord {
             simulator: "none".into(),
             capture_link: 1,
             pixels: None,
+            encoder: None,
         },
     }
 }

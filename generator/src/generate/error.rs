@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use dataset::effective_weather::WeatherDifference;
+use dataset::video::{TRIAL_PICTURES, TrialFault};
 use store::StoreError;
 use tokio::task::JoinError;
 use xplane_bridge::BridgeError;
@@ -95,6 +96,22 @@ pub enum GenerateError {
         /// How that shows.
         cause: Box<ScenarioError>,
     },
+    /// The encoder that the user chose failed its trial.
+    #[error(
+        "encoder {encoder} was tried with {TRIAL_PICTURES} pictures and is not used: {fault}. It needs {needs}. Nothing was recorded; record \
+         without --encoder, which encodes on the processor, or choose another"
+    )]
+    Encoder {
+        /// FFmpeg's name of it.
+        encoder: &'static str,
+        /// What it needs.
+        needs: &'static str,
+        /// What is wrong.
+        fault: TrialFault,
+    },
+    /// The thread of that trial panicked.
+    #[error("the trial of the encoder failed: {0}")]
+    EncoderTrial(JoinError),
     /// The object store of the corpus cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -131,6 +148,7 @@ impl GenerateError {
             | Self::ForeignFolder { .. }
             | Self::NotAStage { .. }
             | Self::Tape { .. }
+            | Self::Encoder { .. }
             | Self::NotAFolder { .. } => true,
             // A path where no corpus can be created.
             Self::Corpus(dataset::Error::Io { source, .. }) => matches!(

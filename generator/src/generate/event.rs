@@ -17,6 +17,13 @@ pub enum Event<'a> {
         /// Expected ticks of all remaining scenarios.
         ticks: u64,
     },
+    /// The encoder that the user chose passed its trial.
+    EncoderTried {
+        /// FFmpeg's name of it.
+        encoder: &'a str,
+        /// How long it took, seconds.
+        seconds: f64,
+    },
     /// An earlier run set a scenario aside; this one retries it.
     SetAsideBefore {
         /// Identifier of the scenario.

@@ -13,6 +13,7 @@ use dataset::pose::FlightState;
 use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::seal::{commit_folder, seal_folder};
 use dataset::units::Degrees;
+use dataset::video::VideoEncoder;
 use tokio::task::spawn_blocking;
 use xplane_bridge::Simulator;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
@@ -37,6 +38,7 @@ pub(super) struct Work<'a> {
     pub(super) sweep: &'a Sweep,
     pub(super) plan: &'a Plan,
     pub(super) corpus: &'a Corpus,
+    pub(super) encoder: VideoEncoder,
 }
 
 /// A scenario that was recorded and committed.
@@ -162,6 +164,7 @@ async fn record_into(
         ids.iter().map(String::as_str),
         picture,
         &common.video,
+        work.encoder,
     );
     let drawn = match capture(
         &mut simulator,
@@ -195,6 +198,7 @@ async fn record_into(
         ids,
         states.len(),
         &simulator,
+        work.encoder,
     );
     let record = ScenarioRecord {
         schema_version: record.required_version(calibration.schema_version()),
@@ -330,6 +334,7 @@ fn scenario_record(
     views: Vec<String>,
     ticks: usize,
     simulator: &Simulator,
+    encoder: VideoEncoder,
 ) -> ScenarioRecord {
     let (common, parameters) = (&plan.common, &scenario.parameters);
     ScenarioRecord {
@@ -360,6 +365,7 @@ fn scenario_record(
             ),
             capture_link: simulator.description().capture_link,
             pixels: Some(simulator.pixels().name().into()),
+            encoder: encoder.of_codec(common.video.codec).map(str::to_owned),
         },
     }
 }
