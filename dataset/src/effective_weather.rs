@@ -12,7 +12,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::conditions::Weather;
-use crate::limits::{self, Check};
+use crate::limits::{self, Check, Limits};
 
 pub use reported::{Range, ReportedWeather};
 
@@ -68,6 +68,20 @@ impl EffectiveQuantity {
         }
     }
 
+    /// Whether a reported value can be one: it is a number, within limits that are far wider than those of a plan.
+    pub fn can_be(self, value: f64) -> bool {
+        self.limits().hold(value)
+    }
+
+    fn limits(self) -> Limits {
+        match self {
+            Self::Visibility => limits::REPORTED_VISIBILITY_M,
+            Self::WindSpeed => limits::REPORTED_WIND_SPEED_MPS,
+            Self::WindDirection => limits::REPORTED_WIND_FROM_DEG,
+            Self::Rain | Self::CloudCover => limits::REPORTED_RATIO,
+        }
+    }
+
     /// A value of this quantity as text, with its unit.
     fn with_unit(self, value: f64) -> String {
         match self {
@@ -115,7 +129,7 @@ pub struct WeatherDifference {
     pub quantity: EffectiveQuantity,
     /// The planned value, in the unit of the record.
     pub planned: f64,
-    /// The reported value; missing if none was reported, or one that is no number.
+    /// The reported value; missing if none was reported, or one that cannot be.
     pub found: Option<f64>,
 }
 
@@ -232,35 +246,28 @@ impl EffectiveWeather {
         }
     }
 
-    /// Checks for numbers outside their limits. What a simulator reports may be far from what a sweep may plan.
+    /// Checks for numbers outside their limits.
     pub(crate) fn check(&self, check: &mut Check) {
+        use EffectiveQuantity as Quantity;
         let numbers = [
-            (
-                "visibility_m",
-                self.visibility_m,
-                limits::REPORTED_VISIBILITY_M,
-            ),
-            (
-                "wind_speed_mps",
-                self.wind_speed_mps,
-                limits::REPORTED_WIND_SPEED_MPS,
-            ),
+            ("visibility_m", Quantity::Visibility, self.visibility_m),
+            ("wind_speed_mps", Quantity::WindSpeed, self.wind_speed_mps),
             (
                 "wind_from_true_deg",
+                Quantity::WindDirection,
                 self.wind_from_true_deg,
-                limits::REPORTED_WIND_FROM_DEG,
             ),
-            ("rain_ratio", self.rain_ratio, limits::REPORTED_RATIO),
+            ("rain_ratio", Quantity::Rain, self.rain_ratio),
         ];
-        for (field, value, limits) in numbers {
+        for (field, quantity, value) in numbers {
             if let Some(value) = value {
-                check.number(field, value, limits);
+                check.number(field, value, quantity.limits());
             }
         }
         for (layer, cover) in self.cloud_cover_ratios.into_iter().enumerate() {
             if let Some(cover) = cover {
                 let field = format!("cloud_cover_ratios[{layer}]");
-                check.number(&field, cover, limits::REPORTED_RATIO);
+                check.number(&field, cover, Quantity::CloudCover.limits());
             }
         }
     }

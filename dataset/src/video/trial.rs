@@ -2,8 +2,8 @@
 //!
 //! Input: the settings, size and frame rate of a recording, and an encoder. Output: nothing, or what is wrong. Pictures carry their number
 //! and patches of known colours. They are encoded twice: into a file that is finished, which must have all of them in order with their
-//! timestamps and colours; and into one that is never finished. A copy of the latter, taken after the last picture, is what a killed process
-//! would leave on the disk, and must have all but the last pictures.
+//! timestamps and colours; and into one that is never finished. A copy of the latter, taken after the last picture, is what a killed
+//! process would leave on the disk, and must have all but the last pictures.
 
 mod chart;
 

@@ -48,7 +48,8 @@ pub(crate) fn effective_weather_datarefs(planned: &Weather, reads_wind_speed: bo
     gauges.map(Gauge::dataref).collect()
 }
 
-/// The weather at the aircraft by the values of those datarefs, compared with the plan. A value that is no number differs from any plan.
+/// The weather at the aircraft by the values of those datarefs, compared with the plan. A value that cannot be one is not kept, and
+/// differs from any plan.
 pub(crate) fn effective_weather_of(
     planned: &Weather,
     reads_wind_speed: bool,
@@ -73,7 +74,7 @@ pub(crate) fn effective_weather_of(
                 EffectiveQuantity::CloudCover,
             ),
         };
-        *place = value.filter(|value| value.is_finite());
+        *place = value.filter(|value| quantity.can_be(*value));
         if value.is_some() && place.is_none() {
             found.differing.insert(quantity);
         }
@@ -119,13 +120,15 @@ mod tests {
     }
 
     #[test]
-    fn a_reading_that_is_no_number_is_not_kept_and_differs() {
-        let values = [f32::NAN, 8.0, 50.0, 0.5, 0.0, 0.0, 0.0].map(Some);
-        let found = effective_weather_of(&windy(), true, &values);
-        assert_eq!(found.visibility_m, None);
-        assert_eq!(
-            found.differing.into_iter().collect::<Vec<_>>(),
-            [EffectiveQuantity::Visibility]
-        );
+    fn a_reading_that_cannot_be_is_not_kept_and_differs() {
+        for impossible in [f32::NAN, f32::INFINITY, -1.0, 1e30] {
+            let values = [impossible, 8.0, 50.0, 0.5, 0.0, 0.0, 0.0].map(Some);
+            let found = effective_weather_of(&windy(), true, &values);
+            assert_eq!(found.visibility_m, None);
+            assert_eq!(
+                found.differing.into_iter().collect::<Vec<_>>(),
+                [EffectiveQuantity::Visibility]
+            );
+        }
     }
 }
