@@ -99,6 +99,15 @@ async fn without_a_profile_scenarios_are_marked_and_every_verb_says_so() {
     let document = DTD.json(&["plan", text(&sweep), "--against", text(&corpus), "--json"]);
     let marked = &document["against"]["weather"]["clear"]["marked"];
     assert!(marked["1200-clear-r1"][0].is_string(), "{marked}");
+
+    let store = format!("file://{}", folder.path().join("store").display());
+    let output = DTD.run(&["push", text(&corpus), &store]);
+    assert!(output.status.success(), "{}", said(&output));
+    let of_store = DTD.json(&["plan", text(&sweep), "--against", &store, "--json"]);
+    assert_eq!(
+        of_store["against"]["weather"],
+        document["against"]["weather"]
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]

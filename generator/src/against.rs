@@ -9,11 +9,14 @@ use dataset::effective_weather::ReportedWeather;
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::scenario::ScenarioRecord;
 use dataset::seal::{self, Seal};
-use futures_util::future::LocalBoxFuture;
+use futures_util::future::{LocalBoxFuture, try_join_all};
 use serde::Serialize;
 use store::{CorpusStore, StoreError};
 
 use crate::plan::{Difference, MeasuredSize};
+
+/// Records that are read from an object store at the same time.
+const QUESTIONS_AT_ONCE: usize = 16;
 
 /// State of a scenario of a plan in a corpus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -41,8 +44,7 @@ pub struct Against {
     pub standings: Vec<Standing>,
     /// What is wrong with the damaged ones, by identifier.
     pub damaged: BTreeMap<String, String>,
-    /// What simulators reported at the aircraft in the complete scenarios, by name of the planned weather. Empty for an object store, of
-    /// which only the seals are read.
+    /// What simulators reported at the aircraft in the complete scenarios, by name of the planned weather.
     pub weather: BTreeMap<String, ReportedWeather>,
     /// Size of the complete scenarios, if their pictures are like those of the plan.
     pub size: Option<MeasuredSize>,
@@ -79,7 +81,7 @@ impl Against {
         Ok(against)
     }
 
-    /// Compares a plan with a corpus in an object store, of which it reads the plan and the seals.
+    /// Compares a plan with a corpus in an object store, of which it reads the plan, the seals and the records.
     pub fn compare_with_store<'a>(
         plan: &'a Plan,
         store: &'a CorpusStore,
@@ -93,7 +95,16 @@ impl Against {
             let committed = store.committed().await?;
             let ids = plan.scenarios.iter().map(|scenario| scenario.id.clone());
             let seals = store.seals(ids.filter(|id| committed.contains(id))).await?;
-            Ok(Self::of(plan, frozen.as_ref(), &seals, BTreeMap::new()))
+            let mut against = Self::of(plan, frozen.as_ref(), &seals, BTreeMap::new());
+            let whole = against.standing(plan, Standing::Whole);
+            let whole: Vec<&str> = whole.map(|scenario| scenario.id.as_str()).collect();
+            let mut records = Vec::new();
+            for ids in whole.chunks(QUESTIONS_AT_ONCE) {
+                let asked = ids.iter().map(|id| record_in_store(store, id));
+                records.extend(try_join_all(asked).await?.into_iter().flatten());
+            }
+            against.weather = ReportedWeather::by_name(&records);
+            Ok(against)
         })
     }
 
@@ -165,6 +176,21 @@ fn measure(records: &[ScenarioRecord], corpus: &Corpus) -> dataset::Result<Optio
         size.scenarios += 1;
     }
     Ok((size.scenarios > 0).then_some(size))
+}
+
+/// The record of a scenario in an object store, if it is still there.
+async fn record_in_store(
+    store: &CorpusStore,
+    id: &str,
+) -> Result<Option<ScenarioRecord>, StoreError> {
+    let name = format!("scenarios/{id}/{}", ScenarioFolder::RECORD);
+    match store.read(&name).await? {
+        Some(bytes) => {
+            let path = Path::new(store.name()).join(&name);
+            Ok(Some(ScenarioRecord::parse(&bytes, &path)?))
+        }
+        None => Ok(None),
+    }
 }
 
 /// What a look at a scenario's folder finds.
