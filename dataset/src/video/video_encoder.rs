@@ -155,15 +155,19 @@ mod tests {
 
     /// Whether a table has an option, and, if its values have names, this value.
     fn has(table: &str, option: &str, value: &str) -> bool {
-        let mut lines = table.lines().skip_while(|line| {
-            line.split_whitespace().next() != Some(&format!("-{option}")) || line.starts_with("   ")
-        });
+        let first_word = |line: &str| line.split_whitespace().next().map(str::to_owned);
+        // Names of values stand below their option, farther to the right.
+        let is_value = |line: &&str| line.starts_with("     ");
+        let wanted = Some(format!("-{option}"));
+        let mut lines = table
+            .lines()
+            .skip_while(|line| is_value(line) || first_word(line) != wanted);
         if lines.next().is_none() {
             return false;
         }
         let is_number = value.chars().all(|character| character.is_ascii_digit());
-        let mut names = lines.take_while(|line| line.starts_with("     "));
-        is_number || names.any(|line| line.split_whitespace().next() == Some(value))
+        let mut values = lines.take_while(is_value);
+        is_number || values.any(|line| first_word(line).as_deref() == Some(value))
     }
 
     #[test]
