@@ -161,7 +161,7 @@ mod tests {
         let wanted = Some(format!("-{option}"));
         let mut lines = table
             .lines()
-            .skip_while(|line| is_value(line) || first_word(line) != wanted);
+            .skip_while(|&line| is_value(&line) || first_word(line) != wanted);
         if lines.next().is_none() {
             return false;
         }
