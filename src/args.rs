@@ -12,6 +12,7 @@ use clap::{
 };
 use clap_complete::Shell;
 use dataset::memory::Bytes;
+use dataset::video::VideoEncoder;
 use generator::generate::{SimulatorTarget, Simulators};
 use labeller::Device;
 use mock_xplane::quirks::Quirks;
@@ -252,6 +253,12 @@ pub(crate) struct GenerateArgs {
     /// X-Plane write files (slow: a picture takes seconds); `auto` uses the simulator's first offer.
     #[arg(long, value_name = "SOURCE", default_value_t = PixelChoice::Auto, value_parser = one_of::<PixelChoice>(&["auto", "link", "gl", "screen", "screenshot"]))]
     pub(crate) pixels: PixelChoice,
+    /// What encodes the videos; the sweep's codec stays as it is (h264 or h265 for a GPU)
+    ///
+    /// The default is software. An encoder that is named is tried first, with 100 pictures on this machine: their order, timestamps and
+    /// colours, and what a kill would leave. One that fails is refused. scenario.json names the encoder (docs/video.md).
+    #[arg(long, value_name = "ENCODER", value_parser = encoder())]
+    pub(crate) encoder: Option<VideoEncoder>,
     /// Record only these scenarios (identifiers as `dtd plan` prints them), separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
@@ -309,6 +316,16 @@ pub(crate) struct PushArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// An encoder by its name.
+fn encoder() -> impl TypedValueParser<Value = VideoEncoder> {
+    let names = VideoEncoder::ALL.map(VideoEncoder::name);
+    PossibleValuesParser::new(names).map(|name| {
+        let all = VideoEncoder::ALL.into_iter();
+        let mut named = all.filter(|encoder| encoder.name() == name);
+        named.next().unwrap_or_default()
+    })
 }
 
 /// A folder, for verbs that work on local files: a URL is rejected instead of being taken for a folder name.

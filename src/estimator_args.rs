@@ -37,6 +37,11 @@ pub(crate) struct TrainArgs {
     /// Hold out a weather or time of day as the test side, e.g. weather=stormy or time=18:00
     #[arg(long, value_name = "weather=NAME|time=HH:MM")]
     pub(crate) leave_out: Option<String>,
+    /// Also train on scenarios whose weather at the aircraft was not the planned one
+    ///
+    /// `dtd generate` marks them, and `dtd verify` names them. They are left out otherwise.
+    #[arg(long)]
+    pub(crate) accept_weather: bool,
     /// Seed of weights and batches
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,

@@ -41,6 +41,7 @@ Examples:
   dtd generate demo.toml --out corpus                        with the stand-in, on this machine
   dtd generate scenarios.toml --out corpus --sim mock:2      with two of them
   dtd generate demo.toml --out corpus --sim 127.0.0.1:49000  with X-Plane (first: dtd doctor)
+  dtd generate demo.toml --out corpus --sim 127.0.0.1:49000 --encoder nvenc
   dtd generate scenarios.toml --out s3://bucket/corpus --shard 0/4
   dtd generate scenarios.toml --out corpus --sim auto --restart-simulator ./restart.sh
 

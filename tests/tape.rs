@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use testkit::command::{Dtd, Server, text};
+use testkit::sweep::four_weathers;
 use testkit::{program_of_venv, repository};
 use xplane_bridge::packet::{ToSimulator, WriteDataref};
 use xplane_tape::TapeReader;
@@ -112,6 +113,78 @@ fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
     for id in IDS {
         assert!(corpus.join("failed").join(format!("{id}.json")).exists());
     }
+}
+
+/// Records four weathers with a client of a recorder; returns the sweep, the corpus and the tape.
+fn four_weathers_recorded(folder: &Path) -> (PathBuf, PathBuf, PathBuf) {
+    let [sweep, corpus, tape] =
+        ["sweep.toml", "corpus", "session.mcap"].map(|name| folder.join(name));
+    fs::write(&sweep, four_weathers()).unwrap();
+    let recorder = DTD.serve(&["record", "--sim", "mock", "--out", text(&tape)]);
+    let simulator = ["--sim", recorder.udp()];
+    let generate = ["generate", text(&sweep), "--out", text(&corpus)];
+    must(&[&generate[..], &simulator].concat());
+    recorder.end();
+    (sweep, corpus, tape)
+}
+
+#[test]
+fn an_unchanged_tape_of_four_weathers_is_replayed_in_any_order_without_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let (sweep, corpus, tape) = four_weathers_recorded(folder.path());
+    let simulator = format!("tape:{}", text(&tape));
+    let all = ["clear", "cloudy", "foggy", "stormy"];
+    for (name, weathers) in [("all", &all[..]), ("storm", &all[3..]), ("fog", &all[2..3])] {
+        let again = folder.path().join(name);
+        let ids: Vec<String> = weathers
+            .iter()
+            .map(|weather| format!("1200-{weather}-r1"))
+            .collect();
+        let output = DTD.run(&[
+            "generate",
+            text(&sweep),
+            "--out",
+            text(&again),
+            "--sim",
+            &simulator,
+            "--only",
+            &ids.join(","),
+        ]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{name}: {said}");
+        for word in ["WARN", "marked", "differ", "once more"] {
+            assert!(!said.contains(word), "{name}: {said}");
+        }
+        for id in &ids {
+            same_scenario(id, &corpus, &again);
+        }
+    }
+}
+
+#[test]
+fn a_changed_weather_is_named_by_what_was_written_then() {
+    let folder = tempfile::tempdir().unwrap();
+    let (sweep, _, tape) = four_weathers_recorded(folder.path());
+    let changed = fs::read_to_string(&sweep).unwrap();
+    let changed = changed.replace("visibility_m = 80000", "visibility_m = 40233.6");
+    fs::write(&sweep, changed).unwrap();
+    let output = DTD.run(&[
+        "generate",
+        text(&sweep),
+        "--out",
+        text(&folder.path().join("again")),
+        "--sim",
+        &format!("tape:{}", text(&tape)),
+        "--only",
+        "1200-clear-r1",
+    ]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    // 80 km and 40.2336 km in statute miles.
+    assert!(
+        said.contains("visibility_reported_sm was 49.7") && said.contains("then, and is 25 now"),
+        "{said}"
+    );
 }
 
 #[test]

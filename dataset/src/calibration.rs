@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::imaging::{Degradation, Imaging, is_zero};
 use crate::json_file::{parse_json, read_json, write_json};
 use crate::limits::{self, Check, FieldOutOfLimits};
-use crate::scenario::{PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION};
+use crate::scenario::{LENS_SCHEMA_VERSION, PINHOLE_SCHEMA_VERSION};
 
 /// All cameras of a scenario by their identifiers, in the order of the identifiers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -222,7 +222,7 @@ impl Calibration {
     /// incorrectly.
     pub fn schema_version(&self) -> u32 {
         if self.cameras.values().any(CameraEntry::bends_light) {
-            SCHEMA_VERSION
+            LENS_SCHEMA_VERSION
         } else {
             PINHOLE_SCHEMA_VERSION
         }

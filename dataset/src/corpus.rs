@@ -245,7 +245,7 @@ impl ScenarioFolder {
 
     /// Path of `scenario.json`.
     pub fn record_path(&self) -> PathBuf {
-        self.root.join("scenario.json")
+        self.root.join(Self::RECORD)
     }
 
     /// Path of `calibration.json`.
@@ -304,11 +304,13 @@ impl ScenarioFolder {
 
     /// The files of a scenario except videos, detections, registrations and seal.
     pub const FILES: [&str; 4] = [
-        "scenario.json",
+        Self::RECORD,
         "calibration.json",
         Self::FRAMES,
         Self::TRUTH_BOXES,
     ];
+    /// Name of the record.
+    pub const RECORD: &str = "scenario.json";
     /// Name of the table of ticks.
     pub const FRAMES: &str = "frames.parquet";
     /// Name of the table of true boxes.

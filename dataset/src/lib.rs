@@ -15,6 +15,7 @@ pub mod corpus;
 pub mod detections;
 pub mod distortion;
 pub mod echo;
+pub mod effective_weather;
 pub mod error;
 pub mod file_name;
 pub mod flight;

@@ -269,6 +269,17 @@ pub const COVER_RATIO: Limits = Limits::new(0.0, 1.0, "a part of the sky");
 pub const CLOUD_BASE_MSL_M: Limits = Limits::new(0.0, 20_000.0, "a height in metres");
 /// Of a layer of cloud.
 pub const CLOUD_TOP_MSL_M: Limits = Limits::new(0.0, 25_000.0, "a height in metres");
+/// As a simulator reports it: anything that it may draw.
+pub(crate) const REPORTED_VISIBILITY_M: Limits =
+    Limits::new(0.0, 1e7, "a reported visibility in metres");
+/// As a simulator reports it.
+pub(crate) const REPORTED_WIND_SPEED_MPS: Limits =
+    Limits::new(-1_000.0, 1_000.0, "a reported wind speed in m/s");
+/// As a simulator reports it.
+pub(crate) const REPORTED_WIND_FROM_DEG: Limits =
+    Limits::new(-720.0, 720.0, "a reported direction in degrees");
+/// As a simulator reports it: of rain, or of a layer of cloud.
+pub(crate) const REPORTED_RATIO: Limits = Limits::new(-1_000.0, 1_000.0, "a reported ratio");
 /// X-Plane supports this many cloud layers.
 pub const MOST_CLOUD_LAYERS: usize = 3;
 /// X-Plane has no leap years.

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::conditions::Conditions;
+use crate::effective_weather::{EffectiveWeather, WeatherDifference};
 use crate::error::{Error, Result};
 use crate::file_name;
 use crate::frame_rate::FrameRate;
@@ -14,10 +15,14 @@ use crate::limits::{self, Check, FieldOutOfLimits};
 use crate::runway::Runway;
 
 /// Latest version of the file format. Readers reject a larger one.
-pub(crate) const SCHEMA_VERSION: u32 = 2;
+pub(crate) const SCHEMA_VERSION: u32 = MARKED_SCHEMA_VERSION;
 /// The version of scenarios whose cameras are pinholes with straight light, which version 1 readers support.
 /// [`crate::calibration::Calibration::schema_version`] returns the version of a scenario.
 pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
+/// The version of scenarios with lens distortion or refraction, which readers of version 1 would overlook.
+pub(crate) const LENS_SCHEMA_VERSION: u32 = 2;
+/// The version of scenarios that were drawn under another weather than planned, which readers of version 2 would overlook.
+pub(crate) const MARKED_SCHEMA_VERSION: u32 = 3;
 
 /// Source of a flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -53,7 +58,7 @@ impl Flight {
 /// The record of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScenarioRecord {
-    /// Version of the file format: [`PINHOLE_SCHEMA_VERSION`], or [`SCHEMA_VERSION`] with lens distortion or refraction.
+    /// Version of the file format; see [`Self::required_version`].
     pub schema_version: u32,
     /// Identifier and folder name, e.g. `1700-foggy-r3`.
     pub id: String,
@@ -79,8 +84,11 @@ pub struct ScenarioRecord {
     pub flight_touchdown: Option<Geodetic>,
     /// Name of the geoid that heights refer to; `null` if heights above mean sea level are taken as heights above the ellipsoid.
     pub geoid: Option<String>,
-    /// Weather and time.
+    /// Weather and time, as planned and written.
     pub conditions: Conditions,
+    /// The weather that the simulator reported at the aircraft; missing in older records, and of simulators that report none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effective_weather: Option<EffectiveWeather>,
     /// Source of the flight.
     pub flight: Flight,
     /// Name of the camera rig.
@@ -124,12 +132,38 @@ pub struct Versions {
     /// Where the pixels came from: `link`, `gl`, `screen` or `screenshot`; missing in older records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixels: Option<String>,
+    /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`; missing in older records.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub encoder: Option<String>,
 }
 
 impl ScenarioRecord {
     /// Number of pictures of all views.
     pub fn pictures(&self) -> u64 {
         u64::from(self.ticks) * self.views.len() as u64
+    }
+
+    /// How the weather at the aircraft differs from the planned one; empty unless the scenario is marked.
+    pub fn weather_marks(&self) -> Vec<WeatherDifference> {
+        let effective = self.effective_weather.as_ref();
+        effective.map_or_else(Vec::new, |effective| {
+            effective.marks(&self.conditions.weather)
+        })
+    }
+
+    /// Whether the weather at the aircraft differs from the planned one.
+    pub fn is_marked(&self) -> bool {
+        let effective = self.effective_weather.as_ref();
+        effective.is_some_and(EffectiveWeather::is_marked)
+    }
+
+    /// The version of the file format that this record needs: `of_cameras` is what its cameras need.
+    pub fn required_version(&self, of_cameras: u32) -> u32 {
+        if self.is_marked() {
+            MARKED_SCHEMA_VERSION
+        } else {
+            of_cameras
+        }
     }
 
     /// Reads `scenario.json`. A number outside its limits is an error, and so is everything that [`Self::read_with_faults`]
@@ -192,6 +226,9 @@ impl ScenarioRecord {
             });
         }
         check.part("conditions", |check| self.conditions.check(check));
+        if let Some(effective) = &self.effective_weather {
+            check.part("effective_weather", |check| effective.check(check));
+        }
         check.into_found()
     }
 

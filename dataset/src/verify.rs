@@ -27,6 +27,7 @@ use serde::Serialize;
 use crate::calibration::Calibration;
 use crate::columns::ColumnOutOfLimits;
 use crate::corpus::{Corpus, ScenarioFolder};
+use crate::effective_weather::ReportedWeather;
 use crate::error::{Error, Result};
 use crate::limits::FieldOutOfLimits;
 use crate::scenario::ScenarioRecord;
@@ -104,6 +105,8 @@ pub struct VerifyReport {
     pub labelled: usize,
     /// The evidence from the pictures, per scenario and view.
     pub views: Vec<ViewProof>,
+    /// By name of the planned weather, what was reported at the aircraft. A marked scenario is no fault: its record says what was drawn.
+    pub weather: BTreeMap<String, ReportedWeather>,
     /// All faults; empty if the corpus is valid.
     pub findings: Vec<Finding>,
 }
@@ -112,6 +115,12 @@ impl VerifyReport {
     /// Whether there are no faults.
     pub fn is_sound(&self) -> bool {
         self.findings.is_empty()
+    }
+
+    /// The scenarios that were drawn under another weather than planned, with what differs.
+    pub fn marked(&self) -> impl Iterator<Item = (&str, &[String])> {
+        let marked = self.weather.values().flat_map(|weather| &weather.marked);
+        marked.map(|(id, differences)| (id.as_str(), differences.as_slice()))
     }
 }
 
@@ -191,6 +200,7 @@ impl Verification {
 
     /// Verifies the files of the whole corpus.
     pub fn finish(mut self, corpus: &Corpus) -> VerifyReport {
+        self.report.weather = ReportedWeather::by_name(self.records.values());
         let found = corpus_files::Found {
             scenarios: &self.scenarios,
             records: &self.records,

@@ -14,6 +14,9 @@ mod index;
 mod packets;
 mod reader;
 mod scaler;
+mod trial;
+mod uploaded_frames;
+mod video_encoder;
 mod writer;
 
 use std::path::Path;
@@ -27,6 +30,8 @@ pub use conversion::PicturePart;
 pub use fragments::recorded_pictures;
 pub use packets::{CodedPicture, PacketCodec, PacketReader};
 pub use reader::VideoReader;
+pub use trial::{TRIAL_PICTURES, TrialFault, try_encoder};
+pub use video_encoder::VideoEncoder;
 pub use writer::VideoWriter;
 
 use crate::error::{Error, Result};

@@ -223,6 +223,7 @@ fn record(sweep: &Sweep, corpus: &Path, engine: Arc<Remembering>) -> Result<Cost
         simulators: SimulatorTarget::Address(told.recv()?).into(),
         stand_in_program: "none is started".into(),
         pixels: PixelChoice::Auto,
+        encoder: None,
         screen: Arc::new(FfmpegScreen::here()),
         only: Vec::new(),
         shard: Shard::WHOLE,

@@ -5,13 +5,18 @@ use std::fs;
 use std::path::Path;
 
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::effective_weather::ReportedWeather;
 use dataset::plan::{Plan, PlannedScenario};
+use dataset::scenario::ScenarioRecord;
 use dataset::seal::{self, Seal};
-use futures_util::future::LocalBoxFuture;
+use futures_util::future::{LocalBoxFuture, try_join_all};
 use serde::Serialize;
 use store::{CorpusStore, StoreError};
 
 use crate::plan::{Difference, MeasuredSize};
+
+/// Records that are read from an object store at the same time.
+const QUESTIONS_AT_ONCE: usize = 16;
 
 /// State of a scenario of a plan in a corpus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -39,6 +44,8 @@ pub struct Against {
     pub standings: Vec<Standing>,
     /// What is wrong with the damaged ones, by identifier.
     pub damaged: BTreeMap<String, String>,
+    /// What simulators reported at the aircraft in the complete scenarios, by name of the planned weather.
+    pub weather: BTreeMap<String, ReportedWeather>,
     /// Size of the complete scenarios, if their pictures are like those of the plan.
     pub size: Option<MeasuredSize>,
 }
@@ -63,16 +70,18 @@ impl Against {
             }
         }
         let mut against = Self::of(plan, frozen.as_ref(), &seals, damaged);
+        let records = against.records(plan, corpus)?;
+        against.weather = ReportedWeather::by_name(&records);
         let alike = |frozen: &Plan| {
             frozen.common.picture == plan.common.picture && frozen.common.video == plan.common.video
         };
         if frozen.as_ref().is_some_and(alike) {
-            against.size = against.measure(plan, corpus)?;
+            against.size = measure(&records, corpus)?;
         }
         Ok(against)
     }
 
-    /// Compares a plan with a corpus in an object store, of which it reads the plan and the seals.
+    /// Compares a plan with a corpus in an object store, of which it reads the plan, the seals and the records.
     pub fn compare_with_store<'a>(
         plan: &'a Plan,
         store: &'a CorpusStore,
@@ -86,7 +95,16 @@ impl Against {
             let committed = store.committed().await?;
             let ids = plan.scenarios.iter().map(|scenario| scenario.id.clone());
             let seals = store.seals(ids.filter(|id| committed.contains(id))).await?;
-            Ok(Self::of(plan, frozen.as_ref(), &seals, BTreeMap::new()))
+            let mut against = Self::of(plan, frozen.as_ref(), &seals, BTreeMap::new());
+            let whole = against.standing(plan, Standing::Whole);
+            let whole: Vec<&str> = whole.map(|scenario| scenario.id.as_str()).collect();
+            let mut records = Vec::new();
+            for ids in whole.chunks(QUESTIONS_AT_ONCE) {
+                let asked = ids.iter().map(|id| record_in_store(store, id));
+                records.extend(try_join_all(asked).await?.into_iter().flatten());
+            }
+            against.weather = ReportedWeather::by_name(&records);
+            Ok(against)
         })
     }
 
@@ -121,6 +139,7 @@ impl Against {
             difference,
             standings,
             damaged,
+            weather: BTreeMap::new(),
             size: None,
         }
     }
@@ -135,21 +154,42 @@ impl Against {
         pairs.filter_map(move |(scenario, its)| (*its == standing).then_some(scenario))
     }
 
-    /// Bytes and pictures of the complete scenarios.
-    fn measure(&self, plan: &Plan, corpus: &Corpus) -> dataset::Result<Option<MeasuredSize>> {
-        let mut size = MeasuredSize {
-            bytes: 0,
-            pictures: 0,
-            scenarios: 0,
-        };
-        for scenario in self.standing(plan, Standing::Whole) {
-            let folder = corpus.scenario(&scenario.id);
-            let record = folder.open()?.record()?;
-            size.bytes += bytes_below(folder.root())?;
-            size.pictures += u64::from(record.ticks) * record.views.len() as u64;
-            size.scenarios += 1;
+    /// The records of the complete scenarios.
+    fn records(&self, plan: &Plan, corpus: &Corpus) -> dataset::Result<Vec<ScenarioRecord>> {
+        let whole = self.standing(plan, Standing::Whole);
+        whole
+            .map(|scenario| corpus.scenario(&scenario.id).open()?.record())
+            .collect()
+    }
+}
+
+/// Bytes and pictures of complete scenarios.
+fn measure(records: &[ScenarioRecord], corpus: &Corpus) -> dataset::Result<Option<MeasuredSize>> {
+    let mut size = MeasuredSize {
+        bytes: 0,
+        pictures: 0,
+        scenarios: 0,
+    };
+    for record in records {
+        size.bytes += bytes_below(corpus.scenario(&record.id).root())?;
+        size.pictures += record.pictures();
+        size.scenarios += 1;
+    }
+    Ok((size.scenarios > 0).then_some(size))
+}
+
+/// The record of a scenario in an object store, if it is still there.
+async fn record_in_store(
+    store: &CorpusStore,
+    id: &str,
+) -> Result<Option<ScenarioRecord>, StoreError> {
+    let name = format!("scenarios/{id}/{}", ScenarioFolder::RECORD);
+    match store.read(&name).await? {
+        Some(bytes) => {
+            let path = Path::new(store.name()).join(&name);
+            Ok(Some(ScenarioRecord::parse(&bytes, &path)?))
         }
-        Ok((size.scenarios > 0).then_some(size))
+        None => Ok(None),
     }
 }
 

@@ -12,9 +12,11 @@
 
 mod attempt;
 mod blocks;
+mod encoder_trial;
 mod encoders;
 mod error;
 mod event;
+mod followed;
 mod freeze;
 mod lockstep;
 mod outcome;
@@ -45,13 +47,14 @@ use dataset::corpus::Corpus;
 use dataset::memory;
 use dataset::plan::{Common, Picture, Plan, PlannedScenario};
 use dataset::set_aside::SetAside;
+use dataset::video::VideoEncoder;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
 use xplane_bridge::pixels::{PixelChoice, Screen};
 
 pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
-pub use outcome::{FailedScenario, Outcome, Stopped};
+pub use outcome::{FailedScenario, MarkedScenario, Outcome, Stopped};
 pub use patience::Patience;
 pub use remote::Remote;
 pub use restart::Restart;
@@ -82,6 +85,8 @@ pub struct GenerateOptions {
     pub pixels: PixelChoice,
     /// The screen to grab, if the pictures come from one.
     pub screen: Arc<dyn Screen>,
+    /// What encodes the videos, if the user chose: it is tried before anything is recorded.
+    pub encoder: Option<VideoEncoder>,
     /// Identifiers of the scenarios to record; empty for all.
     pub only: Vec<String>,
     /// This run's shard of the plan.
@@ -161,6 +166,11 @@ pub fn generate<'a>(
             memory::check("recording a scenario", recording_bytes(&plan.common))
                 .map_err(dataset::Error::from)?;
         }
+        if let Some(encoder) = options.encoder
+            && !to_make.is_empty()
+        {
+            encoder_trial::pass(&plan.common, encoder, &reporter).await?;
+        }
         // A missing simulator is detected before anything is written.
         let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
         let corpus = Corpus::create(corpus_root)?;
@@ -190,6 +200,7 @@ pub fn generate<'a>(
             sweep,
             plan: &plan,
             corpus: &corpus,
+            encoder: options.encoder.unwrap_or_default(),
         };
         Run::new(work, reporter, options, &to_make, outcome)
             .work_through(sessions, &staged, cancel)

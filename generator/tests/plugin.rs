@@ -116,6 +116,7 @@ async fn record(
         simulators: target.into(),
         stand_in_program: PathBuf::from("unused"),
         pixels: PixelChoice::Auto,
+        encoder: None,
         screen: Arc::new(FfmpegScreen::here()),
         only: Vec::new(),
         shard: Shard::WHOLE,

@@ -50,11 +50,15 @@ class Corpus:
         return dict(read_json(sealed(self._folder(scenario), "scenario.json")))
 
     def scenarios(self) -> pl.DataFrame:
-        """One row per scenario: what it is, and its side of the split."""
+        """One row per scenario: what it is, and its side of the split.
+
+        `weather_differs` names what the simulator did not report as planned; `dtd train` leaves such scenarios out.
+        """
         rows = []
         for scenario in self._scenarios:
             record = self.record(scenario)
             rate, conditions, runway = record["frame_rate"], record["conditions"], record["runway"]
+            effective = record.get("effective_weather") or {}
             rows.append(
                 {
                     "scenario": scenario,
@@ -63,6 +67,8 @@ class Corpus:
                     "time_of_day": conditions["time_of_day"],
                     "weather": conditions["weather_name"],
                     "visibility_m": float(conditions["weather"]["visibility_m"]),
+                    "effective_visibility_m": _number(effective.get("visibility_m")),
+                    "weather_differs": list(effective.get("differing", [])),
                     "airport": runway["airport"],
                     "runway": runway["name"],
                     "frame_rate": rate["numerator"] / rate["denominator"],
@@ -71,7 +77,8 @@ class Corpus:
                     "views": record["views"],
                 }
             )
-        return pl.DataFrame(rows)
+        types: dict[str, pl.DataType] = {"effective_visibility_m": pl.Float64(), "weather_differs": pl.List(pl.String)}
+        return pl.DataFrame(rows, schema_overrides=types)
 
     def ticks(self) -> pl.DataFrame:
         """One row per scenario and tick: time, pose, and, after `dtd label`, the distance to touchdown."""
@@ -217,6 +224,11 @@ class Corpus:
                 for scenario, blake3 in hashes[stem].items()
             }
         )
+
+
+def _number(value: Any) -> float | None:
+    """A number of a record that may be missing."""
+    return None if value is None else float(value)
 
 
 def _with_scenario(paths: dict[str, Path]) -> pl.DataFrame:

@@ -111,6 +111,16 @@ class Changed(unittest.TestCase):
         self.assertEqual(views.filter(tick=1).select("view", "pts").rows(), [("lens", 1001), ("mast", 1001), ("far_mast", 1008)])
         self.assertEqual(corpus.ticks().columns, Corpus(PATH).ticks().columns)
 
+    def test_a_scenario_under_another_weather_than_planned_says_what_differs(self) -> None:
+        effective = {"visibility_m": 500, "rain_ratio": None, "differing": ["visibility"]}
+        self.change("scenario.json", lambda record: record.update(effective_weather=effective))
+        row = Corpus(self.copy).scenarios().filter(scenario=SCENARIO).row(0, named=True)
+        self.assertEqual((row["effective_visibility_m"], row["weather_differs"]), (500.0, ["visibility"]))
+        # As an earlier version recorded it.
+        self.change("scenario.json", lambda record: record.pop("effective_weather"))
+        row = Corpus(self.copy).scenarios().filter(scenario=SCENARIO).row(0, named=True)
+        self.assertEqual((row["effective_visibility_m"], row["weather_differs"]), (None, []))
+
     def test_a_model_is_named_by_the_start_of_its_hash(self) -> None:
         self.add_detections("fe8fd7ba3fcd0ea9", "aircraft.onnx")
         corpus = Corpus(self.copy)

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use dataset::video::TRIAL_PICTURES;
 use generator::generate::{
     Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
     Simulators, Stopped, generate as record,
@@ -36,6 +37,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let options = GenerateOptions {
         simulators: args.sim.clone(),
         pixels: args.pixels,
+        encoder: args.encoder,
         only: args.only.clone(),
         shard: args.shard.or_of_environment("generate")?,
         patience: Patience {
@@ -73,6 +75,9 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
                 CorpusLocation::Store(url) => url.to_string(),
             }
         );
+        for marked in &generated.marked {
+            println!("marked: {}: {}", marked.id, marked.differences.join("; "));
+        }
         for failed in &generated.failed {
             println!("failed: {}: {}", failed.id, failed.reason);
         }
@@ -115,6 +120,7 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
         simulators,
         stand_in_program: env::current_exe()?,
         pixels: PixelChoice::Auto,
+        encoder: None,
         screen: Arc::new(FfmpegScreen::here()),
         only: Vec::new(),
         shard: Shard::WHOLE,
@@ -162,7 +168,7 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
             Ok(Ending::Losses)
         }
         Some(Stopped::Store { reason }) => Err(Failure::Failed(anyhow::anyhow!("{reason}"))),
-        None if generated.failed.is_empty() => Ok(Ending::Done),
+        None if generated.failed.is_empty() && generated.marked.is_empty() => Ok(Ending::Done),
         None => Ok(Ending::Losses),
     }
 }
@@ -251,6 +257,10 @@ impl ShowEvents {
                     ));
                 }
             }
+            Event::EncoderTried { encoder, seconds } => self.bar.say(&format!(
+                "encoder {encoder}: {TRIAL_PICTURES} pictures, and again without an end, in {seconds:.1} s; order, timestamps, colours and \
+                 what a kill leaves are right"
+            )),
             Event::SetAsideBefore { id, reason } => self.bar.say(&format!(
                 "{id} failed in an earlier run and is tried again: {reason}"
             )),
@@ -289,6 +299,16 @@ impl ShowEvents {
                     .say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
                 self.ended(id, u64::from(ticks));
             }
+            Event::Marked { id, differences } => self.bar.say(&format!(
+                "{id} is marked, the weather at the aircraft is not the planned one: {differences}"
+            )),
+            Event::NotFollowed {
+                simulator,
+                quantity,
+            } => self.bar.say(&format!(
+                "simulator {simulator} does not follow the {quantity} that is set: it differed in three scenarios alike. It is no longer \
+                 waited for, and scenarios in which it differs are marked; `dtd doctor --measure` examines it"
+            )),
             Event::StagedBefore { scenarios } => self.bar.say(&format!(
                 "{} made before, and sent now",
                 count(scenarios, "scenario")

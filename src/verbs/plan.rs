@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use dataset::corpus::Corpus;
+use dataset::effective_weather::ReportedWeather;
 use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
@@ -185,6 +186,7 @@ impl<'a> Report<'a> {
                 to_make: self.ids(compared, Standing::ToMake),
                 new: self.ids(compared, Standing::New),
                 damaged: &compared.against.damaged,
+                weather: &compared.against.weather,
                 changed: &compared.against.difference.changed,
                 removed: &compared.against.difference.removed,
                 left: self.left.as_ref(),
@@ -256,6 +258,8 @@ struct AgainstDocument<'a> {
     new: Vec<&'a str>,
     /// What is wrong, by identifier.
     damaged: &'a BTreeMap<String, String>,
+    /// What simulators reported at the aircraft, by name of the planned weather.
+    weather: &'a BTreeMap<String, ReportedWeather>,
     changed: &'a [Change],
     removed: &'a [String],
     left: Option<&'a Estimate>,

@@ -153,6 +153,7 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if args.start_from.is_some() {
         config.start_from.clone_from(&args.start_from);
     }
+    config.accept_weather |= args.accept_weather;
     if args.leave_out.is_some() {
         config.leave_out.clone_from(&args.leave_out);
     }

@@ -57,6 +57,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
             println!("{finding}");
         }
         print_proof(&report);
+        print_weather(&report);
         if description == Some(Description::Outdated) {
             println!(
                 "croissant.json describes an earlier state; run `dtd export {name} --to croissant` again"
@@ -64,7 +65,9 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         }
         println!("{}", summary(&report, args.quick));
     }
-    if report.findings.is_empty() {
+    if report.findings.is_empty() && report.marked().next().is_some() {
+        Ok(Ending::Losses)
+    } else if report.findings.is_empty() {
         Ok(Ending::Done)
     } else {
         Err(Failure::Failed(anyhow::anyhow!(
@@ -100,8 +103,12 @@ fn summary(report: &VerifyReport, quick: bool) -> String {
         0 => "no faults".to_owned(),
         faults => count(faults, "fault"),
     };
+    let marked = match report.marked().count() {
+        0 => String::new(),
+        marked => format!(", {marked} marked for another weather"),
+    };
     format!(
-        "{} ({} labelled), {}, {pictures}: {faults}",
+        "{} ({} labelled), {}, {pictures}: {faults}{marked}",
         count(report.scenarios, "scenario"),
         report.labelled,
         count(report.ticks as usize, "tick"),
@@ -124,6 +131,20 @@ fn print_proof(report: &VerifyReport) {
             "{} planned scenarios are missing: {id} ...",
             report.missing.len()
         ),
+    }
+}
+
+/// The weather at the aircraft, and the scenarios where it is not as planned.
+fn print_weather(report: &VerifyReport) {
+    let reported = (report.weather.iter()).filter(|(_, weather)| weather.is_reported());
+    for (name, weather) in reported {
+        println!("weather at the aircraft, {name}: {weather}");
+    }
+    for (id, differences) in report.marked() {
+        println!(
+            "{id}/scenario.json: marked, the weather at the aircraft is not the planned one: {}",
+            differences.join("; ")
+        );
     }
 }
 

@@ -1,11 +1,12 @@
 //! Test support that needs the stand-in: one in this process ([`Running`]) or in another ([`SimulatorProcess`]), engines, X servers,
-//! and recorded flights to compare its own with.
+//! relays that alter what it reports, and recorded flights to compare its own with.
 //!
 //! Only a dev-dependency of integration tests, examples and benches. The unit tests of `mock-xplane` and `xplane-bridge` cannot use
 //! it: they would see a second version of their own types. What needs no simulator is in `testkit`.
 
 #![forbid(unsafe_code)]
 
+mod altered;
 mod blank;
 pub mod plugin;
 pub mod recorded_flights;
@@ -13,6 +14,7 @@ mod running;
 mod simulator_process;
 mod xvfb;
 
+pub use altered::altered;
 pub use blank::Blank;
 pub use running::{Running, quiet, serving, serving_with};
 pub use simulator_process::{PATIENCE, SWEEP, SimulatorProcess};

@@ -48,6 +48,7 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
             weather_name: "clear".into(),
             weather: calm(40_000.0),
         },
+        effective_weather: None,
         flight: Flight::Live,
         rig: "wide-baseline".into(),
         views: VIEWS.map(str::to_owned).to_vec(),
@@ -57,6 +58,7 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
             simulator: "fixture".into(),
             capture_link: 1,
             pixels: None,
+            encoder: None,
         },
     }
 }

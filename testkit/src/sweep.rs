@@ -1,5 +1,7 @@
 //! Sweeps of a few short approaches to Changi 02L at noon.
 
+use crate::repository;
+
 /// What tests choose of a sweep.
 #[derive(Debug, Clone, Copy)]
 pub struct SmallSweep<'a> {
@@ -101,6 +103,52 @@ visibility_m = 80000
 wind_speed_mps = 2
 wind_from_true_deg = 20
 "#;
+
+/// The file of a sweep of four weathers over a recorded flight, in tiny pictures: `1200-clear-r1`, and so on.
+pub fn four_weathers() -> String {
+    let flight = repository().join("tests/data/flights/01_calm_ils.csv");
+    let weathers = ["clear", "cloudy", "foggy", "stormy"];
+    let tables = format!(
+        r#"
+[[recorded]]
+files = "{}"
+weathers = {weathers:?}
+
+[start]
+dtd_nm = 0.6
+
+[weather.clear]
+visibility_m = 80000
+wind_speed_mps = 4
+wind_from_true_deg = 60
+
+[weather.cloudy]
+visibility_m = 50000
+clouds = [{{ kind = "cumulus", cover_ratio = 0.5, base_msl_m = 900, top_msl_m = 2000 }}]
+
+[weather.foggy]
+visibility_m = 9260
+
+[weather.stormy]
+visibility_m = 35000
+clouds = [{{ kind = "cumulonimbus", cover_ratio = 0.9, base_msl_m = 600, top_msl_m = 5000 }}]
+rain_ratio = 0.6
+wind_speed_mps = 9
+wind_from_true_deg = 340
+"#,
+        flight.display()
+    );
+    let sweep = SmallSweep {
+        name: "weathers",
+        seed: 5,
+        weathers: &weathers,
+        repeats: 1,
+        size_px: (96, 64),
+        frame_rate: "1/2",
+        tables: &tables,
+    };
+    sweep.toml()
+}
 
 impl SmallSweep<'_> {
     /// The sweep's file.

@@ -359,6 +359,7 @@ impl SyntheticCorpus {
                 simulator: "geometry".into(),
                 capture_link: 0,
                 pixels: None,
+                encoder: None,
             },
             ..plain
         }

@@ -29,6 +29,8 @@ pub struct TrainConfig {
     pub max_dtd_nm: Option<f64>,
     /// `weather=NAME` or `time=HH:MM`: scenarios of this weather or time are the test side, whatever the split, and train nothing.
     pub leave_out: Option<String>,
+    /// Whether scenarios are used that were drawn under another weather than planned (marked by `dtd generate`).
+    pub accept_weather: bool,
     /// Folder of a run whose networks this training starts from, instead of random ones. They must have the same layers and views.
     pub start_from: Option<PathBuf>,
     /// What the networks minimise; the mean squared error of the distance in the paper.
@@ -62,6 +64,7 @@ impl Default for TrainConfig {
             min_dtd_nm: 0.05,
             max_dtd_nm: None,
             leave_out: None,
+            accept_weather: false,
             start_from: None,
             loss: Loss::Squared,
             only_true_boxes: false,

@@ -18,6 +18,7 @@ use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::estimator::{Estimator, Task};
 use crate::evaluation_rules::EvaluationRules;
 use crate::leave_out::LeftOut;
+use crate::marked_scenarios;
 use crate::metrics::{
     EstimatorMetrics, Metrics, RemovedFigures, SideCount, SplitSummary, TickCounts,
 };
@@ -247,6 +248,7 @@ pub fn evaluate(
             .collect(),
         judged,
         alignment,
+        weather_at_aircraft: marked_scenarios::reported_on_test_side(samples),
     };
     write_json_unsynced(&new.metrics_path(), &metrics)?;
     report::write(

@@ -37,6 +37,7 @@ mod json_differences;
 mod lateral_spread;
 mod leave_out;
 mod lstm;
+mod marked_scenarios;
 mod memory;
 mod metrics;
 mod minimum;

@@ -10,6 +10,7 @@ mod stated_intervals;
 
 use std::collections::BTreeMap;
 
+use dataset::effective_weather::ReportedWeather;
 use serde::{Deserialize, Serialize};
 
 use crate::background::Alignment;
@@ -157,6 +158,9 @@ pub struct Metrics {
     /// How the cameras were aligned by their backgrounds; missing if the training did not ask for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alignment: Option<Alignment>,
+    /// The weather that simulators reported at the aircraft in the judged scenarios, by name of the planned weather; missing if none did.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub weather_at_aircraft: BTreeMap<String, ReportedWeather>,
     /// Figures by name of the estimator.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
 }

@@ -79,6 +79,7 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
             headline => value(tables::headline(metrics)),
             legend => value(legend()),
             conditions => value(tables::conditions(metrics)),
+            weather_at_aircraft => value(tables::weather_at_aircraft(metrics)),
             scenarios => value(scenario_rows(samples, &seen)),
             views => value(&samples.views),
             detected_total => value(detected_total(samples, &seen)),

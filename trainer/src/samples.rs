@@ -11,9 +11,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use dataset::camera::Camera;
-use dataset::conditions::transmission;
+use dataset::conditions::{Weather, transmission};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::detections::{Detection, NoChoice, choose};
+use dataset::effective_weather::EffectiveWeather;
 use dataset::frames::{Frames, TickRow};
 use dataset::geodesy::Geodetic;
 use dataset::model_identity::NamedDetections;
@@ -78,6 +79,10 @@ pub(crate) struct ScenarioSummary {
     pub side: Side,
     /// Name of the weather.
     pub weather: String,
+    /// The weather as planned.
+    pub planned_weather: Weather,
+    /// The weather at the aircraft, if the simulator reported it.
+    pub effective_weather: Option<EffectiveWeather>,
     /// Local time as the sweep names it.
     pub time_of_day: String,
     /// The runway.
@@ -86,6 +91,14 @@ pub(crate) struct ScenarioSummary {
     pub touchdown: Geodetic,
     /// Its cameras, in the order of the views, as placed in this scenario.
     pub cameras: Vec<Camera>,
+}
+
+impl ScenarioSummary {
+    /// Whether the weather at the aircraft differs from the planned one.
+    pub(crate) fn is_marked(&self) -> bool {
+        let effective = self.effective_weather.as_ref();
+        effective.is_some_and(EffectiveWeather::is_marked)
+    }
 }
 
 /// All samples of a corpus.
@@ -331,6 +344,8 @@ impl Samples {
             trajectory: record.trajectory,
             side,
             weather: record.conditions.weather_name,
+            planned_weather: record.conditions.weather,
+            effective_weather: record.effective_weather,
             time_of_day: record.conditions.time_of_day,
             runway: record.runway,
             touchdown: record.touchdown,

@@ -22,6 +22,7 @@ use crate::error::{CorpusFault, Error, Result};
 use crate::evaluation::split_again;
 use crate::flight_filter::FlightFilter;
 use crate::inverse_range::CrossFitted;
+use crate::marked_scenarios;
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
@@ -119,6 +120,12 @@ pub(crate) fn train_unless(
     let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
     // Errors about all of them name the first.
     let corpus = &corpora[0];
+    if !config.accept_weather {
+        let left_out = marked_scenarios::leave_out(&mut samples);
+        if !left_out.is_empty() {
+            progress.say(&marked_scenarios::left_out_line(&left_out));
+        }
+    }
     split_again(corpus, &mut samples, config.leave_out.as_deref())?;
     let backgrounds = match config.align_backgrounds {
         true => {

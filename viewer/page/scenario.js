@@ -10,10 +10,21 @@ import { MARKS, Picture, ZOOMS } from './picture.js';
 import { Player } from './playback.js';
 import { Readout } from './readout.js';
 import { isOpenable } from './scenarios.js';
-import { METRES_PER_NM, count, fixed, metres, nauticalMiles, seconds } from './units.js';
+import { METRES_PER_NM, count, fixed, metres, nauticalMiles, seconds, speed } from './units.js';
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
 const LAYERS = { truth: 'True boxes', detections: 'Detections', shifts: 'Shifts' };
+
+/** What the simulator reported at the aircraft; what it did not report is left out. */
+function weatherWords(weather) {
+  const covers = weather.cloud_cover_ratios.filter(cover => cover !== null);
+  const parts = [
+    ['visibility', weather.visibility_m, metres], ['wind', weather.wind_speed_mps, speed],
+    ['from', weather.wind_from_true_deg, value => `${fixed(value, 0)}°`], ['rain', weather.rain_ratio, value => fixed(value, 2)],
+    ['cloud cover', covers.length ? Math.max(...covers) : null, value => fixed(value, 2)],
+  ];
+  return parts.filter(([, value]) => value !== null).map(([name, value, words]) => `${name} ${words(value)}`).join(', ');
+}
 
 /** The page of a scenario. `tables` is what the server says about it. */
 export class ScenarioPage {
@@ -112,6 +123,7 @@ export class ScenarioPage {
     const fact = (term, value) => element('div', {}, element('dt', {}, term), element('dd', {}, value));
     const problems = [
       ...tables.problems,
+      ...(row?.weather_differs ?? []).map(difference => `Not the planned weather: ${difference}.`),
       ...row?.state === 'damaged' ? row.faults : [],
       ...tables.ticks && !tables.ticks.dtd_m ? ['This scenario has no labels: `dtd label` adds true boxes and distances.'] : [],
       ...!tables.models.length ? ['No detections: `dtd detect` adds them.'] : [],
@@ -121,6 +133,7 @@ export class ScenarioPage {
       element('h1', { id: 'title' }, record.id),
       element('dl', { class: 'facts' },
         fact('Weather', `${conditions.weather_name}, visibility ${metres(conditions.weather.visibility_m)}`),
+        ...record.effective_weather ? [fact('At the aircraft', weatherWords(record.effective_weather))] : [],
         fact('Local time', conditions.time_of_day), fact('Side', row?.side ?? '–'),
         fact('Runway', `${record.runway.airport} ${record.runway.name}`), fact('Trajectory', record.trajectory),
         fact('Ticks', `${count(this.ticks)}, ${this.rateWords()}`)),

@@ -193,6 +193,9 @@ export class Scenarios {
     const cell = (row, key) => {
       if (key === 'id') return isOpenable(row) ? element('a', { href: address({ scenario: row.id }) }, row.id) : row.id;
       if (key === 'state') return element('span', { class: `state ${row.state}` }, STATES[row.state]);
+      if (key === 'weather' && row.weather_differs.length) {
+        return element('span', { class: 'marked', title: row.weather_differs.join('; ') }, `${row.weather} (not as planned)`);
+      }
       if (key === 'ticks') {
         return row.state === 'recording' && row.recorded_ticks !== null ? `${count(row.recorded_ticks)} of ${count(row.ticks)}` : count(row.ticks);
       }

@@ -63,6 +63,8 @@ struct Row {
     id: String,
     state: State,
     weather: Option<String>,
+    /// How the weather at the aircraft differs from the planned one; empty unless the scenario is marked.
+    weather_differs: Vec<String>,
     time_of_day: Option<String>,
     trajectory: Option<String>,
     side: Option<Side>,
@@ -85,6 +87,7 @@ impl Row {
             id: id.to_owned(),
             state,
             weather: None,
+            weather_differs: Vec::new(),
             time_of_day: None,
             trajectory: None,
             side: None,
@@ -112,6 +115,8 @@ impl Row {
     }
 
     fn add_record(&mut self, record: ScenarioRecord) {
+        let differences = record.weather_marks();
+        self.weather_differs = differences.iter().map(ToString::to_string).collect();
         self.weather = Some(record.conditions.weather_name);
         self.time_of_day = Some(record.conditions.time_of_day);
         self.trajectory = Some(record.trajectory);

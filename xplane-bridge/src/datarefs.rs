@@ -4,6 +4,7 @@
 //! the weather ([`weather`]): a name whose comment begins with a version is used in that version alone, because X-Plane 12 keeps those
 //! of 11 and complains when one is looked up. The tolerances for reading back are one table ([`tolerance`]).
 
+mod effective_weather;
 mod tolerance;
 mod version;
 mod weather;
@@ -13,10 +14,11 @@ use dataset::runway::Runway;
 
 use crate::error::BridgeError;
 
+pub(crate) use effective_weather::{effective_weather_datarefs, effective_weather_of};
 pub use tolerance::Tolerance;
 pub use version::{Generation, Version};
 pub use weather::weather_from_datarefs;
-pub(crate) use weather::{weather_effects, weather_writes};
+pub(crate) use weather::weather_writes;
 
 /// Metres in one statute mile (exact by definition). X-Plane 12 measures visibility in them.
 pub const METERS_PER_STATUTE_MILE: f64 = 1_609.344;
@@ -461,24 +463,6 @@ mod tests {
     use dataset::conditions::{CloudKind, CloudLayer, Weather};
 
     use super::*;
-
-    #[test]
-    fn what_shows_of_a_weather_is_held_against_it_roughly() {
-        let writes = weather_writes(&stormy().weather, Generation::XPlane12).unwrap();
-        let effects = weather_effects(&writes);
-        for (name, near, other) in [
-            (VISIBILITY_EFFECTIVE_M, 8_500.0, 32_000.0),
-            // 10 m/s taken for knots would be 5.1 m/s.
-            (WIND_SPEED_AT_AIRCRAFT, 8.0, 5.1),
-            (RAIN_AT_AIRCRAFT, 0.4975, 0.0),
-            ("sim/weather/aircraft/cloud_coverage_percent[0]", 0.65, 0.0),
-            ("sim/weather/aircraft/cloud_coverage_percent[1]", 0.1, 0.4),
-        ] {
-            let effect = effects.iter().find(|effect| effect.name == name).unwrap();
-            assert!(effect.is_met_by(near), "{name}");
-            assert!(!effect.is_met_by(other), "{name}");
-        }
-    }
 
     fn stormy() -> Conditions {
         Conditions {

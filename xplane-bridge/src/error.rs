@@ -3,6 +3,8 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use dataset::effective_weather::WeatherDifference;
+
 use crate::datarefs::WeatherSource;
 use crate::link::LinkError;
 use crate::packet::PacketError;
@@ -279,6 +281,18 @@ pub enum BridgeError {
         wanted: f32,
         /// What was read back, if anything.
         found: Option<f32>,
+    },
+    /// The written weather reads back, but it is not the weather at the aircraft.
+    #[error(
+        "the weather at the aircraft is not what was set: {difference}, for {waited:?}, although what was written reads back and `dtd doctor` \
+         has seen this quantity follow. Set the weather to manual and static in X-Plane, switch off other weather plugins, and run the same \
+         command again; if X-Plane or its plugins have changed since, measure again with `dtd doctor --measure`"
+    )]
+    OtherWeatherShows {
+        /// What differs.
+        difference: WeatherDifference,
+        /// How long it was given.
+        waited: Duration,
     },
     /// The requested weather does not arrive.
     #[error(

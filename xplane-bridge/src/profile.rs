@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
+use dataset::effective_weather::EffectiveQuantity;
 use dataset::units::MPS_PER_KNOT;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -144,6 +145,9 @@ pub struct Profile {
     pub clouds_need_regeneration: Finding<bool>,
     /// How long clouds take to read back, seconds of simulated time.
     pub clouds_take_s: Finding<f64>,
+    /// Whether each quantity of the weather at the aircraft follows what is written; empty in profiles of earlier versions.
+    #[serde(default)]
+    pub weather_follows: BTreeMap<EffectiveQuantity, Finding<bool>>,
     /// Whether a pose and a camera that are written in a pause are drawn.
     pub pause_shows_poses: Finding<bool>,
     /// After how many frames two consecutive pictures are equal when the aircraft has moved.
@@ -316,14 +320,30 @@ impl Profile {
         self.still_pictures_move.found() == Some(&true)
     }
 
+    /// Whether a quantity of the weather at the aircraft was seen to follow what is written.
+    pub(crate) fn follows(&self, quantity: EffectiveQuantity) -> bool {
+        let finding = self.weather_follows.get(&quantity);
+        finding.is_some_and(|finding| finding.found() == Some(&true))
+    }
+
     /// Whether X-Plane takes winds in knots.
     pub(crate) fn winds_are_in_knots(&self) -> bool {
         self.wind_unit.found() == Some(&WindUnit::Knots)
     }
 
     /// Weather as it must be written here: winds in X-Plane's own unit.
-    pub(crate) fn in_its_units(&self, mut writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
-        if self.winds_are_in_knots() {
+    pub(crate) fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
+        match self.wind_unit.found() {
+            Some(unit) => unit.applied_to(writes),
+            None => writes,
+        }
+    }
+}
+
+impl WindUnit {
+    /// Writes of winds in metres per second, converted to this unit.
+    pub(crate) fn applied_to(self, mut writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
+        if self == Self::Knots {
             let winds = writes
                 .iter_mut()
                 .filter(|write| write.name.split('[').next() == Some(WIND_SPEED));
@@ -354,6 +374,12 @@ mod tests {
             visibility_needs_regeneration: Finding::Found(false),
             clouds_need_regeneration: Finding::NotMeasured(not()),
             clouds_take_s: Finding::Found(80.0),
+            weather_follows: [
+                (EffectiveQuantity::Rain, Finding::Found(true)),
+                (EffectiveQuantity::Visibility, Finding::Found(false)),
+                (EffectiveQuantity::CloudCover, Finding::NotMeasured(not())),
+            ]
+            .into(),
             pause_shows_poses: Finding::Found(false),
             frames_until_still: Finding::Found(4),
             frames_until_settled: Finding::Found(24),
@@ -413,6 +439,20 @@ mod tests {
             said.contains("no profile") && said.contains("dtd doctor"),
             "{said}"
         );
+    }
+
+    #[test]
+    fn only_a_quantity_that_was_seen_to_follow_does_and_older_profiles_have_seen_none() {
+        let follows = |profile: &Profile| -> Vec<EffectiveQuantity> {
+            let all = EffectiveQuantity::ALL.into_iter();
+            all.filter(|quantity| profile.follows(*quantity)).collect()
+        };
+        assert_eq!(follows(&measured()), [EffectiveQuantity::Rain]);
+        let mut older = serde_json::to_value(measured()).unwrap();
+        older.as_object_mut().unwrap().remove("weather_follows");
+        let plugin = Some("dtd_bridge 0.1.0");
+        let known = KnownProfile::of(Some(older), "X-Plane 12.4.3", plugin);
+        assert_eq!(follows(known.current().unwrap()), []);
     }
 
     #[test]

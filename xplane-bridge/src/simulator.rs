@@ -8,6 +8,7 @@ mod commands;
 mod conditions;
 mod connect_options;
 pub mod doctor;
+mod effective_weather;
 mod find_web_api;
 mod flight_start;
 mod link_client;
@@ -19,11 +20,12 @@ mod sharing;
 mod udp;
 mod weather;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use dataset::conditions::{Clock, Conditions};
+use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather};
 use dataset::imaging::Imaging;
 use dataset::pose::FlightState;
 use dataset::runway::Runway;
@@ -131,6 +133,10 @@ pub struct Simulator {
     conditions: Option<Conditions>,
     /// Checks that they stay set.
     settings_watch: Option<SettingsWatch>,
+    /// The weather at the aircraft under those settings.
+    effective_weather: Option<EffectiveWeather>,
+    /// Its quantities that are known not to follow what is written.
+    not_followed: BTreeSet<EffectiveQuantity>,
     /// The aircraft in use, by its name in sweeps.
     aircraft: Option<String>,
     /// The started flight that is still to be flown, and whether it is in the air.
@@ -265,6 +271,8 @@ impl Simulator {
                 drawn_on: DrawnOn::offered(screen, link_address, token),
                 conditions: None,
                 settings_watch: None,
+                effective_weather: None,
+                not_followed: BTreeSet::new(),
                 aircraft: None,
                 begun: None,
                 outstanding: VecDeque::new(),

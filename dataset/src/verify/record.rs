@@ -6,7 +6,9 @@ use super::{Faults, close};
 use crate::calibration::{Calibration, CameraEntry};
 use crate::corpus::ScenarioFolder;
 use crate::runway::RunwayCoordinates;
-use crate::scenario::{PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION, ScenarioRecord};
+use crate::scenario::{
+    MARKED_SCHEMA_VERSION, PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION, ScenarioRecord,
+};
 use crate::seal;
 
 const RECORD: &str = "scenario.json";
@@ -65,6 +67,24 @@ pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &m
             format!(
                 "config_hash is {}, but scenario.json has {}",
                 seal.config_hash, record.config_hash
+            ),
+        );
+    }
+    if let Some(effective) = &record.effective_weather
+        && let Some(what) = effective.contradiction(&record.conditions.weather)
+    {
+        faults.file(
+            RECORD,
+            format!("effective_weather contradicts itself: {what}"),
+        );
+    }
+    if record.required_version(PINHOLE_SCHEMA_VERSION) > record.schema_version {
+        let (found, expected) = (record.schema_version, MARKED_SCHEMA_VERSION);
+        faults.file(
+            RECORD,
+            format!(
+                "schema version is {found}, but the weather at the aircraft differs from the planned one, which readers of {found} would \
+                 overlook; expected {expected}"
             ),
         );
     }

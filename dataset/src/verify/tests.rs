@@ -5,6 +5,7 @@ use super::*;
 use crate::camera::{Camera, CameraPose};
 use crate::conditions::{Clock, Conditions, Weather};
 use crate::detections::{Detection, Detections, Miss, MissReason, NewTables, SearchMode};
+use crate::effective_weather::{EffectiveQuantity, EffectiveWeather};
 use crate::frame_rate::FrameRate;
 use crate::frames::{Frames, TickLabels, TickRow, ViewStamp};
 use crate::json_file::{read_json, write_json};
@@ -145,6 +146,7 @@ fn record(id: &str) -> ScenarioRecord {
                 turbulence_ratio: 0.0,
             },
         },
+        effective_weather: None,
         flight: Flight::Live,
         rig: "pair".into(),
         views: VIEWS.map(str::to_owned).to_vec(),
@@ -154,6 +156,7 @@ fn record(id: &str) -> ScenarioRecord {
             simulator: "none".into(),
             capture_link: 1,
             pixels: None,
+            encoder: None,
         },
     }
 }
@@ -510,6 +513,63 @@ fn a_wrong_touchdown_a_foreign_schema_and_odd_conditions_are_found() {
     assert!(
         findings.contains("0001-0600-clear-r1/scenario.json: conditions was planned"),
         "{findings}"
+    );
+}
+
+/// A reported visibility, with or without its mark.
+fn reported(visibility_m: f64, is_marked: bool) -> Option<EffectiveWeather> {
+    let mark = is_marked.then_some(EffectiveQuantity::Visibility);
+    Some(EffectiveWeather {
+        visibility_m: Some(visibility_m),
+        differing: mark.into_iter().collect(),
+        ..EffectiveWeather::default()
+    })
+}
+
+#[test]
+fn a_marked_scenario_is_named_and_is_no_fault() {
+    let example = Example::new();
+    let mut record = record(IDS[0]);
+    record.effective_weather = reported(20_000.0, true);
+    record.schema_version = record.required_version(PINHOLE_SCHEMA_VERSION);
+    record.write(&example.scenario().record_path()).unwrap();
+    seal::seal_folder(example.scenario().root(), "config").unwrap();
+    let report = verify(&example.corpus);
+    assert!(report.is_sound(), "{:?}", report.findings);
+    let marked: Vec<_> = report.marked().collect();
+    let expected = ["visibility is 20000 m, planned was 40000 m".to_owned()];
+    assert_eq!(marked, [(IDS[0], &expected[..])]);
+    let said = report.weather["clear"].to_string();
+    assert_eq!(
+        said,
+        "visibility 20000 m, 1 of 2 without a report, 1 of 2 marked"
+    );
+}
+
+#[test]
+fn another_weather_without_a_mark_and_a_mark_that_readers_would_overlook_are_found() {
+    let findings =
+        Example::with_record(|record| record.effective_weather = reported(20_000.0, false));
+    assert_found(
+        &findings,
+        "visibility is 20000 m, planned was 40000 m, and it is not among `differing`",
+    );
+    let findings =
+        Example::with_record(|record| record.effective_weather = reported(39_000.0, true));
+    assert_found(
+        &findings,
+        "visibility is among `differing`, and is as planned",
+    );
+    let findings =
+        Example::with_record(|record| record.effective_weather = reported(20_000.0, true));
+    assert_found(
+        &findings,
+        "schema version is 1, but the weather at the aircraft differs",
+    );
+    let findings = Example::with_record(|record| record.effective_weather = reported(-5.0, true));
+    assert_found(
+        &findings,
+        "effective_weather.visibility_m -5 is out of range",
     );
 }
 

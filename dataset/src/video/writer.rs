@@ -11,7 +11,11 @@ use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Dictionary, Packet, Rational, color, encoder, frame};
 
 use super::scaler::{Matrix, PaddedEnd, Scaler};
-use super::{BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, ffmpeg_path, index, start_ffmpeg};
+use super::uploaded_frames::UploadedFrames;
+use super::{
+    BYTES_PER_PIXEL, VideoCodec, VideoEncoder, VideoSettings, fault, ffmpeg_path, index,
+    start_ffmpeg,
+};
 use crate::error::{Error, Result};
 use crate::frame_rate::FrameRate;
 
@@ -36,6 +40,8 @@ pub struct VideoWriter {
     coded: frame::Video,
     /// Absent if the encoder takes RGB.
     conversion: Option<Conversion>,
+    /// Present if the encoder takes frames in a GPU's memory only.
+    uploaded: Option<UploadedFrames>,
     packet: Packet,
     frame_rate: FrameRate,
     ticks: u32,
@@ -47,11 +53,24 @@ struct Conversion {
 }
 
 impl VideoWriter {
-    /// Starts a file in the format of the codec, MP4 except for FFV1. Its time base is 1 / [`FrameRate::time_scale`], so that every
-    /// timestamp is exact.
+    /// Starts a file that FFmpeg's software encoder fills; see [`VideoWriter::create_with`].
     pub fn create(
         path: &Path,
         settings: &VideoSettings,
+        width_px: u32,
+        height_px: u32,
+        frame_rate: FrameRate,
+    ) -> Result<Self> {
+        let software = VideoEncoder::Software;
+        Self::create_with(path, settings, software, width_px, height_px, frame_rate)
+    }
+
+    /// Starts a file in the format of the codec, MP4 except for FFV1. Its time base is 1 / [`FrameRate::time_scale`], so that every
+    /// timestamp is exact.
+    pub fn create_with(
+        path: &Path,
+        settings: &VideoSettings,
+        video_encoder: VideoEncoder,
         width_px: u32,
         height_px: u32,
         frame_rate: FrameRate,
@@ -65,10 +84,19 @@ impl VideoWriter {
             ));
         }
         let codec = settings.codec;
-        let (encoder_name, pixel) = (codec.encoder(), codec.pixel());
+        let encoder_name = video_encoder.of_codec(codec).ok_or_else(|| {
+            let name = video_encoder.name();
+            fault(
+                path,
+                "start it",
+                format!("{name} is not offered for this codec of [video]; expected h264 or h265"),
+            )
+        })?;
+        let pixel = video_encoder.pixel(codec);
+        let halves_colours = matches!(pixel, Pixel::YUV420P | Pixel::NV12);
         if width_px == 0
             || height_px == 0
-            || (pixel == Pixel::YUV420P && (width_px % 2 == 1 || height_px % 2 == 1))
+            || (halves_colours && (width_px % 2 == 1 || height_px % 2 == 1))
         {
             return Err(fault(
                 path,
@@ -108,7 +136,19 @@ impl VideoWriter {
             .map_err(|e| fault(path, "start the encoder", e))?;
         video.set_width(width_px);
         video.set_height(height_px);
-        video.set_format(pixel);
+        let uploaded = match video_encoder.needs_upload() {
+            true => {
+                let frames = UploadedFrames::of_vaapi(width_px, height_px)
+                    .map_err(|e| fault(path, "use the GPU's memory", e))?;
+                frames.attach_to(&mut video);
+                video.set_format(Pixel::VAAPI);
+                Some(frames)
+            }
+            false => {
+                video.set_format(pixel);
+                None
+            }
+        };
         video.set_time_base(time_base);
         video.set_frame_rate(Some(Rational(time_scale, frame_rate.denominator as i32)));
         video.set_max_b_frames(0);
@@ -121,7 +161,7 @@ impl VideoWriter {
         });
         tag_colours(&mut video, pixel);
         let encoder = video
-            .open_with(encoder_options(settings))
+            .open_with(encoder_options(settings, video_encoder))
             .map_err(|e| fault(path, "start the encoder", e))?;
 
         let mut stream = output
@@ -166,6 +206,7 @@ impl VideoWriter {
             encoder,
             coded: frame::Video::new(pixel, width_px, height_px),
             conversion,
+            uploaded,
             packet: Packet::empty(),
             frame_rate,
             ticks: 0,
@@ -196,7 +237,13 @@ impl VideoWriter {
         }
         let pts = self.frame_rate.pts_of_tick(self.ticks);
         coded.set_pts(Some(pts));
-        self.encoder.send_frame(coded).map_err(|e| {
+        let sent = match &self.uploaded {
+            None => self.encoder.send_frame(coded),
+            Some(frames) => frames
+                .upload(coded)
+                .and_then(|uploaded| self.encoder.send_frame(&uploaded)),
+        };
+        sent.map_err(|e| {
             fault(
                 path,
                 &format!("encode the picture of tick {}", self.ticks),
@@ -294,8 +341,14 @@ fn tag_colours(video: &mut encoder::video::Video, pixel: Pixel) {
     video.set_color_transfer_characteristic(color::TransferCharacteristic::BT709);
 }
 
-fn encoder_options(settings: &VideoSettings) -> Dictionary<'static> {
+fn encoder_options(settings: &VideoSettings, video_encoder: VideoEncoder) -> Dictionary<'static> {
     let mut options = Dictionary::new();
+    for (name, value) in video_encoder.options(settings) {
+        options.set(name, &value);
+    }
+    if video_encoder != VideoEncoder::Software {
+        return options;
+    }
     let crf = settings.crf.to_string();
     match settings.codec {
         VideoCodec::H264 => {

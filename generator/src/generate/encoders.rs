@@ -5,7 +5,7 @@
 
 use dataset::corpus::ScenarioFolder;
 use dataset::plan::Picture;
-use dataset::video::{VideoSettings, VideoWriter};
+use dataset::video::{VideoEncoder, VideoSettings, VideoWriter};
 use tokio::sync::mpsc;
 use tokio::task::{JoinHandle, spawn_blocking};
 use xplane_bridge::link::PictureBytes;
@@ -38,6 +38,7 @@ impl Encoders {
         views: impl IntoIterator<Item = &'a str>,
         picture: Picture,
         settings: &VideoSettings,
+        encoder: VideoEncoder,
     ) -> Self {
         let (give_back, written) = mpsc::unbounded_channel();
         let start = |view: &str| {
@@ -51,8 +52,9 @@ impl Encoders {
                     height_px,
                     frame_rate,
                 } = picture;
-                let writer =
-                    VideoWriter::create(&path, &settings, width_px, height_px, frame_rate)?;
+                let writer = VideoWriter::create_with(
+                    &path, &settings, encoder, width_px, height_px, frame_rate,
+                )?;
                 encode(writer, inbox, &give_back)
             });
             Encoder {
@@ -180,6 +182,7 @@ mod tests {
             ["left", "right"],
             SMALL,
             &VideoSettings::default(),
+            VideoEncoder::Software,
         )
     }
 

@@ -4,6 +4,8 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use dataset::effective_weather::WeatherDifference;
+use dataset::video::{TRIAL_PICTURES, TrialFault};
 use flight_model::NotLanded;
 use store::StoreError;
 use tokio::task::JoinError;
@@ -108,6 +110,22 @@ pub enum GenerateError {
     /// A trial scenario cannot be recorded.
     #[error("the trial that measures this simulator failed: {0}")]
     Trial(Box<ScenarioError>),
+    /// The encoder that the user chose failed its trial.
+    #[error(
+        "encoder {encoder} was tried with {TRIAL_PICTURES} pictures and is not used: {fault}. It needs {needs}. Nothing was recorded; record \
+         without --encoder, which encodes on the processor, or choose another"
+    )]
+    Encoder {
+        /// FFmpeg's name of it.
+        encoder: &'static str,
+        /// What it needs.
+        needs: &'static str,
+        /// What is wrong.
+        fault: TrialFault,
+    },
+    /// The thread of that trial panicked.
+    #[error("the trial of the encoder failed: {0}")]
+    EncoderTrial(JoinError),
     /// The object store of the corpus cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -145,6 +163,7 @@ impl GenerateError {
             | Self::NotAStage { .. }
             | Self::Tape { .. }
             | Self::NotRestartable { .. }
+            | Self::Encoder { .. }
             | Self::NotAFolder { .. } => true,
             // A path where no corpus can be created.
             Self::Corpus(dataset::Error::Io { source, .. }) => matches!(
@@ -368,6 +387,14 @@ impl ScenarioError {
         }
     }
 
+    /// What differed at the aircraft, if that is the reason.
+    pub(super) fn weather_difference(&self) -> Option<WeatherDifference> {
+        match self {
+            Self::Bridge(BridgeError::OtherWeatherShows { difference, .. }) => Some(*difference),
+            _ => None,
+        }
+    }
+
     /// Whose fault it is.
     pub(super) fn blame(&self, corpus: &Path) -> Blame {
         match self {
@@ -382,6 +409,7 @@ impl ScenarioError {
                 | BridgeError::BadConditions { .. }
                 | BridgeError::NotTaken { .. }
                 | BridgeError::WeatherNotTaken { .. }
+                | BridgeError::OtherWeatherShows { .. }
                 | BridgeError::Packet(_) => Blame::Scenario,
                 _ => Blame::Simulator,
             },

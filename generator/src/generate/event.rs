@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use dataset::effective_weather::EffectiveQuantity;
 use xplane_bridge::profile::KnownProfile;
 
 /// What a run is doing, for display.
@@ -15,6 +16,13 @@ pub enum Event<'a> {
         skipped: usize,
         /// Expected ticks of all remaining scenarios.
         ticks: u64,
+    },
+    /// The encoder that the user chose passed its trial.
+    EncoderTried {
+        /// FFmpeg's name of it.
+        encoder: &'a str,
+        /// How long it took, seconds.
+        seconds: f64,
     },
     /// An earlier run set a scenario aside; this one retries it.
     SetAsideBefore {
@@ -68,6 +76,21 @@ pub enum Event<'a> {
         ticks: u32,
         /// How long it took, seconds.
         seconds: f64,
+    },
+    /// A scenario was drawn under another weather than planned; its record says so.
+    Marked {
+        /// Its identifier.
+        id: &'a str,
+        /// What differs.
+        differences: &'a str,
+    },
+    /// A quantity at the aircraft differs in scenario after scenario. Reported once per simulator; the run goes on, with marked
+    /// scenarios.
+    NotFollowed {
+        /// Which simulator.
+        simulator: &'a str,
+        /// Which quantity.
+        quantity: EffectiveQuantity,
     },
     /// Scenarios that an earlier run recorded, and that are not in the object store yet.
     StagedBefore {

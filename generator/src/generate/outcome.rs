@@ -9,6 +9,9 @@ pub struct Outcome {
     pub committed: Vec<String>,
     /// Complete already, or recorded by others while this run waited.
     pub skipped: Vec<String>,
+    /// Those of `committed` that were drawn under another weather than planned, with what differs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub marked: Vec<MarkedScenario>,
     /// Set aside, with the reason of the last attempt.
     pub failed: Vec<FailedScenario>,
     /// Neither: the run was stopped before.
@@ -27,6 +30,15 @@ pub struct FailedScenario {
     pub id: String,
     /// Why.
     pub reason: String,
+}
+
+/// A scenario whose weather at the aircraft differs from the planned one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct MarkedScenario {
+    /// Its identifier.
+    pub id: String,
+    /// What differs.
+    pub differences: Vec<String>,
 }
 
 /// Why a run ended before it tried all its scenarios.

@@ -7,6 +7,7 @@ use dataset::calibration::{Calibration, CameraEntry, Conventions};
 use dataset::claim::Claim;
 use dataset::conditions::Weather;
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::effective_weather::{EffectiveWeather, WeatherDifference};
 use dataset::frames::{Frames, TickRow, ViewStamp};
 use dataset::imaging::Imaging;
 use dataset::plan::{Common, LiveStart, Picture, Plan, PlannedScenario};
@@ -14,6 +15,7 @@ use dataset::pose::FlightState;
 use dataset::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::seal::{commit_folder, seal_folder};
 use dataset::units::Degrees;
+use dataset::video::VideoEncoder;
 use tokio::task::spawn_blocking;
 use xplane_bridge::Simulator;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
@@ -42,15 +44,29 @@ pub(super) struct Work<'a> {
     pub(super) sweep: &'a Sweep,
     pub(super) plan: &'a Plan,
     pub(super) corpus: &'a Corpus,
+    pub(super) encoder: VideoEncoder,
 }
 
-/// A committed scenario.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A scenario that was recorded and committed.
 pub(super) struct Recorded {
-    /// Its number of ticks.
     pub(super) ticks: u32,
     /// How long it took; absent if an earlier run had recorded it and only the renaming was left.
     pub(super) steps: Option<Steps>,
+    /// The weather at the aircraft, if it was reported.
+    pub(super) effective_weather: Option<EffectiveWeather>,
+    /// How it differs from the planned one.
+    pub(super) marks: Vec<WeatherDifference>,
+}
+
+impl Recorded {
+    fn of(record: ScenarioRecord, steps: Option<Steps>) -> Self {
+        Self {
+            ticks: record.ticks,
+            steps,
+            marks: record.weather_marks(),
+            effective_weather: record.effective_weather,
+        }
+    }
 }
 
 /// Records a scenario and commits it. On failure nothing of it remains.
@@ -64,15 +80,15 @@ pub(super) async fn record(
     let committed = work.corpus.scenario(&scenario.id);
     if let Some(left) = Workplace::finished(work.corpus, &scenario.id, &scenario.config_hash, claim)
     {
-        let ticks = left.folder().open()?.record()?.ticks;
+        let record = left.folder().open()?.record()?;
         commit_folder(left.folder().root(), committed.root())?;
-        return Ok(Recorded { ticks, steps: None });
+        return Ok(Recorded::of(record, None));
     }
     let workplace = Workplace::clear(work.corpus, &scenario.id, claim)?;
     let folder = workplace.folder();
     let recorded = async {
         let mut watch = Stopwatch::start();
-        let (ticks, mut steps, simulator) =
+        let (record, mut steps, simulator) =
             record_into(folder, work, scenario, session, attempt, &mut watch).await?;
         let (partial, config_hash) = (folder.root().to_owned(), scenario.config_hash.clone());
         // Hashing and syncing videos takes seconds, which must not block other simulators.
@@ -82,10 +98,11 @@ pub(super) async fn record(
         })
         .await?;
         steps.recording = watch.lap();
-        Ok((ticks, steps, simulator))
+        Ok((record, steps, simulator))
     };
     match recorded.await {
-        Ok((ticks, steps, mut simulator)) => {
+        Ok((record, steps, mut simulator)) => {
+            let ticks = record.ticks;
             tracing::info!(id = scenario.id, ticks, ?steps, "recorded");
             session
                 .keep_pace(&mut simulator, pace(work, scenario, ticks, &steps))
@@ -93,10 +110,7 @@ pub(super) async fn record(
             if let Err(error) = simulator.release().await {
                 tracing::warn!(%error, "the scenario is complete, but the simulator did not confirm its release");
             }
-            Ok(Recorded {
-                ticks,
-                steps: Some(steps),
-            })
+            Ok(Recorded::of(record, Some(steps)))
         }
         Err(error) => {
             workplace.abandon();
@@ -139,7 +153,7 @@ async fn record_into(
     session: &mut Session,
     attempt: &Attempt<'_, '_>,
     watch: &mut Stopwatch,
-) -> Result<(u32, Steps, Simulator), ScenarioError> {
+) -> Result<(ScenarioRecord, Steps, Simulator), ScenarioError> {
     let (common, parameters) = (&work.plan.common, &scenario.parameters);
     let picture = common.picture;
     let mut simulator = attempt.unless_cancelled(session.connect()).await?;
@@ -204,6 +218,7 @@ async fn record_into(
         ids.iter().map(String::as_str),
         picture,
         &common.video,
+        work.encoder,
     );
     let (drawn, blocks) = match capture_pictures(
         &mut simulator,
@@ -239,14 +254,15 @@ async fn record_into(
         ids,
         states.len(),
         &simulator,
+        work.encoder,
     );
     let record = ScenarioRecord {
-        schema_version: calibration.schema_version(),
+        schema_version: record.required_version(calibration.schema_version()),
         blocks,
         ..record
     };
     record.write(&folder.record_path())?;
-    Ok((states.len() as u32, steps, simulator))
+    Ok((record, steps, simulator))
 }
 
 /// In blocks if the simulator can, otherwise each picture by itself.
@@ -399,6 +415,7 @@ fn scenario_record(
     views: Vec<String>,
     ticks: usize,
     simulator: &Simulator,
+    encoder: VideoEncoder,
 ) -> ScenarioRecord {
     let (common, parameters) = (&plan.common, &scenario.parameters);
     ScenarioRecord {
@@ -416,6 +433,7 @@ fn scenario_record(
         flight_touchdown: trajectory.touchdown(),
         geoid: None,
         conditions: parameters.conditions.clone(),
+        effective_weather: simulator.effective_weather().cloned(),
         flight: parameters.flight.clone(),
         rig: common.rig.clone(),
         views,
@@ -429,6 +447,7 @@ fn scenario_record(
             ),
             capture_link: simulator.description().capture_link,
             pixels: Some(simulator.pixels().name().into()),
+            encoder: encoder.of_codec(common.video.codec).map(str::to_owned),
         },
     }
 }

@@ -13,6 +13,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use dataset::claim::Claim;
+use dataset::effective_weather::WeatherDifference;
 use dataset::plan::PlannedScenario;
 use dataset::set_aside::SetAside;
 use futures_util::future::join_all;
@@ -24,7 +25,7 @@ use super::event::{Event, Reporter};
 use super::outcome::{Outcome, Stopped};
 use super::patience::Patience;
 use super::queue::{Next, Queue, Task};
-use super::record::{Work, record};
+use super::record::{Recorded, Work, record};
 use super::remote::Remote;
 use super::restart::Restart;
 use super::session::Session;
@@ -228,17 +229,45 @@ impl<'a> Run<'a> {
             most_ticks: None,
         };
         let recorded = record(&self.work, scenario, claim, session, &attempt).await;
-        let ticks = match session.tape() {
-            Some(tape) => recorded.map_err(|error| error.of_tape(tape))?.ticks,
-            None => recorded?.ticks,
+        let recorded = match session.tape() {
+            Some(tape) => recorded.map_err(|error| error.of_tape(tape))?,
+            None => recorded?,
         };
         SetAside::clear(self.work.corpus, &scenario.id);
         self.reporter.tell(Event::Committed {
             id: &scenario.id,
-            ticks,
+            ticks: recorded.ticks,
             seconds: began.elapsed().as_secs_f64(),
         });
+        self.note_weather(&scenario.id, &recorded, session);
         Ok(())
+    }
+
+    /// Takes note of the weather at the aircraft of a recorded scenario.
+    fn note_weather(&self, id: &str, recorded: &Recorded, session: &mut Session) {
+        if let Some(shown) = &recorded.effective_weather {
+            session.followed.shown(id, shown);
+        }
+        if recorded.marks.is_empty() {
+            return;
+        }
+        let differences: Vec<String> = recorded.marks.iter().map(ToString::to_string).collect();
+        self.reporter.tell(Event::Marked {
+            id,
+            differences: &differences.join("; "),
+        });
+        self.tally.marked(id, differences);
+        self.note_differences(id, &recorded.marks, session);
+    }
+
+    /// Reports quantities that differ in scenario after scenario, once.
+    fn note_differences(&self, id: &str, differences: &[WeatherDifference], session: &mut Session) {
+        for quantity in session.followed.differed(id, differences) {
+            self.reporter.tell(Event::NotFollowed {
+                simulator: session.name(),
+                quantity,
+            });
+        }
     }
 
     /// A scenario is complete in the corpus' folder.
@@ -272,6 +301,9 @@ impl<'a> Run<'a> {
                 return Then::Leave;
             }
             _ => {}
+        }
+        if let Some(difference) = error.weather_difference() {
+            self.note_differences(id, &[difference], session);
         }
         tracing::warn!(id, simulator = session.name(), %error, "attempt failed");
         if blame == Blame::Setup {

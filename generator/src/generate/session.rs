@@ -14,6 +14,7 @@ use xplane_bridge::{CONNECT_TIMEOUT, KnownBlocks, Simulator};
 use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
+use super::followed::Followed;
 use super::pictures::Pictures;
 use crate::stand_in::{StandIn, StandInError, StandInTask};
 
@@ -153,6 +154,8 @@ pub(super) struct Session {
     restarts_in_vain: u32,
     /// Whether the simulator keeps how long a scenario took.
     pace_kept: bool,
+    /// What it follows of the written weather, by experience.
+    pub(super) followed: Followed,
 }
 
 impl Session {
@@ -182,6 +185,7 @@ impl Session {
             live_flights: 0,
             restarts_in_vain: 0,
             pace_kept: false,
+            followed: Followed::default(),
         }
     }
 
@@ -294,6 +298,7 @@ impl Session {
             simulator.use_profile(known.clone());
         }
         simulator.use_known_blocks(self.known_blocks);
+        simulator.set_not_followed(self.followed.not_followed());
         Ok(simulator)
     }
 

@@ -7,7 +7,7 @@ use dataset::plan::{Plan, PlannedScenario};
 
 use super::Cancel;
 use super::error::GenerateError;
-use super::outcome::{FailedScenario, Outcome, Stopped};
+use super::outcome::{FailedScenario, MarkedScenario, Outcome, Stopped};
 
 /// The tally of a run.
 pub(super) struct Tally {
@@ -39,6 +39,15 @@ impl Tally {
 
     pub(super) fn committed(&self, scenario: &PlannedScenario) {
         self.lock().outcome.committed.push(scenario.id.clone());
+    }
+
+    pub(super) fn marked(&self, id: &str, differences: Vec<String>) {
+        let id = id.to_owned();
+        let mut counts = self.lock();
+        counts
+            .outcome
+            .marked
+            .push(MarkedScenario { id, differences });
     }
 
     pub(super) fn skipped(&self, scenario: &PlannedScenario) {
@@ -104,6 +113,7 @@ impl Tally {
         outcome.skipped.sort_by_key(|id| place(id));
         outcome.not_made.sort_by_key(|id| place(id));
         outcome.staged.sort_by_key(|id| place(id));
+        outcome.marked.sort_by_key(|scenario| place(&scenario.id));
         outcome.failed.sort_by_key(|scenario| place(&scenario.id));
         if outcome.stopped.is_none() && !outcome.not_made.is_empty() {
             outcome.stopped = last_simulator_failure;

@@ -95,6 +95,7 @@ pub fn options(simulators: impl Into<Simulators>, only: &[&str]) -> GenerateOpti
         simulators: simulators.into(),
         stand_in_program: PathBuf::from("unused"),
         pixels: PixelChoice::Auto,
+        encoder: None,
         screen: Arc::new(FfmpegScreen::here()),
         only: only.iter().map(|id| (*id).to_owned()).collect(),
         shard: Shard::WHOLE,

@@ -6,15 +6,17 @@
 //! ```
 //!
 //! Nothing is invented. A dataref has the recorded values, in their order, and advances past a write or a command when a client
-//! sends the same one ([`history`]). A request of the capture link is answered if the tape has it, under the same written datarefs;
-//! otherwise an `error` says what was requested and what the tape has ([`conversation`]). A picture that was recorded by its hash
-//! is drawn again by the stand-in's renderer and sent only if it is the same.
+//! sends the same one ([`history`]); the weather at the aircraft is that of the same writes ([`shown_weather`]). A request of the
+//! capture link is answered if the tape has it, under the same written datarefs; otherwise an `error` says what was requested and
+//! what the tape has ([`conversation`]). A picture that was recorded by its hash is drawn again by the stand-in's renderer and sent
+//! only if it is the same.
 
 mod conversation;
 mod history;
 mod link;
 mod loading;
 mod positions;
+mod shown_weather;
 mod udp;
 
 use std::net::SocketAddr;
@@ -31,6 +33,7 @@ use xplane_tape::{TapeInfo, TapeReader};
 use self::conversation::{Context, Conversation};
 use self::history::Histories;
 use self::positions::Positions;
+use self::shown_weather::ShownWeather;
 use super::engine::{BuiltIn, Engine};
 use super::faults::outages::Outages;
 use super::scenes::Scenes;
@@ -83,6 +86,7 @@ async fn run(
     let player = Arc::new(Player {
         playback: Mutex::new(Playback {
             histories: loaded.histories,
+            shown_weather: loaded.shown_weather,
             positions: loaded.positions,
             conversation: loaded.conversation,
             context: Context::default(),
@@ -128,6 +132,7 @@ struct Player {
 /// Progress of a replay.
 struct Playback {
     histories: Histories<SocketAddr>,
+    shown_weather: ShownWeather,
     positions: Positions,
     conversation: Conversation,
     /// What clients have written since the link was opened.

@@ -173,6 +173,17 @@ impl Report<'_> {
                 DecimalBytes(left.room_bytes)
             );
         }
+        for (name, weather) in against
+            .weather
+            .iter()
+            .filter(|(_, weather)| weather.is_reported())
+        {
+            println!("weather     {name}, at the aircraft: {weather}");
+        }
+        let marked = || against.weather.values().flat_map(|weather| &weather.marked);
+        for (id, differences) in marked().take(MOST_DIFFERENCES) {
+            println!("marked      {id}: {}", differences.join("; "));
+        }
         for (id, what) in against.damaged.iter().take(MOST_DIFFERENCES) {
             println!("damaged     {id}: {what}");
         }
@@ -182,7 +193,12 @@ impl Report<'_> {
         for id in removed.iter().take(MOST_DIFFERENCES) {
             println!("removed     {id}");
         }
-        let listed = [against.damaged.len(), changed.len(), removed.len()];
+        let listed = [
+            against.damaged.len(),
+            changed.len(),
+            removed.len(),
+            marked().count(),
+        ];
         let hidden: usize = listed
             .map(|number| number.saturating_sub(MOST_DIFFERENCES))
             .iter()

@@ -146,7 +146,8 @@ pub enum CorpusFault {
     /// No sample for training or validation.
     #[error(
         "has no samples on the {side:?} side: {scenarios} scenarios are there, none with a detection before touchdown within the \
-         distance range; generate, label and detect more, change the split, or leave out less (leave_out)"
+         distance range; generate, label and detect more, change the split, leave out less (leave_out), or accept marked \
+         scenarios (accept_weather)"
     )]
     NoSamples { side: Side, scenarios: usize },
     /// No scenario of the condition that a training leaves out.

@@ -64,6 +64,18 @@ struct RemovedRow {
     figures: Vec<Cells>,
 }
 
+/// The weather at the aircraft, by name of the planned weather, in words.
+pub(super) fn weather_at_aircraft(metrics: &Metrics) -> Vec<WeatherRow<'_>> {
+    let weathers = metrics.weather_at_aircraft.iter();
+    weathers
+        .map(|(name, weather)| WeatherRow {
+            name,
+            reported: weather.to_string(),
+            marked: weather.marked.keys().map(String::as_str).collect(),
+        })
+        .collect()
+}
+
 /// All estimators while views fail.
 #[derive(Serialize)]
 pub(super) struct RemovedTable {
@@ -88,6 +100,15 @@ pub(super) struct ConditionRow {
     dual: Cells,
     combination: Cells,
     paper: Option<[String; 4]>,
+}
+
+/// What simulators reported at the aircraft under one planned weather.
+#[derive(Serialize)]
+pub(super) struct WeatherRow<'a> {
+    name: &'a str,
+    reported: String,
+    /// Identifiers of the scenarios in which it was not the planned weather.
+    marked: Vec<&'a str>,
 }
 
 /// All estimators.

@@ -168,56 +168,6 @@ fn standard_temperature_c(altitude_msl_m: f64) -> f64 {
     STANDARD_TEMPERATURE_C - LAPSE_C_PER_M * altitude_msl_m.min(TROPOPAUSE_MSL_M)
 }
 
-/// What X-Plane 12 shows of written weather, with tolerances: never exactly equal, since it is the air around the aircraft.
-pub(crate) fn weather_effects(writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
-    /// Gusts and the boundary layer.
-    const WIND_RATIO: f64 = 0.25;
-    const LEAST_WIND_MPS: f64 = 2.5;
-    const WIND_FROM_DEG: f32 = 20.0;
-    const RAIN_RATIO: f32 = 0.15;
-    const COVER: f32 = 0.15;
-    const VISIBILITY_RATIO: f32 = 0.1;
-    let written = |name: &str| {
-        let write = writes.iter().find(|write| write.name == name);
-        write.map(|write| f64::from(write.value))
-    };
-    let wind_mps = written(&format!("{WIND_SPEED}[0]"));
-    let shown = |name: &str, value, tolerance| DatarefWrite {
-        tolerance,
-        ..DatarefWrite::new(name, value)
-    };
-    let effects = [
-        written(VISIBILITY_SM).map(|miles| {
-            shown(
-                VISIBILITY_EFFECTIVE_M,
-                miles * METERS_PER_STATUTE_MILE,
-                Tolerance::Relative(VISIBILITY_RATIO),
-            )
-        }),
-        wind_mps.map(|mps| {
-            let most_mps = (mps * WIND_RATIO).max(LEAST_WIND_MPS) as f32;
-            shown(WIND_SPEED_AT_AIRCRAFT, mps, Tolerance::Absolute(most_mps))
-        }),
-        // The direction of a light wind is meaningless.
-        written(&format!("{WIND_DIRECTION}[0]"))
-            .filter(|_| wind_mps.is_some_and(|mps| mps > LEAST_WIND_MPS))
-            .map(|from| {
-                shown(
-                    WIND_DIRECTION_AT_AIRCRAFT,
-                    from,
-                    Tolerance::Degrees(WIND_FROM_DEG),
-                )
-            }),
-        written(RAIN).map(|rain| shown(RAIN_AT_AIRCRAFT, rain, Tolerance::Absolute(RAIN_RATIO))),
-    ];
-    let clouds = (0..CLOUD_LAYERS).filter_map(|layer| {
-        let cover = written(&format!("{CLOUD_COVER}[{layer}]"))?;
-        let name = format!("{CLOUD_COVER_AT_AIRCRAFT}[{layer}]");
-        Some(shown(&name, cover, Tolerance::Absolute(COVER)))
-    });
-    effects.into_iter().flatten().chain(clouds).collect()
-}
-
 fn write(name: &str, value: f64) -> DatarefWrite {
     DatarefWrite {
         tolerance: Tolerance::of_weather(name, value),

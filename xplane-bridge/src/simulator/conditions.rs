@@ -29,7 +29,8 @@ impl Simulator {
     ///
     /// # Errors
     /// [`BridgeError::BadConditions`] before anything is sent; [`BridgeError::NotTaken`] names the dataref, the value
-    /// wanted and the value found, after many attempts.
+    /// wanted and the value found, after many attempts; [`BridgeError::OtherWeatherShows`] names the quantity at the aircraft that does
+    /// not follow, although it was seen to.
     pub fn set_conditions<'a>(
         &'a mut self,
         conditions: &'a Conditions,
@@ -51,18 +52,15 @@ impl Simulator {
             let (clock, weather): (Vec<_>, Vec<_>) =
                 writes.into_iter().partition(|write| is_time(&write.name));
             self.write_until_read_back(&clock).await?;
+            self.effective_weather = None;
             match self.generation {
                 Generation::XPlane11 => {
                     self.write_until_read_back(&weather).await?;
                     sleep(self.weather_settle).await;
                 }
                 Generation::XPlane12 => {
-                    let clear = conditions
-                        .weather
-                        .clouds
-                        .iter()
-                        .all(|cloud| cloud.cover_ratio <= 0.0);
-                    self.set_weather_12(&weather, clear).await?;
+                    let shown = self.set_weather_12(&weather, &conditions.weather).await?;
+                    self.effective_weather = Some(shown);
                 }
             }
             self.conditions = Some(conditions.clone());

@@ -8,6 +8,7 @@
 mod announcement;
 mod complaints;
 mod eyes;
+mod following;
 mod lockstep;
 mod measure;
 mod next;

@@ -3,18 +3,19 @@
 //! Written values read back at once or after a while: clouds keep their old values in all slots for up to a minute and then change
 //! all together, temperatures drift for minutes after real weather. Writing them in the meantime only prolongs it. So everything is
 //! written, regenerated once (which resets clouds and temperatures to a preset's), those are written once more, and then only read,
-//! with tolerances, until it is there. Values that read right may not show yet: so the sky at the aircraft is read as well, and if
-//! it still differs it is regenerated once more. Sources: `docs/x-plane.md`.
+//! with tolerances, until it is there. Values that read right may not show yet: so the weather at the aircraft is read as well
+//! ([`super::effective_weather`]), and if its clouds still differ it is regenerated once more. Sources: `docs/x-plane.md`.
 
 use std::time::Duration;
 
+use dataset::conditions::Weather;
+use dataset::effective_weather::EffectiveWeather;
 use tokio::time::{Instant, sleep};
 
 use super::Simulator;
 use crate::datarefs::{
-    CLOUD_COVER_AT_AIRCRAFT, COMMAND_REGENERATE_WEATHER, DatarefWrite, RUNNING_TIME_S,
-    TEMPERATURE_C, UPDATE_IMMEDIATELY, WEATHER_PRESET, WEATHER_SOURCE, WIND_SPEED_AT_AIRCRAFT,
-    WeatherSource, needs_repeating_after_regeneration, weather_effects,
+    COMMAND_REGENERATE_WEATHER, DatarefWrite, RUNNING_TIME_S, TEMPERATURE_C, UPDATE_IMMEDIATELY,
+    WEATHER_PRESET, WEATHER_SOURCE, WeatherSource, needs_repeating_after_regeneration,
 };
 use crate::error::BridgeError;
 use crate::profile::Profile;
@@ -27,7 +28,7 @@ const REGENERATION_PAUSE: Duration = Duration::from_secs(1);
 const POLL: Duration = Duration::from_secs(1);
 /// The same for a tape, and after how many unchanged readings nothing new will come.
 const REPLAYED_POLL: Duration = Duration::from_millis(50);
-const REPLAYED_POLLS: u32 = 10;
+pub(super) const REPLAYED_POLLS: u32 = 10;
 /// Timeout of the weather, by the simulator's clock or ours, whichever is faster. Clouds were seen to take 55 s.
 const PATIENCE: Duration = Duration::from_secs(70);
 /// A regeneration stops X-Plane for seconds; after a longer silence it is considered gone.
@@ -36,8 +37,6 @@ const LONGEST_HITCH: Duration = Duration::from_secs(30);
 const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
 /// How long a temperature must be right after it was written: a drifting one is within its tolerance for the first second or two.
 const TEMPERATURE_HOLDS: Duration = Duration::from_secs(5);
-/// How long the aircraft's surroundings and the picture may take to follow the settings.
-const SHOWING: Duration = Duration::from_secs(10);
 
 /// What is not as required.
 struct Missing {
@@ -53,13 +52,16 @@ pub(super) fn ours() -> DatarefWrite {
 }
 
 impl Simulator {
-    /// Sets the weather and waits until X-Plane has it. `clear`: without any cloud.
+    /// Sets the weather and waits until X-Plane has it; returns what it reports at the aircraft then. `writes` are those of `planned`.
+    ///
+    /// # Errors
+    /// Also [`BridgeError::OtherWeatherShows`].
     pub(super) async fn set_weather_12(
         &mut self,
         writes: &[DatarefWrite],
-        clear: bool,
-    ) -> Result<(), BridgeError> {
-        if clear {
+        planned: &Weather,
+    ) -> Result<EffectiveWeather, BridgeError> {
+        if planned.clouds.iter().all(|cloud| cloud.cover_ratio <= 0.0) {
             // Zeros alone may leave existing clouds.
             self.write_surely(WEATHER_PRESET, 0.0).await?;
             self.pause_for_weather(PRESET_PAUSE).await;
@@ -72,17 +74,14 @@ impl Simulator {
             // It shows by itself.
             self.await_weather(writes).await?;
         }
-        let mut late = self.await_effects(writes).await?;
-        if late.iter().any(|(write, _)| is_cloud(write)) {
-            tracing::warn!("the sky is another than was set: the weather is regenerated once more");
+        let mut shown = self.await_effective_weather(planned).await?;
+        if self.is_sky_wrong(&shown) {
+            tracing::info!("the sky is another than was set: the weather is regenerated once more");
             self.regenerate(writes).await?;
-            late = self.await_effects(writes).await?;
+            shown = self.await_effective_weather(planned).await?;
         }
-        for (write, found) in late {
-            let (name, wanted) = (&write.name, write.value);
-            tracing::warn!(name, wanted, found, "another weather shows than was set");
-        }
-        Ok(())
+        self.refuse_what_should_follow(&shown, planned)?;
+        Ok(shown)
     }
 
     /// Lets X-Plane rebuild the written weather, and waits until it has everything.
@@ -235,37 +234,10 @@ impl Simulator {
     }
 
     /// A tape gives its next values on every reading.
-    fn poll_pause(&self) -> Duration {
+    pub(super) fn poll_pause(&self) -> Duration {
         match self.description.replayed {
             true => REPLAYED_POLL,
             false => POLL,
-        }
-    }
-
-    /// Waits until the air around the aircraft and the picture follow the settings; returns what does not. Other effects contribute
-    /// (haze, gusts, a cloud's edge), so that it is not an error.
-    async fn await_effects(
-        &mut self,
-        writes: &[DatarefWrite],
-    ) -> Result<Vec<(DatarefWrite, f32)>, BridgeError> {
-        let mut wanted = weather_effects(writes);
-        let profile = self.description.profile.current();
-        if profile.is_some_and(Profile::winds_are_in_knots) {
-            // The unit at the aircraft is unknown then; the doctor has seen the wind.
-            wanted.retain(|write| write.name != WIND_SPEED_AT_AIRCRAFT);
-        }
-        let began = Instant::now();
-        loop {
-            let found = self.read(&wanted).await?;
-            let pairs = wanted.iter().cloned().zip(found);
-            let late: Vec<_> = pairs
-                .filter_map(|(write, found)| Some((write, found?)))
-                .filter(|(write, found)| !write.is_met_by(*found))
-                .collect();
-            if late.is_empty() || began.elapsed() >= SHOWING {
-                return Ok(late);
-            }
-            sleep(self.poll_pause()).await;
         }
     }
 
@@ -277,10 +249,6 @@ impl Simulator {
 
 fn is_temperature(write: &DatarefWrite) -> bool {
     write.name == TEMPERATURE_C
-}
-
-fn is_cloud(effect: &DatarefWrite) -> bool {
-    effect.name.starts_with(CLOUD_COVER_AT_AIRCRAFT)
 }
 
 fn not_taken(missing: Missing) -> BridgeError {

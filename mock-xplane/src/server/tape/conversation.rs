@@ -14,7 +14,7 @@ use xplane_tape::MessagePosition;
 const SAME_NUMBER: f64 = 1e-9;
 
 /// What clients have written, by dataref. Bits, since a sky is identical or not.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub(super) struct Context(BTreeMap<String, u32>);
 
 impl Context {

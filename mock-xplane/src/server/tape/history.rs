@@ -7,8 +7,9 @@
 //! ```
 //!
 //! Reading gives the next value, and repeats the last one if a write or a command comes next: a client must send the same write or
-//! command to get past it. So a client that repeats the recorded writes reads the recorded values, however often it reads, and a
-//! write that the tape does not have is not acknowledged.
+//! command to get past it. So a client that repeats the recorded writes reads the recorded values, however often it reads. A write that
+//! the tape does not have is not acknowledged: from then on the dataref reads as after the recorded write in its place, so that the client
+//! can name the difference.
 //!
 //! The history is cut where another client of the recording began to read: a later client's readings are not for an earlier one,
 //! which may read on for longer than it did then. Only another reader gets past the cut.
@@ -205,7 +206,10 @@ impl<C: PartialEq + Clone> History<C> {
                     Some(_) => return true,
                     None => match behind.iter().position(same) {
                         Some(step) => step,
-                        None => return false,
+                        None => {
+                            self.stand_before_the_recorded_write();
+                            return false;
+                        }
                     },
                 },
             },
@@ -216,6 +220,27 @@ impl<C: PartialEq + Clone> History<C> {
             self.last = Some(read_back);
         }
         true
+    }
+
+    /// A client wrote something else: the dataref reads as it did after the write that comes next, or after the last one. The recorded
+    /// write itself stays due.
+    fn stand_before_the_recorded_write(&mut self) {
+        let is_write = |step: &Step| matches!(step, Step::Write(_));
+        let next = self.steps[self.at..].iter().position(is_write);
+        let place = match next {
+            Some(steps) => self.at + steps,
+            None => match self.steps[..self.at].iter().rposition(is_write) {
+                Some(step) => step,
+                None => return,
+            },
+        };
+        if let Step::Write(written) = self.steps[place] {
+            let same = |step: &Step| matches!(step, Step::Write(other) if other.to_bits() == written.to_bits());
+            self.last = self.read_back_after(place, same).or(Some(written));
+            if next.is_some() {
+                self.at = place;
+            }
+        }
     }
 
     /// The first value after a write, as long as the same value is written.
@@ -374,8 +399,17 @@ mod tests {
     #[test]
     fn what_is_not_on_the_tape_is_not_acknowledged() {
         let mut tape = recorded();
-        assert!(!tape.write("a", 0.6));
         assert_eq!(tape.read(&"us", "a"), Some(0.3));
+        for _ in 0..3 {
+            assert!(!tape.write("a", 0.6));
+            assert_eq!(
+                tape.read(&"us", "a"),
+                Some(0.49),
+                "as after the write in its place"
+            );
+        }
+        assert!(tape.write("a", 0.5), "which stays due");
+        assert_eq!(tape.read(&"us", "a"), Some(0.49));
         assert!(!tape.command("stop"));
         assert!(!tape.has("b"), "written, but never read");
         assert!(!tape.has("c") && tape.read(&"us", "c").is_none() && !tape.write("c", 1.0));

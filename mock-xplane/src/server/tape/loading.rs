@@ -15,6 +15,7 @@ use xplane_tape::{
 use super::conversation::{AnswerPlace, Context, Conversation};
 use super::history::Histories;
 use super::positions::Positions;
+use super::shown_weather::ShownWeather;
 
 /// The version to report if nobody asked for it on the tape: 12.4.0.
 const USUAL_VERSION: i32 = 124_009;
@@ -24,6 +25,7 @@ pub(super) struct Loaded {
     pub(super) reader: TapeReader,
     pub(super) info: TapeInfo,
     pub(super) histories: Histories<SocketAddr>,
+    pub(super) shown_weather: ShownWeather,
     pub(super) positions: Positions,
     pub(super) conversation: Conversation,
     /// Version of the recorded simulator, 124009 for 12.4.0.
@@ -66,6 +68,7 @@ pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
         link_version: reader.link_version().unwrap_or(LINK_VERSION),
         reader,
         histories,
+        shown_weather: loading.shown_weather,
         positions: loading.positions,
         conversation: loading.conversation,
         version,
@@ -75,6 +78,7 @@ pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
 #[derive(Default)]
 struct Loading {
     histories: Histories<SocketAddr>,
+    shown_weather: ShownWeather,
     positions: Positions,
     conversation: Conversation,
     context: Context,
@@ -144,6 +148,8 @@ impl Loading {
             for value in values.iter() {
                 if let Some(path) = numbers.get(&value.index) {
                     self.histories.add_value(client, path, value.value);
+                    self.shown_weather
+                        .add_value(&self.context, path, value.value);
                 }
             }
         } else if datagram.starts_with(b"RPOS") {

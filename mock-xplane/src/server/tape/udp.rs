@@ -11,7 +11,7 @@ use tokio::time::{MissedTickBehavior, interval};
 use xplane_bridge::datarefs::CAPTURE_PORT;
 use xplane_bridge::packet::{FromSimulator, ToSimulator};
 
-use super::Player;
+use super::{Playback, Player};
 use crate::server::MockError;
 use crate::server::subscriptions::Subscriptions;
 
@@ -117,11 +117,19 @@ impl Server {
         playback.world.advance(now_s - self.last_frame_s);
         self.last_frame_s = now_s;
         let our_port = f32::from(self.player.our_link_port);
-        let histories = RefCell::new(&mut playback.histories);
+        let Playback {
+            histories,
+            shown_weather,
+            positions,
+            context,
+            ..
+        } = &mut *playback;
+        let histories = RefCell::new(histories);
         let values = self.subscriptions.due_values(now_s, |reader, path| {
-            let value = histories
-                .borrow_mut()
-                .read(&reader, path)
+            let recorded = histories.borrow_mut().read(&reader, path);
+            let value = shown_weather
+                .value(context, path)
+                .or(recorded)
                 .unwrap_or_default();
             if path == CAPTURE_PORT && value > 0.0 {
                 our_port
@@ -137,7 +145,7 @@ impl Server {
             }
         }
         for to in self.subscriptions.due_positions(now_s) {
-            if let Some(datagram) = playback.positions.next() {
+            if let Some(datagram) = positions.next() {
                 datagrams.push((datagram.to_owned(), to));
             }
         }

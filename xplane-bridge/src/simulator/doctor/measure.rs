@@ -147,6 +147,7 @@ fn profile(
         visibility_needs_regeneration: sky.visibility_needs_regeneration,
         clouds_need_regeneration: sky.clouds_need_regeneration,
         clouds_take_s: sky.clouds_take_s,
+        weather_follows: sky.weather_follows,
         pause_shows_poses: pictures.pause_shows_poses,
         frames_until_still: pictures.frames_until_still,
         frames_until_settled: pictures.frames_until_settled,

@@ -1,14 +1,17 @@
 //! How X-Plane 12 handles written weather, measured by what reads back, by its gauges and by pictures. The original weather is
 //! restored.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
+use dataset::effective_weather::EffectiveQuantity;
 use dataset::units::MPS_PER_KNOT;
 use tokio::time::{Instant, sleep};
 
 use super::Check;
 use super::eyes::{Eyes, Shot};
+use super::following;
 use super::lockstep::difference;
 use crate::Simulator;
 use crate::datarefs::{
@@ -47,6 +50,7 @@ pub(super) struct SkyFindings {
     pub(super) visibility_needs_regeneration: Finding<bool>,
     pub(super) clouds_need_regeneration: Finding<bool>,
     pub(super) clouds_take_s: Finding<f64>,
+    pub(super) weather_follows: BTreeMap<EffectiveQuantity, Finding<bool>>,
 }
 
 impl SkyFindings {
@@ -79,14 +83,16 @@ impl SkyFindings {
                 Finding::NotMeasured(error.to_string()),
             ),
         };
+        let wind_unit = match wind(eyes.simulator, regenerate).await {
+            Ok(finding) => finding,
+            Err(error) => Finding::NotMeasured(error.to_string()),
+        };
         Self {
             visibility_needs_regeneration: visibility,
             clouds_need_regeneration: clouds,
             clouds_take_s,
-            wind_unit: match wind(eyes.simulator, regenerate).await {
-                Ok(finding) => finding,
-                Err(error) => Finding::NotMeasured(error.to_string()),
-            },
+            weather_follows: following::measure(eyes.simulator, wind_unit.found().copied()).await,
+            wind_unit,
         }
     }
 
@@ -96,6 +102,7 @@ impl SkyFindings {
             visibility_needs_regeneration: Finding::NotMeasured(reason.into()),
             clouds_need_regeneration: Finding::NotMeasured(reason.into()),
             clouds_take_s: Finding::NotMeasured(reason.into()),
+            weather_follows: following::nothing(reason),
         }
     }
 
@@ -128,6 +135,7 @@ impl SkyFindings {
                 };
                 format!("{WIND_SPEED} is in {unit}, by {WIND_GAUGE_KT}")
             }),
+            following::check(&self.weather_follows),
         ]
     }
 }

@@ -1,0 +1,48 @@
+//! The trial of an encoder that the user chose, before a night depends on it.
+
+use std::time::Instant;
+
+use dataset::plan::Common;
+use dataset::video::{VideoEncoder, try_encoder};
+use tokio::task::spawn_blocking;
+
+use super::error::GenerateError;
+use super::event::{Event, Reporter};
+
+/// Tries an encoder with the sweep's pictures, in a temporary folder.
+///
+/// # Errors
+/// [`GenerateError::Encoder`] with the fault and what to do.
+pub(super) async fn pass(
+    common: &Common,
+    encoder: VideoEncoder,
+    reporter: &Reporter<'_>,
+) -> Result<(), GenerateError> {
+    let began = Instant::now();
+    let (picture, video) = (common.picture, common.video.clone());
+    let name = encoder.of_codec(video.codec).unwrap_or(encoder.name());
+    let tried = spawn_blocking(move || {
+        let folder = tempfile::tempdir().map_err(|source| dataset::Error::Io {
+            action: "create",
+            path: std::env::temp_dir(),
+            source,
+        })?;
+        let size_px = (picture.width_px, picture.height_px);
+        try_encoder(folder.path(), &video, encoder, size_px, picture.frame_rate)
+    });
+    match tried.await {
+        Ok(Ok(())) => {
+            reporter.tell(Event::EncoderTried {
+                encoder: name,
+                seconds: began.elapsed().as_secs_f64(),
+            });
+            Ok(())
+        }
+        Ok(Err(fault)) => Err(GenerateError::Encoder {
+            encoder: name,
+            needs: encoder.needs(),
+            fault,
+        }),
+        Err(panic) => Err(GenerateError::EncoderTrial(panic)),
+    }
+}

@@ -1,0 +1,122 @@
+//! Which quantities of the weather at the aircraft a simulator does not follow, by experience.
+//!
+//! One scenario that differs may be an accident, which a retry or the next scenario refutes. If the same quantity differs in three
+//! scenarios, and none shows that it follows, waiting for it and repeating attempts would cost the night.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather, WeatherDifference};
+
+/// Scenarios in which a quantity differs before it counts as not followed.
+const ALIKE: usize = 3;
+
+/// The experience with one simulator.
+#[derive(Debug, Default)]
+pub(super) struct Followed {
+    /// For each quantity, the scenarios in which it differed, with what was reported.
+    differed: BTreeMap<EffectiveQuantity, BTreeMap<String, Option<f64>>>,
+    not_followed: BTreeSet<EffectiveQuantity>,
+}
+
+impl Followed {
+    /// The quantities that are not followed.
+    pub(super) fn not_followed(&self) -> BTreeSet<EffectiveQuantity> {
+        self.not_followed.clone()
+    }
+
+    /// Notes what differed in a scenario; returns the quantities that count as not followed from now on.
+    pub(super) fn differed(
+        &mut self,
+        id: &str,
+        differences: &[WeatherDifference],
+    ) -> Vec<EffectiveQuantity> {
+        let mut news = Vec::new();
+        for WeatherDifference {
+            quantity, found, ..
+        } in differences
+        {
+            let scenarios = self.differed.entry(*quantity).or_default();
+            scenarios.insert(id.to_owned(), *found);
+            if scenarios.len() >= ALIKE && self.not_followed.insert(*quantity) {
+                news.push(*quantity);
+            }
+        }
+        news
+    }
+
+    /// Notes what a recorded scenario showed. A quantity that is as planned and not what it was in a scenario where it differed follows
+    /// after all; so it does if the same scenario has it right at another attempt.
+    pub(super) fn shown(&mut self, id: &str, shown: &EffectiveWeather) {
+        for (quantity, scenarios) in &mut self.differed {
+            let Some(value) = shown.value(*quantity) else {
+                continue;
+            };
+            if shown.differing.contains(quantity) {
+                continue;
+            }
+            let moved = scenarios
+                .values()
+                .any(|before| before.is_none_or(|before| !quantity.is_met(value, before)));
+            if moved || scenarios.contains_key(id) {
+                scenarios.clear();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn visibility(found: f64, planned: f64) -> [WeatherDifference; 1] {
+        [WeatherDifference {
+            quantity: EffectiveQuantity::Visibility,
+            planned,
+            found: Some(found),
+        }]
+    }
+
+    fn right(visibility_m: f64) -> EffectiveWeather {
+        EffectiveWeather {
+            visibility_m: Some(visibility_m),
+            ..EffectiveWeather::default()
+        }
+    }
+
+    #[test]
+    fn a_quantity_that_stays_the_same_in_three_scenarios_is_not_followed_and_is_named_once() {
+        let mut followed = Followed::default();
+        assert_eq!(followed.differed("a", &visibility(30e3, 80e3)), []);
+        assert_eq!(
+            followed.differed("a", &visibility(30e3, 80e3)),
+            [],
+            "the same one again"
+        );
+        // One that is planned as it stays proves nothing.
+        followed.shown("b", &right(30e3));
+        assert_eq!(followed.differed("c", &visibility(30e3, 50e3)), []);
+        let third = followed.differed("d", &visibility(30e3, 9e3));
+        assert_eq!(third, [EffectiveQuantity::Visibility]);
+        assert_eq!(followed.differed("e", &visibility(30e3, 9e3)), []);
+        assert!(
+            followed
+                .not_followed()
+                .contains(&EffectiveQuantity::Visibility)
+        );
+    }
+
+    #[test]
+    fn accidents_far_apart_do_not_add_up() {
+        let mut followed = Followed::default();
+        for (number, id) in ["a", "b", "c", "d"].into_iter().enumerate() {
+            assert_eq!(followed.differed(id, &visibility(30e3, 80e3)), [], "{id}");
+            match number % 2 {
+                // Another one is right, with another visibility.
+                0 => followed.shown("other", &right(50e3)),
+                // Its retry is right.
+                _ => followed.shown(id, &right(80e3)),
+            }
+        }
+        assert!(followed.not_followed().is_empty());
+    }
+}

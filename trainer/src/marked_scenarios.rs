@@ -1,0 +1,122 @@
+//! Scenarios that were drawn under another weather than planned, and what a training and an evaluation do with them.
+//!
+//! A training would take their pictures for pictures of the planned weather, so it leaves them out unless the settings accept them. An
+//! evaluation counts them and names them: leaving them out would change what was asked for.
+
+use std::collections::BTreeMap;
+
+use dataset::effective_weather::ReportedWeather;
+use dataset::splits::Side;
+
+use crate::samples::Samples;
+
+/// Leaves marked scenarios out; returns their identifiers.
+pub(crate) fn leave_out(samples: &mut Samples) -> Vec<String> {
+    let marked = samples
+        .scenarios
+        .iter()
+        .filter(|scenario| scenario.is_marked());
+    let ids: Vec<String> = marked.map(|scenario| scenario.id.clone()).collect();
+    if !ids.is_empty() {
+        samples.retain_scenarios(|scenario| !scenario.is_marked());
+    }
+    ids
+}
+
+/// What a training says about the scenarios that it leaves out.
+pub(crate) fn left_out_line(ids: &[String]) -> String {
+    const NAMED: usize = 5;
+    let named = ids.iter().take(NAMED).map(String::as_str);
+    let named = named.collect::<Vec<_>>().join(", ");
+    let more = match ids.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!(
+        "left out, since the weather at the aircraft was not the planned one: {named}{more} (`dtd verify` says what differs; --accept-weather \
+         trains on them)"
+    )
+}
+
+/// The weather at the aircraft in the scenarios of the test side, by name of the planned weather; empty if no simulator reported any.
+pub(crate) fn reported_on_test_side(samples: &Samples) -> BTreeMap<String, ReportedWeather> {
+    let mut by_name: BTreeMap<String, ReportedWeather> = BTreeMap::new();
+    let tested = samples
+        .scenarios
+        .iter()
+        .filter(|scenario| scenario.side == Side::Test);
+    for scenario in tested {
+        let effective = scenario.effective_weather.as_ref();
+        let of_name = by_name.entry(scenario.weather.clone()).or_default();
+        of_name.add(&scenario.id, effective, &scenario.planned_weather);
+    }
+    by_name.retain(|_, weather| weather.is_reported());
+    by_name
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather};
+    use testkit::synthetic::SyntheticCorpus;
+
+    use super::*;
+    use crate::samples::DistanceRange;
+
+    /// Samples of seven scenarios; the last two of the training side, and the last of all, are marked.
+    fn samples() -> (Samples, Vec<String>) {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+        let last = samples.scenarios.len() - 1;
+        samples.scenarios[last].side = Side::Test;
+        let mut ids = Vec::new();
+        for at in [1, 2, last] {
+            let scenario = &mut samples.scenarios[at];
+            scenario.effective_weather = Some(EffectiveWeather {
+                visibility_m: Some(1_000.0),
+                differing: [EffectiveQuantity::Visibility].into(),
+                ..EffectiveWeather::default()
+            });
+            ids.push(scenario.id.clone());
+        }
+        (samples, ids)
+    }
+
+    #[test]
+    fn marked_scenarios_are_left_out_with_their_samples_and_named() {
+        let (mut samples, marked) = samples();
+        let before = samples.samples.len();
+        let left_out = leave_out(&mut samples);
+        assert_eq!(left_out, marked);
+        assert!(
+            samples
+                .scenarios
+                .iter()
+                .all(|scenario| !marked.contains(&scenario.id))
+        );
+        assert!(samples.samples.len() < before);
+        assert!(
+            samples
+                .samples
+                .iter()
+                .all(|sample| sample.scenario < samples.scenarios.len())
+        );
+        let said = left_out_line(&left_out);
+        assert!(
+            marked.iter().all(|id| said.contains(id)) && said.contains("--accept-weather"),
+            "{said}"
+        );
+        assert!(leave_out(&mut samples).is_empty());
+    }
+
+    #[test]
+    fn metrics_name_the_marked_scenarios_of_the_test_side_only() {
+        let (samples, marked) = samples();
+        let reported = reported_on_test_side(&samples);
+        let named: Vec<&String> = reported
+            .values()
+            .flat_map(|weather| weather.marked.keys())
+            .collect();
+        assert_eq!(named, [marked.last().unwrap()]);
+    }
+}

@@ -1,0 +1,129 @@
+//! Reads the weather at the aircraft and compares it with the plan.
+//!
+//! A quantity that `dtd doctor` has seen to follow what is written must be as planned: otherwise the pictures show another weather than
+//! the record would say. Any other may differ for reasons that are unknown here (another meaning, gusts, the aircraft's height); it is
+//! recorded with the scenario and marks it.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use dataset::conditions::Weather;
+use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather};
+use tokio::time::{Instant, sleep};
+
+use super::Simulator;
+use super::weather::REPLAYED_POLLS;
+use crate::datarefs::{DatarefWrite, effective_weather_datarefs, effective_weather_of};
+use crate::error::BridgeError;
+use crate::profile::Profile;
+
+/// How long the aircraft's surroundings and the picture may take to follow the settings.
+const SHOWING: Duration = Duration::from_secs(10);
+
+impl Simulator {
+    /// The weather at the aircraft under the current conditions; `None` before they are set, and for X-Plane 11, which reports none.
+    pub fn effective_weather(&self) -> Option<&EffectiveWeather> {
+        self.effective_weather.as_ref()
+    }
+
+    /// Quantities at the aircraft that are known not to follow what is written: they are neither waited for nor rejected.
+    pub fn set_not_followed(&mut self, quantities: BTreeSet<EffectiveQuantity>) {
+        self.not_followed = quantities;
+    }
+
+    /// Waits until the weather at the aircraft is as planned; returns the last reading, whatever it is. A tape gives its last reading at
+    /// once.
+    pub(super) async fn await_effective_weather(
+        &mut self,
+        planned: &Weather,
+    ) -> Result<EffectiveWeather, BridgeError> {
+        let began = Instant::now();
+        let (mut before, mut unchanged) = (None, 0);
+        loop {
+            let shown = self.read_effective_weather(planned).await?;
+            if self.to_wait_for(&shown, planned).is_empty() || began.elapsed() >= SHOWING {
+                return Ok(shown);
+            }
+            unchanged = if before.as_ref() == Some(&shown) {
+                unchanged + 1
+            } else {
+                0
+            };
+            if self.description.replayed && unchanged >= REPLAYED_POLLS {
+                return Ok(shown);
+            }
+            before = Some(shown);
+            sleep(self.poll_pause()).await;
+        }
+    }
+
+    async fn read_effective_weather(
+        &mut self,
+        planned: &Weather,
+    ) -> Result<EffectiveWeather, BridgeError> {
+        let reads_wind_speed = self.knows_unit_of_wind();
+        let names = effective_weather_datarefs(planned, reads_wind_speed);
+        let names: Vec<_> = names
+            .into_iter()
+            .map(|name| DatarefWrite::new(name, 0.0))
+            .collect();
+        let values = self.read(&names).await?;
+        Ok(effective_weather_of(planned, reads_wind_speed, &values))
+    }
+
+    /// Whether the unit of the wind at the aircraft is known: where winds are written in knots it is not, unless it was seen to follow.
+    fn knows_unit_of_wind(&self) -> bool {
+        let profile = self.description.profile.current();
+        profile.is_none_or(|profile| {
+            !profile.winds_are_in_knots() || profile.follows(EffectiveQuantity::WindSpeed)
+        })
+    }
+
+    /// The quantities that may still become as planned.
+    fn to_wait_for(&self, shown: &EffectiveWeather, planned: &Weather) -> Vec<EffectiveQuantity> {
+        let missing = shown.missing(planned).into_iter();
+        let missing = missing
+            .map(|missing| missing.quantity)
+            .filter(|quantity| self.must_follow(*quantity));
+        let differing = shown.differing.iter().copied();
+        missing
+            .chain(differing)
+            .filter(|quantity| !self.not_followed.contains(quantity))
+            .collect()
+    }
+
+    /// Whether the clouds at the aircraft are wrong where it may help to regenerate them.
+    pub(super) fn is_sky_wrong(&self, shown: &EffectiveWeather) -> bool {
+        let clouds = EffectiveQuantity::CloudCover;
+        shown.differing.contains(&clouds) && !self.not_followed.contains(&clouds)
+    }
+
+    /// Whether a quantity was seen to follow what is written, and no later experience contradicts it.
+    fn must_follow(&self, quantity: EffectiveQuantity) -> bool {
+        let profile = self.description.profile.current();
+        profile.is_some_and(|profile: &Profile| profile.follows(quantity))
+            && !self.not_followed.contains(&quantity)
+    }
+
+    /// An error for the first quantity that is not as planned, although it was seen to follow what is written.
+    pub(super) fn refuse_what_should_follow(
+        &self,
+        shown: &EffectiveWeather,
+        planned: &Weather,
+    ) -> Result<(), BridgeError> {
+        let differences = shown
+            .marks(planned)
+            .into_iter()
+            .chain(shown.missing(planned));
+        let refused = differences
+            .into_iter()
+            .find(|difference| self.must_follow(difference.quantity));
+        match refused {
+            None => Ok(()),
+            Some(difference) => Err(BridgeError::OtherWeatherShows {
+                difference,
+                waited: SHOWING,
+            }),
+        }
+    }
+}
