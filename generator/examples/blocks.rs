@@ -32,7 +32,7 @@ const FRAMES_PER_S: f64 = 60.0;
 const MARGIN_PX: u32 = 16;
 const TABLES: &str = r#"
 [start]
-dtd_nm = { min = 1.5, max = 1.5 }
+dtd_nm = { min = 1.0, max = 1.0 }
 cross_track_m = { mean = 0, sd = 20 }
 speed_mps = 72
 profiles = ["short"]

@@ -117,8 +117,6 @@ pub(crate) fn margins_around(picture: PictureSize, window: PictureSize) -> Optio
 pub struct ScreenSource {
     /// Of the whole window.
     grabber: Grabber,
-    /// Of the picture within it.
-    pictures: Grabber,
     on: Arc<dyn Screen>,
     margins_px: Option<[u32; 2]>,
     screen: String,
@@ -173,18 +171,6 @@ impl ScreenSource {
             }
             let grabber = Grabber::open(screen, Some(window)).await?;
             let mut source = Self {
-                pictures: match margins_px {
-                    Some([x_px, y_px]) => {
-                        let inner = Rectangle {
-                            x_px: window.x_px + x_px,
-                            y_px: window.y_px + y_px,
-                            width_px,
-                            height_px,
-                        };
-                        Grabber::open(screen, Some(inner)).await?
-                    }
-                    None => grabber.clone(),
-                },
                 grabber,
                 on: screen.clone(),
                 margins_px,
@@ -312,17 +298,22 @@ impl PixelSource for ScreenSource {
                 rgb: payload,
                 ..RgbPicture::default()
             };
-            let mut picture = self.pictures.grab(memory, wait.grabs).await?;
+            let mut picture = self.grabber.grab(memory, wait.grabs).await?;
             for _ in 0..STALE_GRABS {
                 if picture.rgb != self.last {
                     break;
                 }
-                picture = self.pictures.grab(picture, 0).await?;
+                picture = self.grabber.grab(picture, 0).await?;
             }
             self.last.clone_from(&picture.rgb);
             match covers(&picture) {
                 true => Err(PixelError::PatternStays),
-                false => Ok(picture.rgb),
+                false => {
+                    if let Some(margins_px) = self.margins_px {
+                        cut_margins(&mut picture, margins_px);
+                    }
+                    Ok(picture.rgb)
+                }
             }
         })
     }
@@ -340,6 +331,19 @@ impl fmt::Debug for ScreenSource {
             .field("lag", &self.lag)
             .finish_non_exhaustive()
     }
+}
+
+/// Cuts margins off, left and right, above and below, without other memory.
+fn cut_margins(picture: &mut RgbPicture, [x_px, y_px]: [u32; 2]) {
+    let (width_px, height_px) = (picture.width_px - 2 * x_px, picture.height_px - 2 * y_px);
+    let row_bytes = width_px as usize * 3;
+    for row in 0..height_px as usize {
+        let from = ((y_px as usize + row) * picture.width_px as usize + x_px as usize) * 3;
+        picture
+            .rgb
+            .copy_within(from..from + row_bytes, row * row_bytes);
+    }
+    picture.resize(width_px, height_px);
 }
 
 /// Rejects pictures that are larger than the screen, where no window could show them.
