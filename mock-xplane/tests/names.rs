@@ -27,7 +27,6 @@ async fn stand_in(generation: Generation, link: LinkServer) -> SocketAddr {
     serving(ServerOptions {
         generation,
         link,
-        clock_rate: 20.0,
         ..quiet()
     })
     .await

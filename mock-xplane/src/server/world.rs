@@ -129,7 +129,10 @@ impl World {
         }
         let count = self.foreign_names.len() as f64;
         self.state.datarefs.set(FOREIGN_NAMES, count);
-        let complaint = complaint.flatten()?;
+        let Some(complaint) = complaint.flatten() else {
+            tracing::info!(name, "looked up, but unknown to this version");
+            return None;
+        };
         self.shows_alert |= complaint == Complaint::Shown;
         let text = complaint.text(name);
         tracing::warn!("{text}");

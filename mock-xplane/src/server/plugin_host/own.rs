@@ -38,7 +38,7 @@ const fn read_only(name: &'static str, kind: Kind) -> Own {
 }
 
 /// Datarefs stored here: those in local coordinates, and those that only the plugin uses.
-pub(super) const OWN: [Own; 24] = [
+pub(super) const OWN: [Own; 25] = [
     own("sim/flightmodel/position/local_x", Kind::Double),
     own("sim/flightmodel/position/local_y", Kind::Double),
     own("sim/flightmodel/position/local_z", Kind::Double),
@@ -68,6 +68,7 @@ pub(super) const OWN: [Own; 24] = [
     read_only("sim/flightmodel2/controls/flap1_deploy_ratio", Kind::Float),
     array("sim/flightmodel2/gear/deploy_ratio", 10, 1.0),
     own(FLAPS, Kind::Float),
+    own("sim/flightmodel/controls/flap2rat", Kind::Float),
     array(GEAR, 10, 1.0),
     own(ALTITUDE_DIAL_FT, Kind::Float),
     own(VERTICAL_SPEED_FPM, Kind::Float),
