@@ -202,9 +202,10 @@ mod tests {
                 eprintln!("skipped: no {name} in this FFmpeg");
                 continue;
             };
-            let taken = match encoder.needs_upload() {
-                true => Pixel::VAAPI,
-                false => encoder.pixel(VideoCodec::H264),
+            let taken = if encoder.needs_upload() {
+                Pixel::VAAPI
+            } else {
+                encoder.pixel(VideoCodec::H264)
             };
             let taken = taken.descriptor().unwrap().name();
             let line = table
