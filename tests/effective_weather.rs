@@ -37,10 +37,10 @@ fn stand_in() -> Server {
 
 /// A relay in front of a stand-in that reports the visibility of no scenario.
 async fn reporting_another_visibility(simulator: SocketAddr) -> String {
-    let relay = altered(simulator, |path, value| match path == VISIBILITY {
-        true => 2_000.0,
-        false => value,
-    });
+    let relay = altered(
+        simulator,
+        |path, value| if path == VISIBILITY { 2_000.0 } else { value },
+    );
     relay.await.to_string()
 }
 

@@ -91,10 +91,10 @@ fn storm() -> Conditions {
 /// A relay in front of a stand-in of its own, with one dataref wrong.
 async fn wrong_at(dataref: &'static str, wrong: f32) -> SocketAddr {
     let simulator = serving(quiet()).await;
-    altered(simulator, move |path, value| match path == dataref {
-        true => wrong,
-        false => value,
-    })
+    altered(
+        simulator,
+        move |path, value| if path == dataref { wrong } else { value },
+    )
     .await
 }
 
@@ -166,10 +166,10 @@ async fn with_a_profile_each_quantity_that_is_wrong_fails_the_attempt_and_is_nam
 async fn the_doctor_finds_which_quantity_does_not_follow() {
     let cases = WRONG.map(|(quantity, dataref, stuck)| async move {
         let simulator = serving(fast()).await;
-        let relay = altered(simulator, move |path, value| match path == dataref {
-            true => stuck,
-            false => value,
-        });
+        let relay = altered(
+            simulator,
+            move |path, value| if path == dataref { stuck } else { value },
+        );
         let profile = examined(relay.await).await;
         let follows = &profile.current().unwrap().weather_follows;
         for measured in EffectiveQuantity::ALL {

@@ -285,7 +285,7 @@ pub enum BridgeError {
     /// The written weather reads back, but it is not the weather at the aircraft.
     #[error(
         "the weather at the aircraft is not what was set: {difference}, for {waited:?}, although what was written reads back and `dtd doctor` \
-         has seen this quantity follow. Set the weather to manual and static in X-Plane, switch off other weather plugins, and run the same \
+         measured that this quantity follows. Set the weather to manual and static in X-Plane, switch off other weather plugins, and run the same \
          command again; if X-Plane or its plugins have changed since, measure again with `dtd doctor --measure`"
     )]
     OtherWeatherShows {

@@ -320,7 +320,7 @@ impl Profile {
         self.still_pictures_move.found() == Some(&true)
     }
 
-    /// Whether a quantity of the weather at the aircraft was seen to follow what is written.
+    /// Whether a quantity of the weather at the aircraft was measured to follow what is written.
     pub(crate) fn follows(&self, quantity: EffectiveQuantity) -> bool {
         let finding = self.weather_follows.get(&quantity);
         finding.is_some_and(|finding| finding.found() == Some(&true))

@@ -73,7 +73,7 @@ impl VideoEncoder {
             (Self::Qsv, H265) => "hevc_qsv",
             (Self::VideoToolbox, H264) => "h264_videotoolbox",
             (Self::VideoToolbox, H265) => "hevc_videotoolbox",
-            // Lossless RGB is not what GPUs call lossless, and AV1's options are in no FFmpeg that this project has seen.
+            // Lossless RGB is not what GPUs call lossless, and AV1's options are in no FFmpeg at hand.
             (_, VideoCodec::H264Lossless | VideoCodec::Ffv1 | VideoCodec::Av1) => return None,
         })
     }
@@ -202,9 +202,10 @@ mod tests {
                 eprintln!("skipped: no {name} in this FFmpeg");
                 continue;
             };
-            let taken = match encoder.needs_upload() {
-                true => Pixel::VAAPI,
-                false => encoder.pixel(VideoCodec::H264),
+            let taken = if encoder.needs_upload() {
+                Pixel::VAAPI
+            } else {
+                encoder.pixel(VideoCodec::H264)
             };
             let taken = taken.descriptor().unwrap().name();
             let line = table

@@ -136,18 +136,15 @@ impl VideoWriter {
             .map_err(|e| fault(path, "start the encoder", e))?;
         video.set_width(width_px);
         video.set_height(height_px);
-        let uploaded = match video_encoder.needs_upload() {
-            true => {
-                let frames = UploadedFrames::of_vaapi(width_px, height_px)
-                    .map_err(|e| fault(path, "use the GPU's memory", e))?;
-                frames.attach_to(&mut video);
-                video.set_format(Pixel::VAAPI);
-                Some(frames)
-            }
-            false => {
-                video.set_format(pixel);
-                None
-            }
+        let uploaded = if video_encoder.needs_upload() {
+            let frames = UploadedFrames::of_vaapi(width_px, height_px)
+                .map_err(|e| fault(path, "use the GPU's memory", e))?;
+            frames.attach_to(&mut video);
+            video.set_format(Pixel::VAAPI);
+            Some(frames)
+        } else {
+            video.set_format(pixel);
+            None
         };
         video.set_time_base(time_base);
         video.set_frame_rate(Some(Rational(time_scale, frame_rate.denominator as i32)));

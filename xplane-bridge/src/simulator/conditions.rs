@@ -30,7 +30,7 @@ impl Simulator {
     /// # Errors
     /// [`BridgeError::BadConditions`] before anything is sent; [`BridgeError::NotTaken`] names the dataref, the value
     /// wanted and the value found, after many attempts; [`BridgeError::OtherWeatherShows`] names the quantity at the aircraft that does
-    /// not follow, although it was seen to.
+    /// not follow, although it was measured to.
     pub fn set_conditions<'a>(
         &'a mut self,
         conditions: &'a Conditions,

@@ -1,6 +1,6 @@
 //! Reads the weather at the aircraft and compares it with the plan.
 //!
-//! A quantity that `dtd doctor` has seen to follow what is written must be as planned: otherwise the pictures show another weather than
+//! A quantity that `dtd doctor` measured to follow what is written must be as planned: otherwise the pictures show another weather than
 //! the record would say. Any other may differ for reasons that are unknown here (another meaning, gusts, the aircraft's height); it is
 //! recorded with the scenario and marks it.
 
@@ -71,7 +71,7 @@ impl Simulator {
         Ok(effective_weather_of(planned, reads_wind_speed, &values))
     }
 
-    /// Whether the unit of the wind at the aircraft is known: where winds are written in knots it is not, unless it was seen to follow.
+    /// Whether the unit of the wind at the aircraft is known: where winds are written in knots it is not, unless it was measured to follow.
     fn knows_unit_of_wind(&self) -> bool {
         let profile = self.description.profile.current();
         profile.is_none_or(|profile| {
@@ -98,14 +98,14 @@ impl Simulator {
         shown.differing.contains(&clouds) && !self.not_followed.contains(&clouds)
     }
 
-    /// Whether a quantity was seen to follow what is written, and no later experience contradicts it.
+    /// Whether a quantity was measured to follow what is written, and no later experience contradicts it.
     fn must_follow(&self, quantity: EffectiveQuantity) -> bool {
         let profile = self.description.profile.current();
         profile.is_some_and(|profile: &Profile| profile.follows(quantity))
             && !self.not_followed.contains(&quantity)
     }
 
-    /// An error for the first quantity that is not as planned, although it was seen to follow what is written.
+    /// An error for the first quantity that is not as planned, although it was measured to follow what is written.
     pub(super) fn refuse_what_should_follow(
         &self,
         shown: &EffectiveWeather,

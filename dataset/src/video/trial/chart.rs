@@ -38,9 +38,10 @@ impl Chart {
         rgb.reserve(self.width * self.height * BYTES_PER_PIXEL);
         for row in 0..self.height {
             for column in 0..self.width {
-                let colour = match row < self.height / 2 {
-                    true => PATCHES[column * PATCHES.len() / self.width].1,
-                    false => [255 * u8::from(is_white(number, column * CELLS / self.width)); 3],
+                let colour = if row < self.height / 2 {
+                    PATCHES[column * PATCHES.len() / self.width].1
+                } else {
+                    [255 * u8::from(is_white(number, column * CELLS / self.width)); 3]
                 };
                 rgb.extend_from_slice(&colour);
             }
