@@ -38,6 +38,7 @@ use crate::link::{
 };
 use crate::pixels::{Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
+use crate::simulator_address::reachable;
 use crate::web_api::WebApi;
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
@@ -47,6 +48,7 @@ use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
 use sharing::Sharing;
 use udp::UdpClient;
+pub(crate) use udp::running_since;
 pub use udp::somebody_answers;
 
 /// A reasonable timeout for [`Simulator::connect`].
@@ -152,9 +154,11 @@ impl Simulator {
                 token,
                 web_api,
                 no_shared_memory,
+                local_udp,
             } = options;
             let deadline = Instant::now() + timeout;
-            let mut udp = UdpClient::bind(address).await?;
+            let address = reachable(address);
+            let mut udp = UdpClient::open(address, &local_udp).await?;
             let waited = timeout.mul_f64(1.0 - LINK_SHARE);
             let names = [
                 datarefs::VERSION,
@@ -169,7 +173,11 @@ impl Simulator {
                 )
                 .await?;
             let [version, port, settle_s] = [values[0], values[1], values[2]];
-            let version = version.ok_or(BridgeError::NobodyAnswers { address, waited })?;
+            let version = version.ok_or(BridgeError::NobodyAnswers {
+                address,
+                waited,
+                refused: false,
+            })?;
             let port = match port {
                 Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
                 _ => return Err(BridgeError::NoPlugin { address, waited }),
@@ -566,10 +574,8 @@ impl Simulator {
                 }
                 Err(error) => Err(error),
             };
-            self.udp.unsubscribe_all().await;
-            if let Some(settings_watch) = self.settings_watch.take() {
-                settings_watch.end().await;
-            }
+            self.settings_watch = None;
+            self.udp.close().await;
             match released? {
                 Answer::Released => Ok(()),
                 other => Err(wrong("released", &other)),

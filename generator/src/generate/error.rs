@@ -285,6 +285,12 @@ impl ScenarioError {
                     found,
                     ..
                 }
+                | BridgeError::CommandWithoutEffect {
+                    name,
+                    wanted,
+                    found,
+                    ..
+                }
                 | BridgeError::WeatherNotTaken {
                     name,
                     wanted,
@@ -324,6 +330,7 @@ impl ScenarioError {
                 BridgeError::Refused { .. }
                 | BridgeError::BadConditions { .. }
                 | BridgeError::NotTaken { .. }
+                | BridgeError::CommandWithoutEffect { .. }
                 | BridgeError::WeatherNotTaken { .. }
                 | BridgeError::WrongAircraft { .. }
                 | BridgeError::WrongSize { .. }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::KnownProfile;
-use xplane_bridge::{CONNECT_TIMEOUT, Simulator};
+use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, LocalUdp, Simulator};
 use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
@@ -33,6 +33,13 @@ pub enum SimulatorTarget {
     Announced,
     /// A session recorded with `dtd record`, replayed for this run.
     Tape(PathBuf),
+}
+
+impl SimulatorTarget {
+    /// Whether it runs whether this run needs it or not, on whatever computer.
+    pub(super) fn runs_already(&self) -> bool {
+        matches!(self, Self::Address(_) | Self::Announced)
+    }
 }
 
 /// Why a text names no simulator.
@@ -131,6 +138,7 @@ pub(super) struct Session {
     name: String,
     program: PathBuf,
     pictures: Pictures,
+    local_udp: LocalUdp,
     stand_in: Option<StandIn>,
     /// An unused connection; the next scenario uses it.
     ready: Option<Simulator>,
@@ -145,6 +153,7 @@ impl Session {
         number: usize,
         program: &Path,
         pictures: &Pictures,
+        local_udp: LocalUdp,
     ) -> Self {
         let name = match target {
             SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn => {
@@ -157,6 +166,7 @@ impl Session {
             name,
             program: program.to_owned(),
             pictures: pictures.clone(),
+            local_udp,
             stand_in: None,
             ready: None,
             known: None,
@@ -218,12 +228,20 @@ impl Session {
         let address = match &self.target {
             SimulatorTarget::Address(address) => *address,
             // Looked up each time: a restarted one may have another address.
-            SimulatorTarget::Announced => the_announced(DISCOVERY_TIMEOUT).await?.address,
+            SimulatorTarget::Announced => {
+                the_announced(DISCOVERY_TIMEOUT, &self.local_udp)
+                    .await?
+                    .address
+            }
             SimulatorTarget::StandIn
             | SimulatorTarget::AwkwardStandIn
             | SimulatorTarget::Tape(_) => self.own_address().await?,
         };
-        Ok(Simulator::connect(address, CONNECT_TIMEOUT).await?)
+        let options = ConnectOptions {
+            local_udp: self.local_udp.clone(),
+            ..ConnectOptions::from_environment(address)?
+        };
+        Ok(Simulator::connect_with(address, CONNECT_TIMEOUT, options).await?)
     }
 
     /// The address of our own process that acts as the simulator, or replays a tape.

@@ -2,8 +2,8 @@
 //!
 //! The best way is X-Plane 12.4's Web API, which takes aircraft, place, speed, time and weather together and answers. Without it,
 //! our plugin places the aircraft. If no plugin serves the capture link, the UDP packet `PREL` does, and `RPOS` shows whether it
-//! worked. A start is requested once: X-Plane closes the connection of starts that succeed, and a second one would restart the
-//! flight.
+//! worked; nothing else is sent until X-Plane has loaded the flight. A start is requested once: X-Plane closes the connection of starts
+//! that succeed, and a second one would restart the flight.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use tokio::time::{Instant, sleep};
 use super::{Simulator, wrong};
 use crate::datarefs::{
     AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, AIRCRAFT_WIDTH_M, AircraftFile, COMMAND_TOGGLE_MAIN_MENU,
-    FLIGHT_TIME_S, Generation, aircraft_file,
+    FLIGHT_TIME_S, Generation, SCENERY_LOADING, aircraft_file,
 };
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
@@ -39,6 +39,9 @@ const NEAR_M: f64 = 30_000.0;
 const LOAD_TIMEOUT: Duration = Duration::from_secs(60);
 /// How long a flight may take to begin.
 const START_TIMEOUT: Duration = Duration::from_secs(180);
+/// Readings in a row, and the time between them, in which nothing loads: the flag rises a moment after the flight has started.
+const QUIET_READINGS: u32 = 3;
+const QUIET_PAUSE: Duration = Duration::from_millis(500);
 /// Timeout of the plugin's travel: to start, and for the scenery to load.
 const TRAVEL_TIMEOUT: Duration = Duration::from_secs(150);
 /// Timeout for simulated time to move, and for a position to arrive.
@@ -102,6 +105,7 @@ impl Simulator {
                 return Err(BridgeError::NobodyAnswers {
                     address: self.address,
                     waited: READY_TIMEOUT * 2,
+                    refused: false,
                 });
             }
             if !menu_was_toggled {
@@ -176,7 +180,42 @@ impl Simulator {
         if !already_started {
             self.place_by_udp(start).await?;
         }
+        self.await_loading().await?;
         Ok(already_started)
+    }
+
+    /// Waits until X-Plane has loaded the flight. It answers nothing while it loads, and what it is sent meanwhile it does later, or not
+    /// at all. A plugin waits itself before it answers.
+    async fn await_loading(&mut self) -> Result<(), BridgeError> {
+        if self.description.replayed {
+            return Ok(());
+        }
+        let began = Instant::now();
+        let mut heard = began;
+        let mut quiet = 0;
+        while quiet < QUIET_READINGS {
+            match self.read_one(SCENERY_LOADING, |_| true).await? {
+                Some(loading) => {
+                    heard = Instant::now();
+                    quiet = if loading == 0.0 { quiet + 1 } else { 0 };
+                }
+                None => quiet = 0,
+            }
+            if began.elapsed() >= START_TIMEOUT {
+                return Err(match heard.elapsed() < READY_TIMEOUT * 2 {
+                    true => BridgeError::StillLoading {
+                        waited: began.elapsed(),
+                    },
+                    false => BridgeError::NobodyAnswers {
+                        address: self.address,
+                        waited: heard.elapsed(),
+                        refused: false,
+                    },
+                });
+            }
+            self.pause_for_weather(QUIET_PAUSE).await;
+        }
+        Ok(())
     }
 
     async fn travel(
@@ -344,18 +383,26 @@ impl Simulator {
     async fn place_by_udp(&mut self, start: &FlightStart) -> Result<(), BridgeError> {
         let wanted = start.position.lat_lon();
         let is_there = |found: &Position| lat_lon(found).distance_m(wanted) < PLACED_WITHIN_M;
-        let mut found = None;
-        for _ in 0..ATTEMPTS {
+        let (mut found, mut attempts) = (None, 0);
+        while attempts < ATTEMPTS {
+            attempts += 1;
             self.udp.place_at_start(at_position(start)).await?;
             let deadline = Instant::now() + PLACE_TIMEOUT;
             found = self.udp.position_until(deadline, is_there).await?;
-            if found.as_ref().is_some_and(is_there) {
-                return Ok(());
+            if !found.as_ref().is_some_and(is_there) && !self.description.replayed {
+                // X-Plane is silent while it loads, and a second request would make it load again.
+                let deadline = Instant::now() + START_TIMEOUT;
+                found = self.udp.position_until(deadline, |_| true).await?;
+            }
+            match &found {
+                Some(found) if is_there(found) => return Ok(()),
+                Some(_) => {}
+                None => break,
             }
         }
         Err(BridgeError::NotPlaced {
             by: "PREL",
-            attempts: ATTEMPTS,
+            attempts,
             wanted_latitude_deg: wanted.latitude_deg,
             wanted_longitude_deg: wanted.longitude_deg,
             found: found.map(|found| (found.latitude_deg, found.longitude_deg)),
