@@ -78,10 +78,9 @@ fn a_doctor_finds_a_simulator_that_answers_from_another_port() {
             said(&output)
         );
         let checks: Value = json(&output);
-        let udp = checks.as_array().unwrap().iter().find(|check| {
-            check["name"] == "udp" && check["verdict"] == "ok" && check["found"] != Value::Null
-        });
-        assert!(udp.is_some(), "{checks:#}");
+        let mut checks_of_udp = checks.as_array().unwrap().iter();
+        let answers = checks_of_udp.any(|check| check["name"] == "udp" && check["verdict"] == "ok");
+        assert!(answers, "{checks:#}");
         assert_eq!(notes(state.path()), 0, "a doctor that has ended");
     }
 }
@@ -214,7 +213,7 @@ fn the_next_client_ends_the_subscriptions_of_one_that_was_killed() {
     );
     assert_eq!(notes(&state), 1);
     let doctor = ["doctor", "--no-measure", "--sim", &sim];
-    must(&mut dtd(&doctor, &state));
+    must(dtd(&doctor, &state).current_dir(folder.path()));
     assert!(!sends(&relay), "subscriptions are left");
     assert_eq!(notes(&state), 0);
 }

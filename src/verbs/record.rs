@@ -26,7 +26,11 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &RecordArgs) -> Outcome {
     let runtime = async_runtime()?;
-    let local_udp = args.local_udp.options();
+    // Of the recorder's own questions nothing stays subscribed, so that no note is needed.
+    let local_udp = LocalUdp {
+        port: args.local_udp.udp_port,
+        notes: None,
+    };
     let stand_in = own_stand_in(&args.sim, &runtime)?;
     let address = match &stand_in {
         Some(stand_in) => stand_in.address(),
@@ -42,7 +46,7 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
         out: args.out.clone(),
         frames: args.frames,
         token: LinkToken::from_environment(),
-        first_udp_port: local_udp.port,
+        first_udp_port: args.local_udp.udp_port,
     };
     let cancel = Cancel::new();
     let _in_good_order = signals::in_good_order(&cancel);

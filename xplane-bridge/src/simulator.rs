@@ -38,7 +38,6 @@ use crate::link::{
 };
 use crate::pixels::{Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
-use crate::simulator_address::reachable;
 use crate::web_api::WebApi;
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
@@ -150,15 +149,30 @@ impl Simulator {
         options: ConnectOptions,
     ) -> BoxFuture<'static, Result<Self, BridgeError>> {
         Box::pin(async move {
+            let udp = UdpClient::open(address, &options.local_udp).await?;
+            let socket = udp.socket().clone();
+            let connected = Self::connect_on(udp, timeout, options).await;
+            if connected.is_err() {
+                socket.close().await;
+            }
+            connected
+        })
+    }
+
+    fn connect_on(
+        mut udp: UdpClient,
+        timeout: Duration,
+        options: ConnectOptions,
+    ) -> BoxFuture<'static, Result<Self, BridgeError>> {
+        Box::pin(async move {
             let ConnectOptions {
                 token,
                 web_api,
                 no_shared_memory,
-                local_udp,
+                local_udp: _,
             } = options;
             let deadline = Instant::now() + timeout;
-            let address = reachable(address);
-            let mut udp = UdpClient::open(address, &local_udp).await?;
+            let address = udp.socket().simulator();
             let waited = timeout.mul_f64(1.0 - LINK_SHARE);
             let names = [
                 datarefs::VERSION,

@@ -274,6 +274,7 @@ impl Examination<'_> {
         let version = match talk.version().await {
             Ok(version) => version,
             Err(silence) => {
+                talk.end().await;
                 self.note(silent(usual, &silence, options, heard, web_api).await);
                 self.skip_all("the simulator does not answer over UDP");
                 return Some(usual);

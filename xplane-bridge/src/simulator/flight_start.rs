@@ -5,6 +5,8 @@
 //! worked; nothing else is sent until X-Plane has loaded the flight. A start is requested once: X-Plane closes the connection of starts
 //! that succeed, and a second one would restart the flight.
 
+mod by_udp;
+
 use std::time::Duration;
 
 use dataset::conditions::Conditions;
@@ -15,23 +17,17 @@ use tokio::time::{Instant, sleep};
 use super::{Simulator, wrong};
 use crate::datarefs::{
     AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, AIRCRAFT_WIDTH_M, AircraftFile, COMMAND_TOGGLE_MAIN_MENU,
-    FLIGHT_TIME_S, Generation, SCENERY_LOADING, aircraft_file,
+    FLIGHT_TIME_S, Generation, aircraft_file,
 };
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
 use crate::link::{Answer, Request};
-use crate::packet::{LoadAircraft, PlaceAtStart, Position};
+use crate::packet::{LoadAircraft, Position};
 use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 
-/// Kind of `PREL` that starts at latitude, longitude and elevation.
-const START_AT_POSITION: i32 = 6;
 /// Attempts of `PREL` and `ACFN`.
 const ATTEMPTS: u32 = 8;
-/// How long a position may take to follow a `PREL`.
-const PLACE_TIMEOUT: Duration = Duration::from_millis(500);
-/// A placed aircraft is found this close to its place: it flies on while the answer travels.
-const PLACED_WITHIN_M: f64 = 2_000.0;
-/// The same for a flight that X-Plane started while it did not answer, for a minute or two.
+/// How close to its start the aircraft of a flight is found that X-Plane started while it did not answer, for a minute or two.
 const BEGUN_WITHIN_M: f64 = 12_000.0;
 /// Farther than this from where pictures are taken, the aircraft must travel: scenery and weather are those around it.
 const NEAR_M: f64 = 30_000.0;
@@ -39,9 +35,6 @@ const NEAR_M: f64 = 30_000.0;
 const LOAD_TIMEOUT: Duration = Duration::from_secs(60);
 /// How long a flight may take to begin.
 const START_TIMEOUT: Duration = Duration::from_secs(180);
-/// Readings in a row, and the time between them, in which nothing loads: the flag rises a moment after the flight has started.
-const QUIET_READINGS: u32 = 3;
-const QUIET_PAUSE: Duration = Duration::from_millis(500);
 /// Timeout of the plugin's travel: to start, and for the scenery to load.
 const TRAVEL_TIMEOUT: Duration = Duration::from_secs(150);
 /// Timeout for simulated time to move, and for a position to arrive.
@@ -184,40 +177,6 @@ impl Simulator {
         Ok(already_started)
     }
 
-    /// Waits until X-Plane has loaded the flight. It answers nothing while it loads, and what it is sent meanwhile it does later, or not
-    /// at all. A plugin waits itself before it answers.
-    async fn await_loading(&mut self) -> Result<(), BridgeError> {
-        if self.description.replayed {
-            return Ok(());
-        }
-        let began = Instant::now();
-        let mut heard = began;
-        let mut quiet = 0;
-        while quiet < QUIET_READINGS {
-            match self.read_one(SCENERY_LOADING, |_| true).await? {
-                Some(loading) => {
-                    heard = Instant::now();
-                    quiet = if loading == 0.0 { quiet + 1 } else { 0 };
-                }
-                None => quiet = 0,
-            }
-            if began.elapsed() >= START_TIMEOUT {
-                return Err(match heard.elapsed() < READY_TIMEOUT * 2 {
-                    true => BridgeError::StillLoading {
-                        waited: began.elapsed(),
-                    },
-                    false => BridgeError::NobodyAnswers {
-                        address: self.address,
-                        waited: heard.elapsed(),
-                        refused: false,
-                    },
-                });
-            }
-            self.pause_for_weather(QUIET_PAUSE).await;
-        }
-        Ok(())
-    }
-
     async fn travel(
         &mut self,
         start: &FlightStart,
@@ -345,10 +304,12 @@ impl Simulator {
                     livery: 0,
                 })
                 .await?;
-            let share = LOAD_TIMEOUT / ATTEMPTS;
-            let until = deadline.min(Instant::now() + share);
-            while Instant::now() < until {
-                if self.loaded_icao(Duration::from_secs(1)).await? == file.icao {
+            let until = Instant::now() + LOAD_TIMEOUT / ATTEMPTS;
+            let mut now_loaded = found.clone();
+            // X-Plane is silent while it loads, and a second request would make it load again.
+            while Instant::now() < deadline && (Instant::now() < until || now_loaded.is_empty()) {
+                now_loaded = self.loaded_icao(Duration::from_secs(1)).await?;
+                if now_loaded == file.icao {
                     return Ok(());
                 }
             }
@@ -380,35 +341,6 @@ impl Simulator {
             .collect())
     }
 
-    async fn place_by_udp(&mut self, start: &FlightStart) -> Result<(), BridgeError> {
-        let wanted = start.position.lat_lon();
-        let is_there = |found: &Position| lat_lon(found).distance_m(wanted) < PLACED_WITHIN_M;
-        let (mut found, mut attempts) = (None, 0);
-        while attempts < ATTEMPTS {
-            attempts += 1;
-            self.udp.place_at_start(at_position(start)).await?;
-            let deadline = Instant::now() + PLACE_TIMEOUT;
-            found = self.udp.position_until(deadline, is_there).await?;
-            if !found.as_ref().is_some_and(is_there) && !self.description.replayed {
-                // X-Plane is silent while it loads, and a second request would make it load again.
-                let deadline = Instant::now() + START_TIMEOUT;
-                found = self.udp.position_until(deadline, |_| true).await?;
-            }
-            match &found {
-                Some(found) if is_there(found) => return Ok(()),
-                Some(_) => {}
-                None => break,
-            }
-        }
-        Err(BridgeError::NotPlaced {
-            by: "PREL",
-            attempts,
-            wanted_latitude_deg: wanted.latitude_deg,
-            wanted_longitude_deg: wanted.longitude_deg,
-            found: found.map(|found| (found.latitude_deg, found.longitude_deg)),
-        })
-    }
-
     fn aircraft_file(&self) -> Option<AircraftFile> {
         let generation: Generation = self.generation;
         self.aircraft
@@ -424,19 +356,4 @@ fn lat_lon(position: &Position) -> LatLon {
         altitude_msl_m: position.elevation_msl_m,
     };
     found.lat_lon()
-}
-
-fn at_position(start: &FlightStart) -> PlaceAtStart {
-    PlaceAtStart {
-        start_type: START_AT_POSITION,
-        plane: 0,
-        airport: String::new(),
-        runway: 0,
-        runway_end: 0,
-        latitude_deg: start.position.latitude_deg,
-        longitude_deg: start.position.longitude_deg,
-        elevation_msl_m: start.position.altitude_msl_m,
-        heading_true_deg: start.heading_true_deg,
-        speed_mps: start.speed_mps,
-    }
 }

@@ -1,8 +1,8 @@
 //! The client's UDP side: reading datarefs by short-lived subscriptions, writing them, sending commands.
 //!
 //! Datagrams may be lost both ways, so requests are repeated until values arrive, and values that arrive for a subscription that
-//! should have ended end it again (`udp_socket`). Every reading uses fresh indices, so that a late value of an earlier reading is not mistaken for
-//! a new one.
+//! should have ended end it again (`udp_socket`). Every reading uses fresh indices, so that a late value of an earlier reading is not
+//! mistaken for a new one.
 
 use std::net::SocketAddr;
 use std::sync::Arc;

@@ -38,17 +38,20 @@ impl LocalUdp {
 
     /// Notes a port. It works without as well, so a failure is only logged.
     pub(super) fn note(&self, simulator: SocketAddr, port: u16) -> Option<PortNote> {
-        let path = self.folder(simulator)?.join(port.to_string());
-        match create(&path) {
-            Ok(()) => {}
+        let folder = self.folder(simulator)?;
+        let path = folder.join(port.to_string());
+        let noted = make_folders(&folder).and_then(|made| match create(&path) {
             // A fixed port, of an earlier client that was killed.
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(error),
+            _ => Ok(made),
+        });
+        match noted {
+            Ok(made) => Some(PortNote { path, port, made }),
             Err(error) => {
                 tracing::debug!(path = %path.display(), %error, "the local port is not noted");
-                return None;
+                None
             }
         }
-        Some(PortNote { path, port })
     }
 
     fn folder(&self, simulator: SocketAddr) -> Option<PathBuf> {
@@ -60,16 +63,21 @@ impl LocalUdp {
     }
 }
 
+/// Makes a folder; returns those that were missing, the innermost first.
+fn make_folders(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let missing = folder.ancestors().take_while(|folder| !folder.exists());
+    let missing = missing.map(Path::to_owned).collect();
+    fs::create_dir_all(folder)?;
+    Ok(missing)
+}
+
 fn create(path: &Path) -> io::Result<()> {
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder)?;
-    }
     // Follows no symbolic link.
     let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
     // For a person who finds the file; only its name is read.
     writeln!(
         file,
-        "UDP port of dtd, process {}. It is removed when dtd ends.",
+        "UDP port of dtd, process {}. It is removed when its subscriptions have been ended.",
         std::process::id()
     )
 }
@@ -79,25 +87,29 @@ fn create(path: &Path) -> io::Result<()> {
 pub(super) struct PortNote {
     path: PathBuf,
     port: u16,
+    /// Folders that were made for it.
+    made: Vec<PathBuf>,
 }
 
 impl PortNote {
     fn of(path: PathBuf) -> Option<Self> {
         let port = path.file_name()?.to_str()?.parse().ok()?;
-        (port != 0).then_some(Self { path, port })
+        let made = Vec::new();
+        (port != 0).then_some(Self { path, port, made })
     }
 
     pub(super) fn port(&self) -> u16 {
         self.port
     }
 
-    /// Removes the file, and the folder after the last one.
+    /// Removes the file, the simulator's folder after the last one, and the folders that were made for it.
     pub(super) fn remove(self) {
         if let Err(error) = fs::remove_file(&self.path) {
             tracing::debug!(path = %self.path.display(), %error, "a note of a port stays");
         }
-        if let Some(folder) = self.path.parent() {
-            // Fails while other clients have files in it.
+        // Fails while other clients have files in it.
+        let _ = self.path.parent().map(fs::remove_dir);
+        for folder in self.made {
             let _ = fs::remove_dir(folder);
         }
     }
@@ -124,12 +136,12 @@ mod tests {
             |simulator| -> Vec<u16> { local.notes(simulator).iter().map(PortNote::port).collect() };
         assert_eq!(ports(here), [50_000, 51_000]);
         assert_eq!(ports(there), [50_000]);
-        for note in [first, second, other] {
+        // The folders of the first one go with the last.
+        for note in [second, other, first] {
             note.remove();
         }
         assert!(ports(here).is_empty());
-        let left = fs::read_dir(state.path().join("udp-ports")).unwrap();
-        assert_eq!(left.count(), 0);
+        assert_eq!(fs::read_dir(state.path()).unwrap().count(), 0);
     }
 
     #[test]

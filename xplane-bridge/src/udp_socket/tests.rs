@@ -73,7 +73,6 @@ async fn open(address: SocketAddr) -> Arc<SimulatorSocket> {
 
 #[tokio::test]
 async fn answers_from_another_port_are_taken_and_those_of_other_computers_are_not() {
-    // As a computer of the network would: our socket then accepts datagrams for all addresses.
     let simulator = Simulator::start().await;
     let socket = open(simulator.address()).await;
     let mut claim = socket.claim(1);
@@ -83,17 +82,15 @@ async fn answers_from_another_port_are_taken_and_those_of_other_computers_are_no
     let values = timeout(SOON, claim.values()).await.expect("no value");
     assert_eq!(values[0].value, 7.0);
 
-    let stranger = Shared::new(
-        bound(Ipv4Addr::LOCALHOST).await,
-        ([10, 0, 0, 5], 49_000).into(),
-        Arc::default(),
-    );
-    let stranger = Arc::new(stranger);
-    let receiving = tokio::spawn(receive(stranger.clone()));
-    let there = stranger.socket.local_addr().unwrap();
-    send_value(&simulator.answering, there, 1, 7.0).await;
+    // To a client of another simulator, this one is a stranger.
+    let elsewhere = SocketAddr::from(([10, 0, 0, 5], 49_000));
+    let own = bound(Ipv4Addr::LOCALHOST).await;
+    let client = own.local_addr().unwrap();
+    let other = Arc::new(Shared::new(own, elsewhere, Arc::default()));
+    let receiving = tokio::spawn(receive(other.clone()));
+    simulator.answer(client, 1, 7.0).await;
     sleep(Duration::from_millis(100)).await;
-    assert!(!stranger.has_heard.load(Ordering::Relaxed));
+    assert!(!other.has_heard.load(Ordering::Relaxed));
     receiving.abort();
 }
 
