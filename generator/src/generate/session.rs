@@ -36,7 +36,7 @@ pub enum SimulatorTarget {
 }
 
 impl SimulatorTarget {
-    /// Whether it runs whether this run needs it or not, on whatever computer.
+    /// Whether it runs independently of this run, on whatever computer.
     pub(super) fn runs_already(&self) -> bool {
         matches!(self, Self::Address(_) | Self::Announced)
     }

@@ -16,7 +16,7 @@ impl Simulators {
         &self.0
     }
 
-    /// Number of those that run already, which are the ones that a firewall may be in front of.
+    /// Number of those that run already: only they may be behind a firewall.
     pub fn running_already(&self) -> usize {
         self.0.iter().filter(|one| one.runs_already()).count()
     }
