@@ -28,6 +28,7 @@ use crate::estimator_args::{
 };
 use crate::export_args::ExportArgs;
 use crate::help;
+use crate::local_udp_args::LocalUdpArgs;
 use crate::search_args::{SearchArgs, SearchMode};
 use crate::shard_arg::ShardArg;
 use crate::view_args::ViewArgs;
@@ -247,6 +248,8 @@ pub(crate) struct GenerateArgs {
         default_value = "mock"
     )]
     pub(crate) sim: Simulators,
+    #[command(flatten)]
+    pub(crate) local_udp: LocalUdpArgs,
     /// Where the pictures come from
     ///
     /// `link` sends them (the stand-in), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's window, `screenshot` has
@@ -604,6 +607,8 @@ pub(crate) struct DoctorArgs {
     /// X-Plane's UDP address [default: the address in its beacon, else 127.0.0.1:49000]
     #[arg(long, value_name = "auto|HOST:PORT")]
     pub(crate) sim: Option<String>,
+    #[command(flatten)]
+    pub(crate) local_udp: LocalUdpArgs,
     /// Address of X-Plane 12's Web API
     ///
     /// The default is DTD_WEB_API, else port 8086 if X-Plane runs on this computer.
@@ -630,6 +635,8 @@ pub(crate) struct RecordArgs {
     /// The stand-in (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
     #[arg(long, value_name = "auto|mock|mock:awkward|HOST:PORT")]
     pub(crate) sim: String,
+    #[command(flatten)]
+    pub(crate) local_udp: LocalUdpArgs,
     /// The tape to write. An existing file is never overwritten
     #[arg(long, value_name = "FILE.mcap", value_parser = output())]
     pub(crate) out: PathBuf,

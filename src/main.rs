@@ -7,6 +7,7 @@ mod estimator_args;
 mod export_args;
 mod failure;
 mod help;
+mod local_udp_args;
 mod logging;
 mod plain;
 mod progress;

@@ -376,6 +376,17 @@ fn auto_is_the_simulator_that_announces_itself_for_the_doctor_and_the_recorder_t
 }
 
 #[test]
+fn the_name_in_a_beacon_cannot_steer_the_terminal() {
+    let name = "steer-\u{1b}[31m-test";
+    let simulator = announced(&["--beacon-name", name]);
+    let mut command = DTD.command(&["doctor", "--no-measure", "--web-api", "off"]);
+    command.args(["--sim", simulator.udp()]);
+    let said = String::from_utf8(command.output().unwrap().stdout).unwrap();
+    assert!(said.contains("steer-\\u{1b}[31m-test"), "{said}");
+    assert!(!said.contains('\u{1b}'), "{said}");
+}
+
+#[test]
 fn what_is_no_simulator_is_refused_with_what_would_do() {
     for verb in [&["doctor"][..], &["record", "--out", "never.mcap"]] {
         let output = DTD

@@ -25,6 +25,7 @@ use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTar
 use generator::shard::Shard;
 use generator::sweep::Sweep;
 use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer, ServerOptions, serve_with};
+use xplane_bridge::LocalUdp;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
@@ -221,6 +222,7 @@ fn record(sweep: &Sweep, corpus: &Path, engine: Arc<Remembering>) -> Result<Cost
     }));
     let options = GenerateOptions {
         simulators: SimulatorTarget::Address(told.recv()?).into(),
+        local_udp: LocalUdp::default(),
         stand_in_program: "none is started".into(),
         pixels: PixelChoice::Auto,
         encoder: None,

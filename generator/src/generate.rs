@@ -50,6 +50,7 @@ use dataset::set_aside::SetAside;
 use dataset::video::VideoEncoder;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
+use xplane_bridge::LocalUdp;
 use xplane_bridge::pixels::{PixelChoice, Screen};
 
 pub use error::{GenerateError, ScenarioError};
@@ -81,6 +82,8 @@ pub struct GenerateOptions {
     pub simulators: Simulators,
     /// The program that becomes the stand-in when called with `mock-xplane`: the `dtd` command itself.
     pub stand_in_program: PathBuf,
+    /// The local side of UDP towards simulators that run already; with several, the port of the first, and the next ones follow.
+    pub local_udp: LocalUdp,
     /// Source of the pictures.
     pub pixels: PixelChoice,
     /// The screen to grab, if the pictures come from one.
@@ -283,13 +286,13 @@ async fn open_sessions(
     if !needed {
         return Ok(Vec::new());
     }
-    let targets = options.simulators.targets();
+    let targets = options.simulators.with_local_udp(&options.local_udp);
     let pictures = &Pictures::new(options.pixels, options.screen.clone(), picture);
     let opening = targets
-        .iter()
         .enumerate()
-        .map(|(number, target)| async move {
-            let mut session = Session::new(target, number, &options.stand_in_program, pictures);
+        .map(|(number, (target, local_udp))| async move {
+            let program = &options.stand_in_program;
+            let mut session = Session::new(target, number, program, pictures, local_udp);
             let trouble = unless_cancelled(cancel, session.open()).await.err();
             (session, trouble)
         });

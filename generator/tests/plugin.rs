@@ -20,11 +20,11 @@ use mock_xplane::server::{LinkServer, ServerOptions};
 use testkit::repository;
 use testkit::sweep::SmallSweep;
 use testkit_simulator::{plugin, quiet, serving};
-use xplane_bridge::Simulator;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{DoctorOptions, examine};
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 use xplane_bridge::profile::{Finding, KnownProfile, PacedBy, Profile};
+use xplane_bridge::{LocalUdp, Simulator};
 
 /// One recorded flight from 1.5 NM, a picture every four seconds.
 fn sweep_toml() -> String {
@@ -114,6 +114,7 @@ async fn record(
     let sweep = Sweep::parse(Path::new("test.toml"), &data, sweep).unwrap();
     let options = GenerateOptions {
         simulators: target.into(),
+        local_udp: LocalUdp::default(),
         stand_in_program: PathBuf::from("unused"),
         pixels: PixelChoice::Auto,
         encoder: None,

@@ -237,7 +237,7 @@ pub async fn serve_with(
         outages: Arc::new(Outages::new(options.faults.outages.clone())),
         options,
         addresses,
-        udp: Arc::new(ports.udp),
+        udp: ports.udp,
         capture_link: ports.capture_link,
         web_api: web_api.map(|(_, listener)| listener),
         engine,
@@ -248,7 +248,7 @@ pub async fn serve_with(
 
 /// The ports that clients look for: X-Plane's UDP, and the capture link above it.
 struct Ports {
-    udp: UdpSocket,
+    udp: UdpSockets,
     udp_address: SocketAddr,
     capture_link: Arc<TcpListener>,
     link_address: SocketAddr,
@@ -265,6 +265,7 @@ impl Ports {
             what: "UDP",
             source,
         })?;
+        let udp = UdpSockets::answering(udp, udp_address, port).await?;
         let link_port = match port {
             0 => 0,
             port => port.checked_add(CAPTURE_PORT_OFFSET).unwrap_or(0),
@@ -296,6 +297,42 @@ impl Ports {
     }
 }
 
+/// The sockets of X-Plane's UDP protocol. Answers come from another port than the one that takes packets: X-Plane sends from 49001
+/// ("Port we send from (legacy)").
+#[derive(Debug, Clone)]
+struct UdpSockets {
+    listening: Arc<UdpSocket>,
+    answering: Arc<UdpSocket>,
+}
+
+impl UdpSockets {
+    /// Answers from the next port, or any free one: unlike X-Plane, which complains, several stand-ins run on one computer.
+    async fn answering(
+        listening: UdpSocket,
+        address: SocketAddr,
+        port: u16,
+    ) -> Result<Self, MockError> {
+        let any = SocketAddr::new(address.ip(), 0);
+        let next = match port {
+            0 => any,
+            port => SocketAddr::new(address.ip(), port.checked_add(1).unwrap_or(0)),
+        };
+        let answering = match UdpSocket::bind(next).await {
+            Ok(socket) => Ok(socket),
+            Err(_) => UdpSocket::bind(any).await,
+        };
+        let answering = answering.map_err(|source| MockError::Bind {
+            address: any,
+            what: "UDP answers",
+            source,
+        })?;
+        Ok(Self {
+            listening: Arc::new(listening),
+            answering: Arc::new(answering),
+        })
+    }
+}
+
 /// Listens on an address; returns the actual one.
 async fn listen(
     address: SocketAddr,
@@ -315,7 +352,7 @@ async fn listen(
 struct Server {
     options: ServerOptions,
     addresses: Addresses,
-    udp: Arc<UdpSocket>,
+    udp: UdpSockets,
     capture_link: Arc<TcpListener>,
     web_api: Option<Arc<TcpListener>>,
     engine: Arc<dyn Engine>,
@@ -432,7 +469,7 @@ impl Server {
             tokio::select! {
                 _ = nobody.next(&self.capture_link) => {}
                 Some(_) = accept(&nobody, self.web_api.as_deref()) => {}
-                received = self.udp.recv_from(&mut buffer) => match received {
+                received = self.udp.listening.recv_from(&mut buffer) => match received {
                     Err(error) if error.kind() != io::ErrorKind::ConnectionReset => {
                         return Err(failed("the UDP server")(error));
                     }

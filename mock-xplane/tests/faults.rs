@@ -1,5 +1,6 @@
 //! Client-side view of injected faults: a simulator that hangs, one that restarts, a lossy network.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -48,22 +49,36 @@ fn capture(tick: u32) -> CaptureRequest {
     }
 }
 
+/// A client that is written by hand: without repetitions.
+struct PlainClient {
+    socket: UdpSocket,
+    simulator: SocketAddr,
+}
+
+impl PlainClient {
+    async fn send(&self, packet: &ToSimulator) {
+        let datagram = packet.encode().unwrap();
+        self.socket
+            .send_to(&datagram, self.simulator)
+            .await
+            .unwrap();
+    }
+}
+
 /// One datagram out, one value back; `None` if nothing comes for a while.
-async fn read(socket: &UdpSocket, path: &str) -> Option<f32> {
+async fn read(client: &PlainClient, path: &str) -> Option<f32> {
     let request = |frequency_hz| {
         ToSimulator::SubscribeDataref(SubscribeDataref {
             frequency_hz,
             index: 1,
             path: path.into(),
         })
-        .encode()
-        .unwrap()
     };
     let mut buffer = [0; 2048];
-    while socket.try_recv(&mut buffer).is_ok() {}
-    socket.send(&request(50)).await.unwrap();
-    let received = timeout(Duration::from_millis(300), socket.recv(&mut buffer)).await;
-    socket.send(&request(0)).await.unwrap();
+    while client.socket.try_recv(&mut buffer).is_ok() {}
+    client.send(&request(50)).await;
+    let received = timeout(Duration::from_millis(300), client.socket.recv(&mut buffer)).await;
+    client.send(&request(0)).await;
     let length = received.ok()?.unwrap();
     match FromSimulator::decode(&buffer[..length]).unwrap() {
         FromSimulator::DatarefValues(reply) => Some(reply.values[0].value),
@@ -71,19 +86,19 @@ async fn read(socket: &UdpSocket, path: &str) -> Option<f32> {
     }
 }
 
-async fn write(socket: &UdpSocket, path: &str, value: f32) {
+async fn write(client: &PlainClient, path: &str, value: f32) {
     let write = WriteDataref {
         path: path.into(),
         value,
     };
-    let datagram = ToSimulator::WriteDataref(write).encode().unwrap();
-    socket.send(&datagram).await.unwrap();
+    client.send(&ToSimulator::WriteDataref(write)).await;
 }
 
-async fn plain_client(running: &Running) -> UdpSocket {
-    let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
-    socket.connect(running.addresses.udp).await.unwrap();
-    socket
+async fn plain_client(running: &Running) -> PlainClient {
+    PlainClient {
+        socket: UdpSocket::bind("127.0.0.1:0").await.unwrap(),
+        simulator: running.addresses.udp,
+    }
 }
 
 #[tokio::test]
@@ -157,12 +172,11 @@ async fn the_network_loses_and_doubles_what_it_was_told_to() {
         index: 7,
         path: "sim/time/total_running_time_sec".into(),
     };
-    let request = ToSimulator::SubscribeDataref(request).encode().unwrap();
-    udp.send(&request).await.unwrap();
+    udp.send(&ToSimulator::SubscribeDataref(request)).await;
     let mut received = Vec::new();
     let mut buffer = [0; 64];
     for _ in 0..6 {
-        let length = udp.recv(&mut buffer).await.unwrap();
+        let length = udp.socket.recv(&mut buffer).await.unwrap();
         received.push(buffer[..length].to_vec());
     }
     // Time runs, so that only copies are equal.

@@ -602,7 +602,7 @@ async fn a_second_client_waits_for_the_seat_and_is_refused_while_the_first_stays
 async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
     let running = start(Arc::new(Scribe::default())).await;
     let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
-    socket.connect(running.addresses.udp).await.unwrap();
+    let simulator = running.addresses.udp;
     // As XPlaneConnectX asks: `0` as fifth byte, `[0]` behind a scalar.
     let path = "sim/version/xplane_internal_version[0]".to_owned();
     let request = SubscribeDataref {
@@ -612,10 +612,12 @@ async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
     };
     let mut datagram = ToSimulator::SubscribeDataref(request).encode().unwrap();
     datagram[4] = b'0';
-    socket.send(&datagram).await.unwrap();
+    socket.send_to(&datagram, simulator).await.unwrap();
     let mut buffer = [0; 2048];
     for _ in 0..3 {
-        let length = socket.recv(&mut buffer).await.unwrap();
+        let (length, from) = socket.recv_from(&mut buffer).await.unwrap();
+        assert_eq!(from.ip(), simulator.ip());
+        assert_ne!(from.port(), simulator.port(), "as X-Plane: from 49001");
         assert_eq!(&buffer[..5], b"RREF,");
         let Ok(FromSimulator::DatarefValues(reply)) = FromSimulator::decode(&buffer[..length])
         else {
@@ -631,10 +633,8 @@ async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
         index: 42,
         path: String::new(),
     };
-    socket
-        .send(&ToSimulator::SubscribeDataref(end).encode().unwrap())
-        .await
-        .unwrap();
+    let end = ToSimulator::SubscribeDataref(end).encode().unwrap();
+    socket.send_to(&end, simulator).await.unwrap();
     // Twenty times as long as between two of them.
     let end = Instant::now() + Duration::from_secs(20);
     let next = async |buffer: &mut [u8]| {

@@ -144,9 +144,9 @@ async fn the_list_is_empty_until_a_flight_is_loaded_and_the_flight_has_place_tim
 
     // The same world over UDP: the aircraft is there, and flies once it has stopped standing still.
     let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
-    udp.connect(running.0.addresses.udp).await.unwrap();
     let ask = ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 20 });
-    udp.send(&ask.encode().unwrap()).await.unwrap();
+    let ask = ask.encode().unwrap();
+    udp.send_to(&ask, running.0.addresses.udp).await.unwrap();
     let mut buffer = [0; 128];
     let flying = async {
         loop {
@@ -306,9 +306,9 @@ async fn with_incoming_traffic_off_everything_is_refused_and_eleven_has_no_web_a
         assert_eq!(status, 403, "{path}");
     }
     let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
-    udp.connect(deaf.0.addresses.udp).await.unwrap();
     let ask = ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 50 });
-    udp.send(&ask.encode().unwrap()).await.unwrap();
+    let ask = ask.encode().unwrap();
+    udp.send_to(&ask, deaf.0.addresses.udp).await.unwrap();
     let answer = timeout(Duration::from_millis(300), udp.recv(&mut [0; 128])).await;
     assert!(answer.is_err(), "an answer over UDP");
 

@@ -30,6 +30,7 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
     };
     let options = DoctorOptions {
         web_api,
+        local_udp: args.local_udp.options(),
         measuring: match (args.measure, args.no_measure) {
             (true, _) => Measuring::Again,
             (_, true) => Measuring::Never,

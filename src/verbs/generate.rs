@@ -15,8 +15,8 @@ use generator::shard::Shard;
 use generator::sweep::Sweep;
 use indicatif::DecimalBytes;
 use store::{CorpusLocation, CorpusStore};
-use xplane_bridge::WebApiPlace;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
+use xplane_bridge::{LocalUdp, WebApiPlace};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
@@ -36,6 +36,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let patience = Duration::from_secs(args.patience);
     let options = GenerateOptions {
         simulators: args.sim.clone(),
+        local_udp: local_udp(args)?,
         pixels: args.pixels,
         encoder: args.encoder,
         only: args.only.clone(),
@@ -90,6 +91,24 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     Ok(ending)
 }
 
+/// The local side of UDP. Each simulator that runs already takes a port of its own.
+fn local_udp(args: &GenerateArgs) -> Result<LocalUdp, Failure> {
+    let running = args.sim.running_already();
+    if let Some(port) = args.local_udp.udp_port {
+        if running == 0 {
+            return Err(Failure::bad_input_message(
+                "--udp-port is for a simulator that runs already (--sim HOST:PORT or auto); the stand-ins and tapes of this run take any port",
+            ));
+        }
+        if usize::from(port) + running - 1 > usize::from(u16::MAX) {
+            return Err(Failure::bad_input_message(format!(
+                "--udp-port {port}: {running} simulators take as many ports from there on, but 65535 is the last one"
+            )));
+        }
+    }
+    Ok(args.local_udp.options())
+}
+
 /// The folder to record into, and where it is uploaded to.
 fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
     match &args.out {
@@ -118,6 +137,7 @@ fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
 pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure> {
     Ok(GenerateOptions {
         simulators,
+        local_udp: LocalUdp::default(),
         stand_in_program: env::current_exe()?,
         pixels: PixelChoice::Auto,
         encoder: None,

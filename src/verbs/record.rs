@@ -9,7 +9,7 @@ use generator::stand_in::{StandIn, StandInTask};
 use tokio::runtime::Runtime;
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::link::LinkToken;
-use xplane_bridge::{BridgeError, somebody_answers};
+use xplane_bridge::{BridgeError, LocalUdp, somebody_answers};
 use xplane_tape::{RecordOptions, TapeSummary, record};
 
 use super::Outcome;
@@ -26,12 +26,17 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &RecordArgs) -> Outcome {
     let runtime = async_runtime()?;
+    // Of the recorder's own questions nothing stays subscribed, so that no note is needed.
+    let local_udp = LocalUdp {
+        port: args.local_udp.udp_port,
+        notes: None,
+    };
     let stand_in = own_stand_in(&args.sim, &runtime)?;
     let address = match &stand_in {
         Some(stand_in) => stand_in.address(),
         None => match simulator(&args.sim)? {
             Some(address) => address,
-            None => runtime.block_on(announced())?,
+            None => runtime.block_on(announced(&local_udp))?,
         },
     };
     let options = RecordOptions {
@@ -41,6 +46,7 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
         out: args.out.clone(),
         frames: args.frames,
         token: LinkToken::from_environment(),
+        first_udp_port: args.local_udp.udp_port,
     };
     let cancel = Cancel::new();
     let _in_good_order = signals::in_good_order(&cancel);
@@ -59,7 +65,7 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
         tokio::pin!(recording);
         tokio::select! {
             recorded = &mut recording => return recorded,
-            () = look_for(address) => {}
+            () = look_for(address, &local_udp) => {}
         }
         recording.await
     });
@@ -92,8 +98,8 @@ fn own_stand_in(sim: &str, runtime: &Runtime) -> Result<Option<StandIn>, Failure
 }
 
 /// Address of the one simulator that announces itself.
-async fn announced() -> Result<SocketAddr, Failure> {
-    match the_announced(DISCOVERY_TIMEOUT).await {
+async fn announced(local_udp: &LocalUdp) -> Result<SocketAddr, Failure> {
+    match the_announced(DISCOVERY_TIMEOUT, local_udp).await {
         Ok(one) => {
             eprintln!("record: the simulator at {}", one.address);
             Ok(one.address)
@@ -105,8 +111,8 @@ async fn announced() -> Result<SocketAddr, Failure> {
 
 /// Warns if nobody answers there: otherwise a wrong address would show only as an empty tape. Sent outside the recorder, so that
 /// the probe is on no tape.
-async fn look_for(address: SocketAddr) {
-    if !somebody_answers(address, ANSWER_WITHIN).await {
+async fn look_for(address: SocketAddr, local_udp: &LocalUdp) {
+    if !somebody_answers(address, ANSWER_WITHIN, local_udp).await {
         eprintln!(
             "warning: nobody answers at {address} (UDP) yet. What clients send is recorded, and what comes back once X-Plane runs there with \
              Settings > Network > \"Accept incoming connections\" on; is it the right address?"

@@ -10,12 +10,14 @@ mod altered;
 mod blank;
 pub mod plugin;
 pub mod recorded_flights;
+mod relay;
 mod running;
 mod simulator_process;
 mod xvfb;
 
 pub use altered::altered;
 pub use blank::Blank;
+pub use relay::Relay;
 pub use running::{Running, quiet, serving, serving_with};
 pub use simulator_process::{PATIENCE, SWEEP, SimulatorProcess};
 pub use xvfb::Xvfb;

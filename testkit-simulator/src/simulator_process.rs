@@ -84,14 +84,13 @@ impl SimulatorProcess {
         let mut request = b"RREF\0\x0a\0\0\0\0\0\0\0dtd/bridge/capture_port".to_vec();
         request.resize(413, 0);
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-        socket.connect(self.udp()).unwrap();
         socket
             .set_read_timeout(Some(Duration::from_secs(1)))
             .unwrap();
         let began = Instant::now();
         let mut answer = [0; 13];
         while began.elapsed() < PATIENCE {
-            socket.send(&request).unwrap();
+            socket.send_to(&request, self.udp()).unwrap();
             let came = socket
                 .recv(&mut answer)
                 .is_ok_and(|length| length == answer.len());

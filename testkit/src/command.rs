@@ -31,6 +31,8 @@ impl Dtd {
         command
             .args(arguments)
             .current_dir(repository())
+            // Notes of clients that a test kills.
+            .env("XDG_STATE_HOME", repository().join("target/state-of-tests"))
             .env_remove("SLURM_ARRAY_TASK_ID")
             .env_remove("JOB_COMPLETION_INDEX");
         command

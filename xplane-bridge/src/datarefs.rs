@@ -47,6 +47,8 @@ pub const RUNNING_TIME_S: &str = "sim/time/total_running_time_sec";
 pub const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
 /// 1 while the simulator's time stands still. Read-only: [`COMMAND_PAUSE_ON`] and [`COMMAND_PAUSE_OFF`] change it.
 pub const PAUSED: &str = "sim/time/paused";
+/// 1 while scenery loads; falls before fine terrain is there.
+pub const SCENERY_LOADING: &str = "sim/graphics/scenery/async_scenery_load_in_progress";
 /// Size of the user's aircraft across, metres, by which X-Plane draws its shadow.
 pub const AIRCRAFT_WIDTH_M: &str = "sim/aircraft/view/acf_size_x";
 /// The same lengthwise.

@@ -3,6 +3,10 @@
 //! Input: how long to listen. Output: which simulators announced themselves, and their addresses. The beacon is multicast: it does
 //! not cross routers, and some networks drop it; then the address must be given. We join the group on the default interface and on
 //! loopback, where a simulator on this computer is heard.
+//!
+//! A computer with several networks may be heard under several addresses, not all of which can be reached. Equal beacons may also come
+//! from two computers, since X-Plane 12 may send no name. So each of their addresses is asked for the simulator's running time: one
+//! simulator runs equally long at all of its addresses.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -15,6 +19,8 @@ use tokio::time::{Instant, timeout_at};
 
 use crate::error::BridgeError;
 use crate::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
+use crate::simulator::running_since;
+use crate::udp_socket::LocalUdp;
 
 /// How long to listen: three beacons, of which two may be lost.
 pub const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(3);
@@ -22,6 +28,10 @@ pub const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(3);
 const HOST_X_PLANE: i32 = 1;
 /// [`Beacon::role`] of a simulator that flies; the others only display.
 const ROLE_MASTER: u32 = 1;
+/// How long each address of a simulator that is heard under several may take to answer.
+const ANSWER_WITHIN: Duration = Duration::from_secs(1);
+/// The start of one simulator, as computed from answers at two of its addresses, differs by less than this: X-Plane hangs while it loads.
+const SAME_START: Duration = Duration::from_secs(2);
 
 /// A simulator that announced itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,12 +42,12 @@ pub struct Announced {
     pub beacon: Beacon,
 }
 
-/// All simulators that announce themselves within `time`.
+/// All simulators that announce themselves within `time`, under each of their addresses.
 ///
 /// # Errors
-/// [`BridgeError::NoMulticast`] if this computer cannot listen to the beacon.
+/// [`BridgeError::NoBeaconPort`] or [`BridgeError::NoMulticast`] if this computer cannot listen to the beacon.
 pub async fn announced(time: Duration) -> Result<Vec<Announced>, BridgeError> {
-    let socket = listen().map_err(|source| BridgeError::NoMulticast { source })?;
+    let socket = listen(BEACON_PORT)?;
     let until = Instant::now() + time;
     let mut found = BTreeMap::new();
     let mut buffer = [0; 2048];
@@ -57,49 +67,73 @@ pub async fn announced(time: Duration) -> Result<Vec<Announced>, BridgeError> {
         .collect())
 }
 
-/// The one simulator that announces itself within `time`.
+/// The one simulator that announces itself within `time`, at an address where it answers.
 ///
 /// # Errors
-/// [`BridgeError::NobodyAnnounced`] or [`BridgeError::SeveralAnnounced`], which say what to do;
+/// [`BridgeError::NobodyAnnounced`] or [`BridgeError::SeveralAnnounced`], which say what to do; [`BridgeError::NoBeaconPort`] or
 /// [`BridgeError::NoMulticast`] if this computer cannot listen to the beacon.
-pub async fn the_announced(time: Duration) -> Result<Announced, BridgeError> {
-    choose(announced(time).await?, time)
+pub async fn the_announced(time: Duration, local: &LocalUdp) -> Result<Announced, BridgeError> {
+    choose(announced(time).await?, time, local).await
 }
 
-/// Of all that were heard, the one that flies. A simulator on this computer may be heard under two of its addresses, each
-/// with the same port and name; the loopback one is preferred.
-pub(crate) fn choose(
-    mut heard: Vec<Announced>,
+/// Of all that were heard, the one that flies, at an address where it answers. If none answers, an address of this computer, or the first.
+pub(crate) async fn choose(
+    heard: Vec<Announced>,
     waited: Duration,
+    local: &LocalUdp,
 ) -> Result<Announced, BridgeError> {
-    heard.retain(|one| one.beacon.host == HOST_X_PLANE && one.beacon.role == ROLE_MASTER);
-    heard.sort_by_key(|one| !one.address.ip().is_loopback());
-    let mut different: Vec<Announced> = Vec::new();
-    for one in heard {
-        let twin = different
-            .iter()
-            .any(|other| other.beacon == one.beacon && other.address.ip().is_loopback());
-        if !twin {
-            different.push(one);
+    let flying = flying(heard);
+    let [first, others @ ..] = &flying[..] else {
+        return Err(BridgeError::NobodyAnnounced { waited });
+    };
+    if others.is_empty() {
+        return Ok(first.clone());
+    }
+    let several = |different: &[&Announced]| BridgeError::SeveralAnnounced {
+        addresses: different.iter().map(|one| one.address).collect(),
+    };
+    if others.iter().any(|other| other.beacon != first.beacon) {
+        return Err(several(&flying.iter().collect::<Vec<_>>()));
+    }
+    let mut answering = Vec::new();
+    for one in &flying {
+        if let Some(since) = running_since(one.address, ANSWER_WITHIN, local).await {
+            answering.push((one, since));
         }
     }
-    match <[Announced; 1]>::try_from(different) {
-        Ok([one]) => Ok(one),
-        Err(none) if none.is_empty() => Err(BridgeError::NobodyAnnounced { waited }),
-        Err(several) => Err(BridgeError::SeveralAnnounced {
-            addresses: several.iter().map(|one| one.address).collect(),
-        }),
+    let different = different(&answering);
+    match different[..] {
+        [] => Ok(first.clone()),
+        [one] => Ok(one.clone()),
+        _ => Err(several(&different)),
     }
+}
+
+/// Those that fly, addresses of this computer first.
+fn flying(mut heard: Vec<Announced>) -> Vec<Announced> {
+    heard.retain(|one| one.beacon.host == HOST_X_PLANE && one.beacon.role == ROLE_MASTER);
+    heard.sort_by_key(|one| !one.address.ip().is_loopback());
+    heard
+}
+
+/// The first address of each simulator, recognised by its start.
+fn different<'a>(answering: &[(&'a Announced, Instant)]) -> Vec<&'a Announced> {
+    let mut found: Vec<(&Announced, Instant)> = Vec::new();
+    for &(one, since) in answering {
+        let is_known = found.iter().any(|(_, known)| {
+            let apart = since.saturating_duration_since(*known);
+            apart.max(known.saturating_duration_since(since)) < SAME_START
+        });
+        if !is_known {
+            found.push((one, since));
+        }
+    }
+    found.into_iter().map(|(one, _)| one).collect()
 }
 
 /// A socket on the beacon's port, shared with other listeners.
-fn listen() -> io::Result<UdpSocket> {
-    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
-    socket.set_reuse_address(true)?;
-    #[cfg(unix)]
-    socket.set_reuse_port(true)?;
-    socket.set_nonblocking(true)?;
-    socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, BEACON_PORT)).into())?;
+fn listen(port: u16) -> Result<UdpSocket, BridgeError> {
+    let socket = bind(port).map_err(|source| BridgeError::NoBeaconPort { port, source })?;
     let joined = [Ipv4Addr::UNSPECIFIED, Ipv4Addr::LOCALHOST]
         .map(|interface| socket.join_multicast_v4(&BEACON_GROUP, &interface));
     // One of the two is enough: a computer without a network has only the loopback interface.
@@ -107,11 +141,23 @@ fn listen() -> io::Result<UdpSocket> {
         [Err(error), Err(_)] => Err(error),
         _ => UdpSocket::from_std(socket.into()),
     }
+    .map_err(|source| BridgeError::NoMulticast { source })
+}
+
+fn bind(port: u16) -> io::Result<Socket> {
+    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+    socket.set_reuse_address(true)?;
+    #[cfg(unix)]
+    socket.set_reuse_port(true)?;
+    socket.set_nonblocking(true)?;
+    socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)).into())?;
+    Ok(socket)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::packet::{DatarefValue, DatarefValues, ToSimulator};
 
     fn heard(address: &str, change: impl FnOnce(&mut Beacon)) -> Announced {
         let address: SocketAddr = address.parse().unwrap();
@@ -124,21 +170,86 @@ mod tests {
         Announced { address, beacon }
     }
 
-    #[test]
-    fn the_one_that_flies_is_chosen_and_its_other_address_is_no_second_simulator() {
+    /// A simulator at this address that has run for some seconds, or does not answer.
+    async fn answering(ip: &str, running_s: Option<f32>) -> SocketAddr {
+        let socket = UdpSocket::bind((ip.parse::<Ipv4Addr>().unwrap(), 0))
+            .await
+            .unwrap();
+        let address = socket.local_addr().unwrap();
+        tokio::spawn(async move {
+            let mut buffer = [0; 2048];
+            loop {
+                let (length, from) = socket.recv_from(&mut buffer).await.unwrap();
+                if let Ok(ToSimulator::SubscribeDataref(request)) =
+                    ToSimulator::decode(&buffer[..length])
+                    && let (Some(value), false) = (running_s, request.is_end())
+                {
+                    let index = request.index;
+                    let values = vec![DatarefValue { index, value }];
+                    let reply = FromSimulator::DatarefValues(DatarefValues { values });
+                    socket
+                        .send_to(&reply.encode().unwrap(), from)
+                        .await
+                        .unwrap();
+                }
+            }
+        });
+        address
+    }
+
+    async fn chosen(heard: Vec<Announced>) -> Result<Announced, BridgeError> {
+        choose(heard, DISCOVERY_TIMEOUT, &LocalUdp::default()).await
+    }
+
+    /// The same beacon, heard under several addresses.
+    fn under(addresses: &[SocketAddr]) -> Vec<Announced> {
+        let one = |address: &SocketAddr| heard(&address.to_string(), |beacon| beacon.port = 49_000);
+        addresses.iter().map(one).collect()
+    }
+
+    #[tokio::test]
+    async fn the_one_that_flies_is_chosen() {
         let all = vec![
             heard("10.0.0.5:49000", |_| ()),
-            heard("127.0.0.1:49000", |_| ()),
             heard("10.0.0.6:49000", |beacon| beacon.role = 2),
             heard("10.0.0.7:49001", |beacon| beacon.host = 2),
         ];
-        let chosen = choose(all, DISCOVERY_TIMEOUT).unwrap();
-        assert_eq!(chosen.address.to_string(), "127.0.0.1:49000");
+        let one = chosen(all).await.unwrap();
+        assert_eq!(one.address.to_string(), "10.0.0.5:49000");
     }
 
-    #[test]
-    fn nobody_and_several_are_errors_that_say_what_to_do() {
-        let none = choose(vec![], DISCOVERY_TIMEOUT).unwrap_err().to_string();
+    #[tokio::test]
+    async fn one_that_is_heard_under_several_addresses_is_one_at_the_address_that_answers() {
+        // Linux answers on all loopback addresses, other systems only on the first.
+        if !cfg!(target_os = "linux") {
+            return;
+        }
+        let silent = answering("127.0.0.1", None).await;
+        let first = answering("127.0.0.2", Some(500.0)).await;
+        let second = answering("127.0.0.3", Some(500.5)).await;
+        let one = chosen(under(&[silent, first, second])).await.unwrap();
+        assert_eq!(one.address, first);
+        let one = chosen(under(&[silent])).await.unwrap();
+        assert_eq!(one.address, silent);
+    }
+
+    #[tokio::test]
+    async fn equal_beacons_of_two_simulators_are_several_by_their_running_times() {
+        if !cfg!(target_os = "linux") {
+            return;
+        }
+        let first = answering("127.0.0.2", Some(500.0)).await;
+        let second = answering("127.0.0.3", Some(40.0)).await;
+        let error = chosen(under(&[first, second])).await.unwrap_err();
+        let BridgeError::SeveralAnnounced { addresses } = error else {
+            panic!("{error}");
+        };
+        assert_eq!(addresses, [first, second]);
+    }
+
+    #[tokio::test]
+    async fn nobody_and_several_are_errors_that_say_what_to_do() {
+        let none = chosen(vec![]).await.unwrap_err().to_string();
         assert!(none.contains("--sim HOST:PORT"), "{none}");
         let two = vec![
             heard("10.0.0.5:49000", |_| ()),
@@ -146,7 +257,17 @@ mod tests {
                 beacon.name = Some("radar".into());
             }),
         ];
-        let two = choose(two, DISCOVERY_TIMEOUT).unwrap_err().to_string();
+        let two = chosen(two).await.unwrap_err().to_string();
         assert!(two.contains("10.0.0.5:49000, 10.0.0.6:49000"), "{two}");
+    }
+
+    #[tokio::test]
+    async fn a_beacon_port_that_is_reserved_is_named_with_what_to_do() {
+        let reserved = std::net::UdpSocket::bind("0.0.0.0:0").unwrap();
+        let port = reserved.local_addr().unwrap().port();
+        let said = listen(port).unwrap_err().to_string();
+        for words in [&port.to_string(), "excludedportrange", "--sim HOST:PORT"] {
+            assert!(said.contains(words), "{said}");
+        }
     }
 }

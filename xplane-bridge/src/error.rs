@@ -29,14 +29,28 @@ pub enum BridgeError {
     },
     /// Nothing came back over UDP.
     #[error(
-        "no simulator answered at {address} (UDP) within {waited:.1?}. Is X-Plane running, is Settings > Network > \
-         \"Accept incoming connections\" on, and is this its address? Without X-Plane, use the stand-in: --sim mock"
+        "no simulator answered at {address} (UDP) within {waited:.1?}{}. Is X-Plane running, is Settings > Network > \
+         \"Accept incoming connections\" on, and is this its address? Without X-Plane, use the stand-in: --sim mock",
+        if *.refused { ": no program listens on that port" } else { "" }
     )]
     NobodyAnswers {
         /// Where we asked.
         address: SocketAddr,
         /// For how long.
         waited: Duration,
+        /// Whether its computer said that the port is closed.
+        refused: bool,
+    },
+    /// The local port that the user chose is not available.
+    #[error(
+        "cannot use UDP port {port} of this computer for the simulator's answers: {source}. Does another dtd or program use it? Choose another \
+         one with --udp-port, or leave it out for any free port"
+    )]
+    LocalPort {
+        /// The port.
+        port: u16,
+        /// Why not.
+        r#source: std::io::Error,
     },
     /// No beacon was heard.
     #[error(
@@ -56,7 +70,18 @@ pub enum BridgeError {
         /// Where they take packets.
         addresses: Vec<SocketAddr>,
     },
-    /// This computer cannot listen to beacons.
+    /// The port of the beacon is not available.
+    #[error(
+        "cannot listen for beacons on UDP port {port} of this computer: {source}. Another program uses it alone, or the system reserves it \
+         (Windows, for Hyper-V: `netsh interface ipv4 show excludedportrange protocol=udp`). Give the simulator's address: --sim HOST:PORT"
+    )]
+    NoBeaconPort {
+        /// The port.
+        port: u16,
+        /// Why not.
+        r#source: std::io::Error,
+    },
+    /// This computer cannot receive multicast.
     #[error(
         "cannot listen to the beacon (multicast {}:{}): {source}. Give the address: --sim HOST:PORT",
         crate::packet::BEACON_GROUP,
@@ -170,6 +195,16 @@ pub enum BridgeError {
         wanted_longitude_deg: f64,
         /// Its actual latitude and longitude, if known.
         found: Option<(f64, f64)>,
+    },
+    /// The scenery of a flight does not finish loading.
+    #[error(
+        "X-Plane has been loading scenery for {waited:.0?} (dataref {} is not 0). Look for a message in X-Plane, start any flight, and run the \
+         same command again",
+        crate::datarefs::SCENERY_LOADING
+    )]
+    StillLoading {
+        /// Since the flight was requested.
+        waited: Duration,
     },
     /// The Web API failed.
     #[error(transparent)]
@@ -293,6 +328,24 @@ pub enum BridgeError {
         difference: WeatherDifference,
         /// How long it was given.
         waited: Duration,
+    },
+    /// A command without its effect.
+    #[error(
+        "command {command} was sent {attempts} times, but dataref {name} {}, expected {wanted}. Close menus and dialogs in X-Plane, and run no \
+         other plugin that undoes it",
+        .found.map_or("never answered".to_owned(), |value| format!("reads {value}"))
+    )]
+    CommandWithoutEffect {
+        /// Which command.
+        command: String,
+        /// How often it was sent.
+        attempts: u32,
+        /// The dataref that shows its effect.
+        name: String,
+        /// What it should read.
+        wanted: f32,
+        /// What it reads, if it answers.
+        found: Option<f32>,
     },
     /// The requested weather does not arrive.
     #[error(

@@ -17,6 +17,7 @@ pub mod packet;
 pub mod pixels;
 pub mod profile;
 mod simulator;
+pub mod simulator_address;
 pub mod subscription;
 mod udp_socket;
 pub mod web_api;
@@ -30,3 +31,4 @@ pub use simulator::{
     ConnectOptions, KnownBlocks, LINK_TOKEN_VARIABLE, Simulator, SimulatorDescription,
     WEB_API_VARIABLE, WebApiPlace, somebody_answers,
 };
+pub use udp_socket::LocalUdp;

@@ -51,6 +51,7 @@ use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
 use sharing::Sharing;
 use udp::UdpClient;
+pub(crate) use udp::running_since;
 pub use udp::somebody_answers;
 
 /// A reasonable timeout for [`Simulator::connect`].
@@ -170,13 +171,30 @@ impl Simulator {
         options: ConnectOptions,
     ) -> BoxFuture<'static, Result<Self, BridgeError>> {
         Box::pin(async move {
+            let udp = UdpClient::open(address, &options.local_udp).await?;
+            let socket = udp.socket().clone();
+            let connected = Self::connect_on(udp, timeout, options).await;
+            if connected.is_err() {
+                socket.close().await;
+            }
+            connected
+        })
+    }
+
+    fn connect_on(
+        mut udp: UdpClient,
+        timeout: Duration,
+        options: ConnectOptions,
+    ) -> BoxFuture<'static, Result<Self, BridgeError>> {
+        Box::pin(async move {
             let ConnectOptions {
                 token,
                 web_api,
                 no_shared_memory,
+                local_udp: _,
             } = options;
             let deadline = Instant::now() + timeout;
-            let mut udp = UdpClient::bind(address).await?;
+            let address = udp.socket().simulator();
             let waited = timeout.mul_f64(1.0 - LINK_SHARE);
             let names = [
                 datarefs::VERSION,
@@ -191,7 +209,11 @@ impl Simulator {
                 )
                 .await?;
             let [version, port, settle_s] = [values[0], values[1], values[2]];
-            let version = version.ok_or(BridgeError::NobodyAnswers { address, waited })?;
+            let version = version.ok_or(BridgeError::NobodyAnswers {
+                address,
+                waited,
+                refused: false,
+            })?;
             let port = match port {
                 Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
                 _ => return Err(BridgeError::NoPlugin { address, waited }),
@@ -601,10 +623,8 @@ impl Simulator {
                 }
                 Err(error) => Err(error),
             };
-            self.udp.unsubscribe_all().await;
-            if let Some(settings_watch) = self.settings_watch.take() {
-                settings_watch.end().await;
-            }
+            self.settings_watch = None;
+            self.udp.close().await;
             match released? {
                 Answer::Released => Ok(()),
                 other => Err(wrong("released", &other)),

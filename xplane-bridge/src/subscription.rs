@@ -10,14 +10,13 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use tokio::net::UdpSocket;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
-use tokio::time::{Instant, sleep, timeout_at};
+use tokio::time::{Instant, timeout_at};
 
 use crate::error::BridgeError;
-use crate::packet::{DatarefValuesView, SubscribeDataref, ToSimulator};
-use crate::udp_socket::{is_refused, open};
+use crate::packet::ToSimulator;
+use crate::udp_socket::{Claim, LocalUdp, SimulatorSocket};
 use requested::RequestedDatarefs;
 
 /// Requests per batch. X-Plane handles about 140 in one of its frames and loses the others silently.
@@ -26,8 +25,6 @@ pub(crate) const BATCH: usize = 100;
 pub(crate) const BATCH_PAUSE: Duration = Duration::from_millis(100);
 /// A simulator that is silent for this long has forgotten us, or is gone.
 pub const SILENCE: Duration = Duration::from_millis(2_500);
-/// How long to listen on exit for values of subscriptions whose end was lost.
-const LEAVE_PAUSE: Duration = Duration::from_millis(60);
 
 /// The newest value of a dataref.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,13 +45,13 @@ pub struct Subscription {
 
 #[derive(Debug)]
 struct Shared {
-    socket: UdpSocket,
-    address: SocketAddr,
+    socket: Arc<SimulatorSocket>,
     requested: Mutex<RequestedDatarefs>,
 }
 
 impl Subscription {
-    /// Subscribes to `names` at the simulator that takes packets at `address`. Returns at once; values come as they come.
+    /// Subscribes to `names` at the simulator that takes packets at `address`, on a socket of its own. Returns at once; values come as
+    /// they come.
     ///
     /// # Errors
     /// No socket is available. A missing simulator is not an error: it may come.
@@ -63,24 +60,30 @@ impl Subscription {
         names: impl IntoIterator<Item = String>,
         frequency_hz: i32,
     ) -> Result<Self, BridgeError> {
-        let requested = RequestedDatarefs::new(names, frequency_hz);
-        let (sender, readings) = watch::channel(requested.readings().to_vec());
-        let shared = Arc::new(Shared {
-            socket: open(address).await?,
-            address,
-            requested: Mutex::new(requested),
-        });
-        Ok(Self::keeping(shared, sender, readings))
+        let socket = SimulatorSocket::open(address, &LocalUdp::default()).await?;
+        Ok(Self::on(&socket, names, frequency_hz))
     }
 
-    /// Not `async`: what it spawns is compiled here, not by every caller.
-    fn keeping(
-        shared: Arc<Shared>,
-        sender: watch::Sender<Vec<Option<Reading>>>,
-        readings: watch::Receiver<Vec<Option<Reading>>>,
+    /// [`Subscription::start`] on a socket that has other readers.
+    pub(crate) fn on(
+        socket: &Arc<SimulatorSocket>,
+        names: impl IntoIterator<Item = String>,
+        frequency_hz: i32,
     ) -> Self {
+        Self::keeping(socket.clone(), names.into_iter().collect(), frequency_hz)
+    }
+
+    /// Not generic: what it spawns is compiled here, not by every caller.
+    fn keeping(socket: Arc<SimulatorSocket>, names: Vec<String>, frequency_hz: i32) -> Self {
+        let claim = socket.claim(names.len());
+        let requested = RequestedDatarefs::new(names, frequency_hz, claim.first());
+        let (sender, readings) = watch::channel(requested.readings().to_vec());
+        let shared = Arc::new(Shared {
+            socket,
+            requested: Mutex::new(requested),
+        });
         Self {
-            task: tokio::spawn(keep(shared.clone(), sender)),
+            task: tokio::spawn(keep(shared.clone(), claim, sender)),
             shared,
             readings,
         }
@@ -108,23 +111,9 @@ impl Subscription {
 
     /// Ends it, and listens for a moment whether something still arrives. Dropping ends it, too, but does not listen.
     pub async fn end(self) {
-        self.task.abort();
-        self.shared.say_end();
-        let until = Instant::now() + LEAVE_PAUSE;
-        let mut buffer = [0; 2048];
-        while let Ok(received) = timeout_at(until, self.shared.socket.recv(&mut buffer)).await {
-            match received {
-                Ok(length) => {
-                    for value in DatarefValuesView::new(&buffer[..length])
-                        .into_iter()
-                        .flat_map(DatarefValuesView::iter)
-                    {
-                        self.shared.send_now(&end_of(value.index));
-                    }
-                }
-                Err(_) => return,
-            }
-        }
+        let socket = self.shared.socket.clone();
+        drop(self);
+        socket.close().await;
     }
 }
 
@@ -142,30 +131,20 @@ impl Shared {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Ends everything that was ever requested. Once is enough.
+    /// Ends everything that was ever requested. Once is enough: what arrives nevertheless is ended again by the socket.
     fn say_end(&self) {
         for index in self.requested().end() {
-            self.send_now(&end_of(index));
-        }
-    }
-
-    /// Waits until the socket is writable. (A fresh one is not known to be, so that trying at once would lose everything.)
-    async fn send(&self, request: SubscribeDataref) {
-        if let Ok(datagram) = ToSimulator::SubscribeDataref(request).encode() {
-            let _ = self.socket.send(&datagram).await;
-        }
-    }
-
-    fn send_now(&self, request: &SubscribeDataref) {
-        if let Ok(datagram) = ToSimulator::SubscribeDataref(request.clone()).encode() {
-            let _ = self.socket.try_send(&datagram);
+            self.socket.end_now(index);
         }
     }
 }
 
 /// Sends and listens until it is aborted.
-async fn keep(shared: Arc<Shared>, readings: watch::Sender<Vec<Option<Reading>>>) {
-    let mut buffer = [0; 2048];
+async fn keep(
+    shared: Arc<Shared>,
+    mut claim: Claim,
+    readings: watch::Sender<Vec<Option<Reading>>>,
+) {
     loop {
         let (due, wake_at) = {
             let mut requested = shared.requested();
@@ -173,41 +152,19 @@ async fn keep(shared: Arc<Shared>, readings: watch::Sender<Vec<Option<Reading>>>
             (requested.due(now), requested.wake_at(now))
         };
         for request in due {
-            shared.send(request).await;
-        }
-        let length = match timeout_at(wake_at, shared.socket.recv(&mut buffer)).await {
-            Err(_) => continue,
-            Ok(Ok(length)) => length,
-            Ok(Err(error)) => {
-                // "Connection refused" answers an earlier datagram: nobody listens, perhaps not yet.
-                if !is_refused(&error) {
-                    tracing::warn!(address = %shared.address, %error, "subscription");
-                }
-                sleep(BATCH_PAUSE).await;
-                continue;
+            let request = ToSimulator::SubscribeDataref(request);
+            if let Err(error) = shared.socket.send(&request).await {
+                tracing::debug!(%error, "not subscribed");
             }
+        }
+        let Ok(values) = timeout_at(wake_at, claim.values()).await else {
+            continue;
         };
-        match DatarefValuesView::new(&buffer[..length]) {
-            Ok(values) => {
-                let now = Instant::now();
-                let mut requested = shared.requested();
-                for value in values.iter() {
-                    if !requested.take(value, now) {
-                        shared.send_now(&end_of(value.index));
-                    }
-                }
-                readings.send_replace(requested.readings().to_vec());
-            }
-            Err(error) => tracing::debug!(address = %shared.address, %error, "datagram ignored"),
+        let now = Instant::now();
+        let mut requested = shared.requested();
+        for value in values {
+            requested.take(value, now);
         }
-    }
-}
-
-/// What ends a subscription by its number alone.
-pub(crate) fn end_of(index: i32) -> SubscribeDataref {
-    SubscribeDataref {
-        frequency_hz: 0,
-        index,
-        path: String::new(),
+        readings.send_replace(requested.readings().to_vec());
     }
 }

@@ -306,6 +306,44 @@ async fn a_temperature_that_never_holds_is_an_error_that_says_for_how_long_it_wa
 }
 
 #[tokio::test]
+async fn a_temperature_that_slides_for_longer_is_waited_for_as_long_as_it_takes_what_is_written() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    fake.told().run_clock(100.0);
+    // Beyond the patience with one that something else holds.
+    fake.told().temperature_drifts_until_s = 500.0;
+    let mut simulator = fake.connect().await;
+    simulator.set_conditions(&conditions()).await.unwrap();
+    let found_c = fake.told().datarefs[datarefs::TEMPERATURE_C];
+    assert!((found_c - 15.0).abs() <= 1.0, "{found_c}");
+}
+
+#[tokio::test]
+async fn a_start_without_a_plugin_is_asked_for_once_and_left_alone_until_it_has_loaded() {
+    let fake = Fake::start(ELEVEN, "B738", None).await;
+    fake.told().start_takes = Some((Duration::from_millis(1_500), Duration::from_millis(700)));
+    let mut simulator = fake.connect().await;
+    simulator.fly(&flight()).await.unwrap();
+    let told = fake.told();
+    assert_eq!(told.starts.len(), 1);
+    assert!(told.hasty.is_empty(), "{:?}", told.hasty);
+    assert!(told.commands.iter().any(|path| path == APPROACH[0]));
+}
+
+#[tokio::test]
+async fn a_command_without_effect_is_an_error_about_the_command() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    fake.told().set(datarefs::PAUSED, 1.0);
+    fake.told().ignores_commands = true;
+    let said = fake.connect().await.resume().await.unwrap_err().to_string();
+    for words in [
+        "command sim/operation/pause_off was sent 8 times",
+        "sim/time/paused reads 1, expected 0",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+#[tokio::test]
 async fn weather_that_settles_a_little_elsewhere_is_the_weather_that_was_set() {
     let fake = Fake::start(TWELVE, "B738", None).await;
     let mut simulator = fake.connect().await;

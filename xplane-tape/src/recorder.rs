@@ -26,6 +26,7 @@ use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 
 use xplane_bridge::link::LinkToken;
+use xplane_bridge::simulator_address::reachable;
 
 use super::error::TapeError;
 use super::format::{FramesKept, TapeInfo};
@@ -50,6 +51,8 @@ pub struct RecordOptions {
     pub frames: FramesKept,
     /// The token that a client of the capture link must send. Required if the address is not a loopback one.
     pub token: Option<LinkToken>,
+    /// The local UDP port towards the simulator of the first client; each further client takes the next free one. Any free ports without.
+    pub first_udp_port: Option<u16>,
 }
 
 impl RecordOptions {
@@ -62,6 +65,7 @@ impl RecordOptions {
             out,
             frames: FramesKept::default(),
             token: None,
+            first_udp_port: None,
         }
     }
 }
@@ -100,7 +104,8 @@ pub async fn record(
     let (tape_thread, mut writing) =
         TapeThread::start(TapeWriter::create(&options.out, &info)?, options.frames);
     let route = Arc::new(Route {
-        simulator: options.simulator,
+        simulator: reachable(options.simulator),
+        first_udp_port: options.first_udp_port,
         our_link_port: link_address.port(),
         simulators_link_port: AtomicU16::new(0),
         token: options.token,
@@ -126,6 +131,7 @@ pub async fn record(
 /// Shared by the proxies.
 struct Route {
     simulator: SocketAddr,
+    first_udp_port: Option<u16>,
     our_link_port: u16,
     /// The simulator's last value; 0 before.
     simulators_link_port: AtomicU16,

@@ -338,6 +338,12 @@ impl ScenarioError {
                     found,
                     ..
                 }
+                | BridgeError::CommandWithoutEffect {
+                    name,
+                    wanted,
+                    found,
+                    ..
+                }
                 | BridgeError::WeatherNotTaken {
                     name,
                     wanted,
@@ -408,6 +414,7 @@ impl ScenarioError {
                 BridgeError::Refused { .. }
                 | BridgeError::BadConditions { .. }
                 | BridgeError::NotTaken { .. }
+                | BridgeError::CommandWithoutEffect { .. }
                 | BridgeError::WeatherNotTaken { .. }
                 | BridgeError::OtherWeatherShows { .. }
                 | BridgeError::Packet(_) => Blame::Scenario,

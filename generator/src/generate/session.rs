@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::{KnownProfile, RecordedPace};
-use xplane_bridge::{CONNECT_TIMEOUT, KnownBlocks, Simulator};
+use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, KnownBlocks, LocalUdp, Simulator};
 use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
@@ -34,6 +34,13 @@ pub enum SimulatorTarget {
     Announced,
     /// A session recorded with `dtd record`, replayed for this run.
     Tape(PathBuf),
+}
+
+impl SimulatorTarget {
+    /// Whether it runs independently of this run, on whatever computer.
+    pub(super) fn runs_already(&self) -> bool {
+        matches!(self, Self::Address(_) | Self::Announced)
+    }
 }
 
 /// Why a text names no simulator.
@@ -139,6 +146,7 @@ pub(super) struct Session {
     name: String,
     program: PathBuf,
     pictures: Pictures,
+    local_udp: LocalUdp,
     stand_in: Option<StandIn>,
     /// An unused connection; the next scenario uses it.
     ready: Option<Simulator>,
@@ -165,6 +173,7 @@ impl Session {
         number: usize,
         program: &Path,
         pictures: &Pictures,
+        local_udp: LocalUdp,
     ) -> Self {
         let name = match target {
             SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn => {
@@ -177,6 +186,7 @@ impl Session {
             name,
             program: program.to_owned(),
             pictures: pictures.clone(),
+            local_udp,
             stand_in: None,
             ready: None,
             known: None,
@@ -327,12 +337,20 @@ impl Session {
         let address = match &self.target {
             SimulatorTarget::Address(address) => *address,
             // Looked up each time: a restarted one may have another address.
-            SimulatorTarget::Announced => the_announced(DISCOVERY_TIMEOUT).await?.address,
+            SimulatorTarget::Announced => {
+                the_announced(DISCOVERY_TIMEOUT, &self.local_udp)
+                    .await?
+                    .address
+            }
             SimulatorTarget::StandIn
             | SimulatorTarget::AwkwardStandIn
             | SimulatorTarget::Tape(_) => self.own_address().await?,
         };
-        Ok(Simulator::connect(address, CONNECT_TIMEOUT).await?)
+        let options = ConnectOptions {
+            local_udp: self.local_udp.clone(),
+            ..ConnectOptions::from_environment(address)?
+        };
+        Ok(Simulator::connect_with(address, CONNECT_TIMEOUT, options).await?)
     }
 
     /// The address of our own process that acts as the simulator, or replays a tape.

@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use xplane_bridge::LocalUdp;
+
 use super::session::{AWKWARD, BadSimulator, MOST_STAND_INS, SimulatorTarget};
 
 /// At least one simulator; each records its own scenarios.
@@ -12,6 +14,31 @@ impl Simulators {
     /// The simulators.
     pub(super) fn targets(&self) -> &[SimulatorTarget] {
         &self.0
+    }
+
+    /// Number of those that run already: only they may be behind a firewall.
+    pub fn running_already(&self) -> usize {
+        self.0.iter().filter(|one| one.runs_already()).count()
+    }
+
+    /// Each with the local side of its UDP socket: of those that run already the first has the chosen port and the next ones the ports
+    /// after it; stand-ins and tapes of this run end with it, and need neither port nor note.
+    pub(super) fn with_local_udp<'a>(
+        &'a self,
+        local: &'a LocalUdp,
+    ) -> impl Iterator<Item = (&'a SimulatorTarget, LocalUdp)> {
+        let mut port = local.port;
+        self.0.iter().map(move |target| {
+            if !target.runs_already() {
+                return (target, LocalUdp::default());
+            }
+            let own = LocalUdp {
+                port,
+                notes: local.notes.clone(),
+            };
+            port = port.map(|port| port.saturating_add(1));
+            (target, own)
+        })
     }
 }
 
@@ -66,6 +93,24 @@ mod tests {
         assert_eq!(number("mock:3"), 3);
         assert_eq!(number("mock:awkward,mock"), 2);
         assert_eq!(number("127.0.0.1:49000, 127.0.0.1:49100,mock:2"), 4);
+    }
+
+    #[test]
+    fn simulators_that_run_already_have_ports_in_a_row_and_stand_ins_any() {
+        let simulators: Simulators = "127.0.0.1:49000,mock,auto".parse().unwrap();
+        assert_eq!(simulators.running_already(), 2);
+        let local = LocalUdp {
+            port: Some(50_000),
+            notes: Some("state".into()),
+        };
+        let all: Vec<LocalUdp> = simulators
+            .with_local_udp(&local)
+            .map(|(_, local)| local)
+            .collect();
+        assert_eq!(all[0], local);
+        assert_eq!(all[1], LocalUdp::default());
+        assert_eq!(all[2].port, Some(50_001));
+        assert!(all[2].notes.is_some());
     }
 
     #[test]

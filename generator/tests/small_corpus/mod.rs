@@ -23,6 +23,7 @@ use testkit::repository;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit_simulator::{quiet, serving, serving_with};
 use tokio::task::AbortHandle;
+use xplane_bridge::LocalUdp;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 /// Four small scenarios from 2 NM: two fly live, two fly a recording.
@@ -93,6 +94,7 @@ pub async fn stand_in_with(port: u16, engine: Arc<dyn Engine>) -> (SocketAddr, A
 pub fn options(simulators: impl Into<Simulators>, only: &[&str]) -> GenerateOptions {
     GenerateOptions {
         simulators: simulators.into(),
+        local_udp: LocalUdp::default(),
         stand_in_program: PathBuf::from("unused"),
         pixels: PixelChoice::Auto,
         encoder: None,

@@ -97,11 +97,7 @@ const BOTH: &[Dataref] = &[
     writable("sim/operation/override/override_airport_lites", Int, 0.0),
     writable("sim/joystick/mouse_is_yoke", Int, 0.0),
     writable("sim/graphics/scenery/airport_lights_on", Int, 0.0),
-    read_only(
-        "sim/graphics/scenery/async_scenery_load_in_progress",
-        Int,
-        0.0,
-    ),
+    read_only(names::SCENERY_LOADING, Int, 0.0),
     // Position of the aircraft. Latitude and longitude belong to the simulator; local coordinates and attitude may be set.
     read_only("sim/flightmodel/position/latitude", Double, 0.0),
     read_only("sim/flightmodel/position/longitude", Double, 0.0),
@@ -128,6 +124,7 @@ const BOTH: &[Dataref] = &[
     read_only("sim/flightmodel/failures/onground_any", Int, 0.0),
     text("sim/aircraft/view/acf_relative_path", 512),
     text(names::AIRCRAFT_ICAO, 40),
+    text("sim/aircraft/view/acf_descrip", 500),
     read_only(names::AIRCRAFT_WIDTH_M, Float, 0.0),
     read_only(names::AIRCRAFT_LENGTH_M, Float, 0.0),
     // Flaps, gear, brakes, lights and the yoke, by the names that pilots' tools use.
@@ -144,6 +141,23 @@ const BOTH: &[Dataref] = &[
     read_only("sim/flightmodel2/controls/flap1_deploy_ratio", Float, 0.0),
     writable("sim/cockpit2/controls/gear_handle_down", Int, 0.0),
     read_only("sim/flightmodel2/gear/deploy_ratio", Float, 0.0),
+    // Levers of the engines.
+    array(
+        "sim/cockpit2/engine/actuators/throttle_ratio",
+        Float,
+        16,
+        0.0,
+    ),
+    writable(
+        "sim/cockpit2/engine/actuators/throttle_ratio_all",
+        Float,
+        0.0,
+    ),
+    writable(
+        "sim/cockpit2/engine/actuators/throttle_jet_rev_ratio_all",
+        Float,
+        0.0,
+    ),
     // Radios and autopilot.
     writable(names::NAV1_FREQUENCY, Int, 11_030.0),
     writable(names::NAV1_COURSE_MAGNETIC, Float, 0.0),

@@ -4,14 +4,13 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use tokio::net::UdpSocket;
 use tokio::time::{MissedTickBehavior, interval};
 use xplane_bridge::packet::{DataRows, FromSimulator, ToSimulator};
 
 use super::faults::disorder::{Disorder, Way};
 use super::faults::outages::Outages;
 use super::subscriptions::Subscriptions;
-use super::{MockError, ServerOptions, Shared};
+use super::{MockError, ServerOptions, Shared, UdpSockets};
 
 /// Length of a frame of the stand-in: 60 a second.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
@@ -28,13 +27,13 @@ type Mail = (Vec<u8>, SocketAddr);
 
 /// Serves forever.
 pub(super) async fn run(
-    socket: Arc<UdpSocket>,
+    sockets: UdpSockets,
     world: Shared,
     options: ServerOptions,
     outages: Arc<Outages>,
 ) -> Result<(), MockError> {
     let mut server = Server {
-        socket,
+        sockets,
         world,
         subscriptions: Subscriptions::default(),
         incoming: Disorder::new(&options.faults, Way::In),
@@ -60,7 +59,7 @@ pub(super) async fn run(
                     outages.freeze_for(Duration::from_secs_f64(freeze_s));
                 }
             }
-            received = server.socket.recv_from(&mut buffer) => match received {
+            received = server.sockets.listening.recv_from(&mut buffer) => match received {
                 Ok((length, from)) => {
                     outages.over().await;
                     for (datagram, from) in server.incoming.pass((buffer[..length].to_vec(), from)) {
@@ -76,7 +75,7 @@ pub(super) async fn run(
 }
 
 struct Server {
-    socket: Arc<UdpSocket>,
+    sockets: UdpSockets,
     world: Shared,
     subscriptions: Subscriptions,
     incoming: Disorder<Mail>,
@@ -206,7 +205,7 @@ impl Server {
     }
 
     async fn put_on_the_wire(&self, datagram: &[u8], client: SocketAddr) {
-        if let Err(error) = self.socket.send_to(datagram, client).await {
+        if let Err(error) = self.sockets.answering.send_to(datagram, client).await {
             tracing::debug!(%client, %error, "packet not sent");
         }
     }

@@ -13,6 +13,7 @@ mod motion;
 mod possible;
 mod scenery;
 mod sky;
+mod throttle;
 mod view;
 
 use std::collections::BTreeSet;
@@ -280,6 +281,7 @@ impl World {
         sky.written(path, before, datarefs);
         view::written(path, datarefs);
         aircraft::written(path, datarefs);
+        throttle::written(path, datarefs);
         Ok(())
     }
 
@@ -331,7 +333,7 @@ impl World {
         let place = aircraft.state().pose.position();
         scenery.advance(elapsed_s, place.lat_lon());
         let loading = scenery.is_loading();
-        datarefs.set(scenery::LOADING, f64::from(u8::from(loading)));
+        datarefs.set(names::SCENERY_LOADING, f64::from(u8::from(loading)));
         if was_loading != loading && self.quirks.has(Quirk::MovingOrigin) {
             aircraft.move_origin(loading);
             aircraft.publish(datarefs);

@@ -7,7 +7,7 @@ use std::net::Ipv4Addr;
 use serde::{Deserialize, Serialize};
 
 use super::PacketError;
-use super::body::{Fields, start, text};
+use super::body::{Fields, start};
 
 /// Multicast group of the beacon.
 pub const BEACON_GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 1, 1);
@@ -32,7 +32,7 @@ pub struct Beacon {
     pub role: u32,
     /// The port that takes our packets.
     pub port: u16,
-    /// Name of the computer.
+    /// Name of the computer. It is in the system's encoding: what is not UTF-8 is replaced by U+FFFD.
     pub name: Option<String>,
     /// Port of the newer protocol, if the packet is long enough to tell.
     pub raknet_port: Option<u16>,
@@ -72,7 +72,7 @@ impl Beacon {
                 (&rest[..end], rest.get(end + 1..).unwrap_or_default())
             }
         };
-        let name = text(TAG, "name", name)?;
+        let name = String::from_utf8_lossy(name).into_owned();
         Ok(Self {
             major,
             minor,
@@ -128,6 +128,12 @@ mod tests {
         let without_nul = [&bytes[..21], &[0x72, 0xbf]].concat();
         assert_eq!(Beacon::decode(&without_nul).unwrap(), nameless);
         assert!(Beacon::decode(&bytes[..20]).is_err());
+        // "TÜRM" in Windows' encoding.
+        let latin = [&bytes[..21], b"T\xdcRM\0"].concat();
+        assert_eq!(
+            Beacon::decode(&latin).unwrap().name.as_deref(),
+            Some("T\u{fffd}RM")
+        );
         let short_name = Beacon {
             name: Some("x".into()),
             ..bare

@@ -22,7 +22,7 @@ impl Simulator {
     /// Stops the simulator's time.
     ///
     /// # Errors
-    /// [`BridgeError::NotTaken`] if it does not stop.
+    /// [`BridgeError::CommandWithoutEffect`] if it does not stop.
     pub async fn pause(&mut self) -> Result<(), BridgeError> {
         self.command_until(COMMAND_PAUSE_ON, &DatarefWrite::new(PAUSED, 1.0))
             .await
@@ -31,7 +31,7 @@ impl Simulator {
     /// Lets the simulator's time run.
     ///
     /// # Errors
-    /// [`BridgeError::NotTaken`] if it does not run.
+    /// [`BridgeError::CommandWithoutEffect`] if it does not run.
     pub async fn resume(&mut self) -> Result<(), BridgeError> {
         self.command_until(COMMAND_PAUSE_OFF, &DatarefWrite::new(PAUSED, 0.0))
             .await
@@ -61,9 +61,10 @@ impl Simulator {
                     tracing::warn!(command, ?values, "the autopilot does not show it");
                 }
                 (_, values) => {
-                    return Err(BridgeError::NotTaken {
-                        name: AUTOPILOT_MODE.to_owned(),
+                    return Err(BridgeError::CommandWithoutEffect {
+                        command: command.to_owned(),
                         attempts: ATTEMPTS,
+                        name: AUTOPILOT_MODE.to_owned(),
                         wanted: 2.0,
                         found: values.first().copied().flatten(),
                     });
@@ -122,9 +123,10 @@ impl Simulator {
         if shows(found) {
             return Ok(());
         }
-        Err(BridgeError::NotTaken {
-            name: effect.name.clone(),
+        Err(BridgeError::CommandWithoutEffect {
+            command: command.to_owned(),
             attempts: ATTEMPTS,
+            name: effect.name.clone(),
             wanted: effect.value,
             found,
         })

@@ -42,8 +42,8 @@ impl Simulator {
                 // Watched already; any value is allowed until they are set again.
                 Some(settings_watch) => settings_watch.expect([]),
                 None => {
-                    self.settings_watch =
-                        Some(SettingsWatch::begin(self.address, &expected).await?);
+                    let socket = self.udp.socket();
+                    self.settings_watch = Some(SettingsWatch::begin(socket, &expected));
                 }
             }
             // Weather changes only while time runs; an aircraft that may be in the air is held meanwhile.

@@ -7,6 +7,7 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::str::FromStr;
 
 use crate::error::BridgeError;
+use crate::udp_socket::LocalUdp;
 use crate::web_api;
 
 /// Environment variable with the token of a capture link that is open to other machines.
@@ -25,6 +26,8 @@ pub struct ConnectOptions {
     pub web_api: Option<SocketAddr>,
     /// Whether every picture must be sent over the link, even if the simulator could draw it into our memory.
     pub no_shared_memory: bool,
+    /// The local side of UDP.
+    pub local_udp: LocalUdp,
 }
 
 impl ConnectOptions {
@@ -38,6 +41,7 @@ impl ConnectOptions {
             token: env::var(LINK_TOKEN_VARIABLE).ok(),
             web_api: WebApiPlace::from_environment()?.of(address),
             no_shared_memory: env::var(SHARED_MEMORY_VARIABLE).is_ok_and(|word| word == "off"),
+            local_udp: LocalUdp::default(),
         })
     }
 }

@@ -30,13 +30,15 @@ use dataset::conditions::Clock;
 use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
 
-use self::talk::Talk;
+use self::talk::{Silence, Talk};
 use crate::datarefs::{CAPTURE_PORT, Generation};
 use crate::error::BridgeError;
 use crate::link::PictureSize;
 use crate::pixels::{FfmpegScreen, Screen};
 use crate::profile::Finding;
-use crate::{Simulator, SimulatorDescription, WebApiPlace};
+use crate::simulator_address::reachable;
+use crate::udp_socket::LocalUdp;
+use crate::{ConnectOptions, Simulator, SimulatorDescription, WebApiPlace};
 
 /// X-Plane's default address.
 const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
@@ -170,6 +172,8 @@ pub struct DoctorOptions {
     pub listen: Duration,
     /// How long to wait for values over UDP.
     pub wait: Duration,
+    /// The local side of UDP.
+    pub local_udp: LocalUdp,
     /// Whether to measure.
     pub measuring: Measuring,
     /// What is to be recorded with it, if known.
@@ -185,6 +189,7 @@ impl DoctorOptions {
             screen: Arc::new(FfmpegScreen::here()),
             listen: Duration::from_millis(2_500),
             wait: Duration::from_secs(4),
+            local_udp: LocalUdp::default(),
             measuring: Measuring::Once,
             intent: None,
         }
@@ -261,20 +266,28 @@ impl Examination<'_> {
             .address
             .or(announced)
             .unwrap_or(USUAL_ADDRESS.into());
-        let mut talk = match Talk::begin(usual, options.wait).await {
+        let usual = reachable(usual);
+        let mut talk = match Talk::begin(usual, options).await {
             Ok(talk) => talk,
             Err(error) => {
-                let hint = "Is this the simulator's address, and is a network there?";
+                let hint = match error {
+                    BridgeError::LocalPort { .. } => "Choose another --udp-port, or none",
+                    _ => "Is this the simulator's address, and is a network there?",
+                };
                 self.note(Check::failed("udp", error.to_string(), hint));
                 self.skip_all("there is no UDP socket");
                 return Some(usual);
             }
         };
         let web_api = options.web_api.of(usual);
-        let Some(version) = talk.version().await else {
-            self.note(silent(usual, options, heard, web_api).await);
-            self.skip_all("the simulator does not answer over UDP");
-            return Some(usual);
+        let version = match talk.version().await {
+            Ok(version) => version,
+            Err(silence) => {
+                talk.end().await;
+                self.note(silent(usual, &silence, options, heard, web_api).await);
+                self.skip_all("the simulator does not answer over UDP");
+                return Some(usual);
+            }
         };
         self.note(Check::ok("udp", format!("{usual} answers")));
         let generation = Generation::of_version(version);
@@ -302,7 +315,7 @@ impl Examination<'_> {
         }
         let (place, clock) = (talk.place().await, talk.clock().await);
         talk.end().await;
-        match Simulator::connect(usual, LINK_TIMEOUT).await {
+        match connect(usual, options).await {
             Err(error) => {
                 self.note(no_link(&error));
                 self.skip(&OVER_LINK, "there is no capture link");
@@ -352,10 +365,19 @@ impl Examination<'_> {
     }
 }
 
+async fn connect(address: SocketAddr, options: &DoctorOptions) -> Result<Simulator, BridgeError> {
+    let options = ConnectOptions {
+        local_udp: options.local_udp.clone(),
+        ..ConnectOptions::from_environment(address)?
+    };
+    Simulator::connect_with(address, LINK_TIMEOUT, options).await
+}
+
 /// Why nothing comes over UDP. Incoming connections that are switched off show elsewhere: the beacon is sent nevertheless, and the
 /// Web API says so in its answer.
 async fn silent(
     address: SocketAddr,
+    silence: &Silence,
     options: &DoctorOptions,
     heard: bool,
     web_api: Option<SocketAddr>,
@@ -364,7 +386,10 @@ async fn silent(
         Some(place) if web::refuses(place).await => Some(place),
         _ => None,
     };
-    let mut found = format!("nothing from {address} within {:.1?}", options.wait);
+    let mut found = match silence {
+        Silence::Refused => format!("no program listens on {address}: its computer says so"),
+        Silence::Nothing => format!("nothing from {address} within {:.1?}", options.wait),
+    };
     let hint = match (refusing, heard) {
         (Some(place), _) => {
             found += &format!(", and the Web API at {place} refuses (403)");
@@ -373,11 +398,12 @@ async fn silent(
         }
         (None, true) => {
             "It is there, since its beacon is heard, but takes nothing: switch on Settings > Network > \"Accept incoming connections\" \
-             in X-Plane (a fresh X-Plane 12 has it off), and look at firewalls"
+             in X-Plane (a fresh X-Plane 12 has it off), and look at firewalls: the answers come from another port than 49000 (docs/x-plane.md)"
         }
         (None, false) => {
             "Start X-Plane and load a flight; switch on Settings > Network > \"Accept incoming connections\"; name the right \
-             address with --sim HOST:PORT. Without X-Plane: dtd mock-xplane"
+             address with --sim HOST:PORT; look at firewalls: the answers come from another port than 49000 (docs/x-plane.md). Without \
+             X-Plane: dtd mock-xplane"
         }
     };
     Check::failed("udp", found, hint)

@@ -2,8 +2,10 @@
 //!
 //! The best way is X-Plane 12.4's Web API, which takes aircraft, place, speed, time and weather together and answers. Without it,
 //! our plugin places the aircraft. If no plugin serves the capture link, the UDP packet `PREL` does, and `RPOS` shows whether it
-//! worked. A start is requested once: X-Plane closes the connection of starts that succeed, and a second one would restart the
-//! flight.
+//! worked; nothing else is sent until X-Plane has loaded the flight. A start is requested once: X-Plane closes the connection of starts
+//! that succeed, and a second one would restart the flight.
+
+mod by_udp;
 
 use std::time::Duration;
 
@@ -20,18 +22,12 @@ use crate::datarefs::{
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
 use crate::link::{Answer, Request};
-use crate::packet::{LoadAircraft, PlaceAtStart, Position};
+use crate::packet::{LoadAircraft, Position};
 use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 
-/// Kind of `PREL` that starts at latitude, longitude and elevation.
-const START_AT_POSITION: i32 = 6;
 /// Attempts of `PREL` and `ACFN`.
 const ATTEMPTS: u32 = 8;
-/// How long a position may take to follow a `PREL`.
-const PLACE_TIMEOUT: Duration = Duration::from_millis(500);
-/// A placed aircraft is found this close to its place: it flies on while the answer travels.
-const PLACED_WITHIN_M: f64 = 2_000.0;
-/// The same for a flight that X-Plane started while it did not answer, for a minute or two.
+/// How close to its start the aircraft of a flight is found that X-Plane started while it did not answer, for a minute or two.
 const BEGUN_WITHIN_M: f64 = 12_000.0;
 /// Farther than this from where pictures are taken, the aircraft must travel: scenery and weather are those around it.
 const NEAR_M: f64 = 30_000.0;
@@ -102,6 +98,7 @@ impl Simulator {
                 return Err(BridgeError::NobodyAnswers {
                     address: self.address,
                     waited: READY_TIMEOUT * 2,
+                    refused: false,
                 });
             }
             if !menu_was_toggled {
@@ -176,6 +173,7 @@ impl Simulator {
         if !already_started {
             self.place_by_udp(start).await?;
         }
+        self.await_loading().await?;
         Ok(already_started)
     }
 
@@ -306,10 +304,12 @@ impl Simulator {
                     livery: 0,
                 })
                 .await?;
-            let share = LOAD_TIMEOUT / ATTEMPTS;
-            let until = deadline.min(Instant::now() + share);
-            while Instant::now() < until {
-                if self.loaded_icao(Duration::from_secs(1)).await? == file.icao {
+            let until = Instant::now() + LOAD_TIMEOUT / ATTEMPTS;
+            let mut now_loaded = found.clone();
+            // X-Plane is silent while it loads, and a second request would make it load again.
+            while Instant::now() < deadline && (Instant::now() < until || now_loaded.is_empty()) {
+                now_loaded = self.loaded_icao(Duration::from_secs(1)).await?;
+                if now_loaded == file.icao {
                     return Ok(());
                 }
             }
@@ -339,27 +339,6 @@ impl Simulator {
             .collect())
     }
 
-    async fn place_by_udp(&mut self, start: &FlightStart) -> Result<(), BridgeError> {
-        let wanted = start.position.lat_lon();
-        let is_there = |found: &Position| lat_lon(found).distance_m(wanted) < PLACED_WITHIN_M;
-        let mut found = None;
-        for _ in 0..ATTEMPTS {
-            self.udp.place_at_start(at_position(start)).await?;
-            let deadline = Instant::now() + PLACE_TIMEOUT;
-            found = self.udp.position_until(deadline, is_there).await?;
-            if found.as_ref().is_some_and(is_there) {
-                return Ok(());
-            }
-        }
-        Err(BridgeError::NotPlaced {
-            by: "PREL",
-            attempts: ATTEMPTS,
-            wanted_latitude_deg: wanted.latitude_deg,
-            wanted_longitude_deg: wanted.longitude_deg,
-            found: found.map(|found| (found.latitude_deg, found.longitude_deg)),
-        })
-    }
-
     fn aircraft_file(&self) -> Option<AircraftFile> {
         let generation: Generation = self.generation;
         self.aircraft
@@ -375,19 +354,4 @@ fn lat_lon(position: &Position) -> LatLon {
         altitude_msl_m: position.elevation_msl_m,
     };
     found.lat_lon()
-}
-
-fn at_position(start: &FlightStart) -> PlaceAtStart {
-    PlaceAtStart {
-        start_type: START_AT_POSITION,
-        plane: 0,
-        airport: String::new(),
-        runway: 0,
-        runway_end: 0,
-        latitude_deg: start.position.latitude_deg,
-        longitude_deg: start.position.longitude_deg,
-        elevation_msl_m: start.position.altitude_msl_m,
-        heading_true_deg: start.heading_true_deg,
-        speed_mps: start.speed_mps,
-    }
 }

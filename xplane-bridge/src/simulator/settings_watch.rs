@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::time::Instant;
@@ -13,6 +14,7 @@ use tokio::time::Instant;
 use crate::datarefs::{DatarefWrite, RUNNING_TIME_S};
 use crate::error::BridgeError;
 use crate::subscription::{Reading, SILENCE, Subscription};
+use crate::udp_socket::SimulatorSocket;
 
 /// Values per second of every dataref: nine of ten may be lost before SILENCE counts as silence.
 const FREQUENCY_HZ: i32 = 4;
@@ -40,17 +42,14 @@ struct Judge {
 
 impl SettingsWatch {
     /// Starts watching the datarefs of `writes`, without expectations yet.
-    pub(super) async fn begin(
-        address: SocketAddr,
-        writes: &[DatarefWrite],
-    ) -> Result<Self, BridgeError> {
+    pub(super) fn begin(socket: &Arc<SimulatorSocket>, writes: &[DatarefWrite]) -> Self {
         let names: Vec<String> = std::iter::once(RUNNING_TIME_S.to_owned())
             .chain(writes.iter().map(|write| write.name.clone()))
             .collect();
-        Ok(Self {
-            subscription: Subscription::start(address, names.clone(), FREQUENCY_HZ).await?,
-            judge: Judge::new(address, names),
-        })
+        Self {
+            subscription: Subscription::on(socket, names.clone(), FREQUENCY_HZ),
+            judge: Judge::new(socket.simulator(), names),
+        }
     }
 
     /// From now on these settings, which have just been confirmed, must hold; any other may change.
@@ -72,11 +71,6 @@ impl SettingsWatch {
             true => self.judge.check(&self.subscription.readings()),
             false => Ok(()),
         }
-    }
-
-    /// Ends the watch.
-    pub(super) async fn end(self) {
-        self.subscription.end().await;
     }
 }
 

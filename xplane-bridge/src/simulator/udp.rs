@@ -1,104 +1,126 @@
 //! The client's UDP side: reading datarefs by short-lived subscriptions, writing them, sending commands.
 //!
 //! Datagrams may be lost both ways, so requests are repeated until values arrive, and values that arrive for a subscription that
-//! should have ended end it again. Every reading uses fresh indices, so that a late value of an earlier reading is not mistaken for
-//! a new one.
+//! should have ended end it again (`udp_socket`). Every reading uses fresh indices, so that a late value of an earlier reading is not
+//! mistaken for a new one.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::net::UdpSocket;
+use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout_at};
 
-use crate::datarefs::VERSION;
+use crate::datarefs::{RUNNING_TIME_S, VERSION};
 use crate::error::BridgeError;
 use crate::packet::{
-    Command, DatarefValue, DatarefValuesView, FromSimulator, LoadAircraft, PlaceAtStart, Position,
-    SubscribeDataref, SubscribePosition, ToSimulator, WriteDataref,
+    Command, DatarefValue, LoadAircraft, PlaceAtStart, Position, SubscribeDataref,
+    SubscribePosition, ToSimulator, WriteDataref,
 };
-use crate::subscription::{BATCH, BATCH_PAUSE, end_of};
-use crate::udp_socket::{is_refused, open};
+use crate::subscription::{BATCH, BATCH_PAUSE};
+use crate::udp_socket::{Claim, LocalUdp, SimulatorSocket};
 
 /// Delay before a request that brought no value is sent again.
 const REPEAT_AFTER: Duration = Duration::from_millis(250);
 /// A subscription lives for one value; a high rate brings it soon.
 const FREQUENCY_HZ: i32 = 50;
-/// How long to listen on exit for values of subscriptions whose end was lost.
-const LEAVE_PAUSE: Duration = Duration::from_millis(60);
+/// Refusals after which no program listens at the address: a single one may belong to a simulator that is just starting.
+const MOST_REFUSALS: u32 = 2;
 /// Writes sent at once: they must fit the receiver's buffer together.
 const WRITES_AT_ONCE: usize = 32;
 
 /// Whether a simulator answers at an address within a time. Nothing stays subscribed.
-pub async fn somebody_answers(address: SocketAddr, within: Duration) -> bool {
-    let Ok(mut udp) = UdpClient::bind(address).await else {
+pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &LocalUdp) -> bool {
+    let Ok(mut udp) = UdpClient::open(address, local).await else {
         return false;
     };
     let came = |values: &[Option<f32>]| values[0].is_some();
     let read = udp
         .read_until(&[VERSION], Instant::now() + within, came)
         .await;
-    udp.unsubscribe_all().await;
+    udp.close().await;
     read.is_ok_and(|values| came(&values))
 }
 
-/// A UDP socket connected to the simulator, and what is subscribed on it.
+/// When the simulator at an address began to run, by its own clock; `None` if it does not answer within a time.
+pub(crate) async fn running_since(
+    address: SocketAddr,
+    within: Duration,
+    local: &LocalUdp,
+) -> Option<Instant> {
+    let mut udp = UdpClient::open(address, local).await.ok()?;
+    let came = |values: &[Option<f32>]| values[0].is_some();
+    let read = udp
+        .read_until(&[RUNNING_TIME_S], Instant::now() + within, came)
+        .await;
+    let now = Instant::now();
+    udp.close().await;
+    let running = Duration::try_from_secs_f32(read.ok()?[0]?).ok()?;
+    now.checked_sub(running)
+}
+
+/// Reading, writing and commanding on the client's socket.
 #[derive(Debug)]
 pub(super) struct UdpClient {
-    socket: UdpSocket,
-    address: SocketAddr,
-    next_index: i32,
-    active: BTreeSet<i32>,
+    socket: Arc<SimulatorSocket>,
 }
 
 impl UdpClient {
-    /// Opens a socket towards the simulator. Sends nothing yet.
-    pub(super) async fn bind(address: SocketAddr) -> Result<Self, BridgeError> {
-        let socket = open(address).await?;
+    /// Opens a socket for the simulator.
+    pub(super) async fn open(address: SocketAddr, local: &LocalUdp) -> Result<Self, BridgeError> {
         Ok(Self {
-            socket,
-            address,
-            next_index: 1,
-            active: BTreeSet::new(),
+            socket: SimulatorSocket::open(address, local).await?,
         })
     }
 
+    /// The socket, for other readers.
+    pub(super) fn socket(&self) -> &Arc<SimulatorSocket> {
+        &self.socket
+    }
+
     /// Reads datarefs until all have arrived and `enough` is satisfied, or `deadline` passes; `None` for those that never arrived.
+    ///
+    /// # Errors
+    /// [`BridgeError::NobodyAnswers`] before the deadline if the simulator has never answered and no program listens there.
     pub(super) async fn read_until(
         &mut self,
         names: &[&str],
         deadline: Instant,
         enough: impl Fn(&[Option<f32>]) -> bool,
     ) -> Result<Vec<Option<f32>>, BridgeError> {
-        let first = self.next_index;
-        // Far from the end of i32 within any run, and never 0, which clients use for "all".
-        self.next_index = first.checked_add(names.len() as i32).unwrap_or(1);
-        let mut values = vec![None; names.len()];
-        let indices: BTreeMap<i32, usize> =
-            (0..names.len()).map(|at| (first + at as i32, at)).collect();
-        self.active.extend(indices.keys());
-        while !enough(&values) && Instant::now() < deadline {
+        let mut reading = Reading::new(&self.socket, names.len());
+        let (began, mut refusals) = (Instant::now(), 0);
+        while !enough(&reading.values) && Instant::now() < deadline {
             let missing: Vec<usize> = (0..names.len())
-                .filter(|&at| values[at].is_none())
+                .filter(|&at| reading.values[at].is_none())
                 .collect();
             for batch in missing.chunks(BATCH) {
                 for &at in batch {
-                    self.subscribe(FREQUENCY_HZ, first + at as i32, names[at])
-                        .await?;
+                    let index = reading.index(at);
+                    self.subscribe(FREQUENCY_HZ, index, names[at]).await?;
                 }
                 if missing.len() > BATCH {
                     let until = deadline.min(Instant::now() + BATCH_PAUSE);
-                    self.listen(until, &indices, &mut values, |_| false).await?;
+                    reading.listen(until, |_| false).await;
                 }
             }
             let until = deadline.min(Instant::now() + REPEAT_AFTER);
-            self.listen(until, &indices, &mut values, &enough).await?;
+            reading.listen(until, &enough).await;
+            if self.socket.is_refused().await {
+                refusals += 1;
+                if refusals == MOST_REFUSALS {
+                    return Err(BridgeError::NobodyAnswers {
+                        address: self.socket.simulator(),
+                        waited: began.elapsed(),
+                        refused: true,
+                    });
+                }
+            }
         }
-        for (&index, &at) in &indices {
-            self.subscribe(0, index, names[at]).await?;
-            self.active.remove(&index);
+        for (at, name) in names.iter().enumerate() {
+            self.subscribe(0, reading.index(at), name).await?;
         }
-        Ok(values)
+        Ok(reading.into_values())
     }
 
     /// Sets datarefs. The values must be read back to confirm.
@@ -143,19 +165,15 @@ impl UdpClient {
         enough: impl Fn(&Position) -> bool,
     ) -> Result<Option<Position>, BridgeError> {
         let mut last = None;
-        let mut buffer = [0; 2048];
+        let mut positions = self.socket.positions();
         while Instant::now() < deadline && !last.as_ref().is_some_and(&enough) {
             self.subscribe_position(FREQUENCY_HZ as u32).await?;
             let until = deadline.min(Instant::now() + REPEAT_AFTER);
             while !last.as_ref().is_some_and(&enough) {
-                let Some(length) = self.receive(until, &mut buffer).await? else {
+                let Some(position) = next(&mut positions, until).await else {
                     break;
                 };
-                if let Ok(FromSimulator::Position(position)) =
-                    FromSimulator::decode(&buffer[..length])
-                {
-                    last = Some(position);
-                }
+                last = Some(position);
             }
         }
         self.subscribe_position(0).await?;
@@ -169,37 +187,9 @@ impl UdpClient {
         .await
     }
 
-    /// The next datagram, `None` if none comes until a moment.
-    async fn receive(
-        &self,
-        until: Instant,
-        buffer: &mut [u8],
-    ) -> Result<Option<usize>, BridgeError> {
-        loop {
-            match timeout_at(until, self.socket.recv(buffer)).await {
-                Err(_) => return Ok(None),
-                Ok(Ok(length)) => return Ok(Some(length)),
-                Ok(Err(error)) if is_refused(&error) => sleep(Duration::from_millis(50)).await,
-                Ok(Err(source)) => {
-                    return Err(BridgeError::Udp {
-                        address: self.address,
-                        source,
-                    });
-                }
-            }
-        }
-    }
-
-    /// Ends all subscriptions, and listens for a moment whether something still arrives.
-    pub(super) async fn unsubscribe_all(&mut self) {
-        let _ = self.subscribe_position(0).await;
-        for index in std::mem::take(&mut self.active) {
-            let _ = self.socket.send(&end_datagram(index)).await;
-        }
-        let until = Instant::now() + LEAVE_PAUSE;
-        let _ = self
-            .listen(until, &BTreeMap::new(), &mut [], |_| false)
-            .await;
+    /// Listens for a moment whether anything still arrives, and ends it. Nothing stays subscribed.
+    pub(super) async fn close(&mut self) {
+        self.socket.close().await;
     }
 
     async fn subscribe(
@@ -218,61 +208,64 @@ impl UdpClient {
     }
 
     async fn send(&self, packet: &ToSimulator) -> Result<(), BridgeError> {
-        match self.socket.send(&packet.encode()?).await {
-            Ok(_) => Ok(()),
-            // "Connection refused" is the answer to an earlier datagram: nobody listens, perhaps not yet.
-            Err(error) if is_refused(&error) => Ok(()),
-            Err(source) => Err(BridgeError::Udp {
-                address: self.address,
-                source,
-            }),
+        self.socket.send(packet).await
+    }
+}
+
+async fn next(positions: &mut mpsc::Receiver<Position>, until: Instant) -> Option<Position> {
+    timeout_at(until, positions.recv()).await.ok().flatten()
+}
+
+/// Subscriptions that live for one value. Those that were not ended in order, since the reading was abandoned, end with this: a client
+/// that fails half-way must not leave the simulator sending forever.
+struct Reading {
+    socket: Arc<SimulatorSocket>,
+    claim: Claim,
+    values: Vec<Option<f32>>,
+    is_over: bool,
+}
+
+impl Reading {
+    fn new(socket: &Arc<SimulatorSocket>, count: usize) -> Self {
+        Self {
+            socket: socket.clone(),
+            claim: socket.claim(count),
+            values: vec![None; count],
+            is_over: false,
         }
+    }
+
+    /// The number of a dataref.
+    fn index(&self, at: usize) -> i32 {
+        self.claim.first() + at as i32
     }
 
     /// Receives values until `until`, or until `enough`.
-    async fn listen(
-        &mut self,
-        until: Instant,
-        indices: &BTreeMap<i32, usize>,
-        values: &mut [Option<f32>],
-        enough: impl Fn(&[Option<f32>]) -> bool,
-    ) -> Result<(), BridgeError> {
-        let mut buffer = [0; 2048];
-        while !enough(values) {
-            let Some(length) = self.receive(until, &mut buffer).await? else {
-                return Ok(());
+    async fn listen(&mut self, until: Instant, enough: impl Fn(&[Option<f32>]) -> bool) {
+        while !enough(&self.values) {
+            let Ok(values) = timeout_at(until, self.claim.values()).await else {
+                return;
             };
-            match DatarefValuesView::new(&buffer[..length]) {
-                Ok(reply) => {
-                    for DatarefValue { index, value } in reply.iter() {
-                        match indices.get(&index) {
-                            Some(&at) => values[at] = Some(value),
-                            None if !self.active.contains(&index) => {
-                                let _ = self.socket.try_send(&end_datagram(index));
-                            }
-                            None => {}
-                        }
-                    }
-                }
-                Err(error) => tracing::debug!(address = %self.address, %error, "datagram ignored"),
+            for DatarefValue { index, value } in values {
+                let at = (index - self.claim.first()) as usize;
+                self.values[at] = Some(value);
             }
         }
-        Ok(())
+    }
+
+    /// What arrived, after all subscriptions were ended.
+    fn into_values(mut self) -> Vec<Option<f32>> {
+        self.is_over = true;
+        std::mem::take(&mut self.values)
     }
 }
 
-impl Drop for UdpClient {
-    /// A client that fails half-way must not leave the simulator sending forever.
+impl Drop for Reading {
     fn drop(&mut self) {
-        for &index in &self.active {
-            let _ = self.socket.try_send(&end_datagram(index));
+        if !self.is_over {
+            for at in 0..self.values.len() {
+                self.socket.end_now(self.index(at));
+            }
         }
     }
-}
-
-/// The datagram that ends a subscription by its number alone.
-fn end_datagram(index: i32) -> Vec<u8> {
-    ToSimulator::SubscribeDataref(end_of(index))
-        .encode()
-        .unwrap_or_default()
 }

@@ -35,6 +35,9 @@ const PATIENCE: Duration = Duration::from_secs(70);
 const LONGEST_HITCH: Duration = Duration::from_secs(30);
 /// The same while only the temperature is missing: after the start, and after real weather, it drifts for minutes.
 const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
+/// The same if each value that is written is there for a moment: an attempt that gave up would only start its flight again, and wait for
+/// the same temperature. One that something else holds does not even take the value.
+const PATIENCE_WHILE_IT_SLIDES: Duration = Duration::from_secs(900);
 /// How long a temperature must be right after it was written: a drifting one is within its tolerance for the first second or two.
 const TEMPERATURE_HOLDS: Duration = Duration::from_secs(5);
 
@@ -170,7 +173,7 @@ impl Simulator {
         watched.push(DatarefWrite::new(RUNNING_TIME_S, 0.0));
         let began = Instant::now();
         let (mut heard, mut running_from_s) = (began, None);
-        let mut temperature_written_s = 0.0;
+        let (mut temperature_written_s, mut is_taken_for_a_moment) = (0.0, false);
         // As with a pause, a simulator whose weather shows at once does not need it.
         let holds_s = TEMPERATURE_HOLDS.min(self.weather_settle).as_secs_f32();
         let (mut before, mut unchanged) = (Vec::new(), 0);
@@ -204,6 +207,7 @@ impl Simulator {
                 return Err(BridgeError::NobodyAnswers {
                     address: self.address,
                     waited: heard.elapsed(),
+                    refused: false,
                 });
             }
             let weather = &found[..expected.len()];
@@ -212,6 +216,7 @@ impl Simulator {
             let is_wrong = !value.is_some_and(|value| write.is_met_by(value));
             let is_over = self.description.replayed && is_wrong && unchanged >= REPLAYED_POLLS;
             let patience = match slides {
+                true if is_taken_for_a_moment => PATIENCE_WHILE_IT_SLIDES,
                 true => PATIENCE_WITH_TEMPERATURE,
                 false => self.weather_patience(),
             };
@@ -228,6 +233,8 @@ impl Simulator {
                 temperature_written_s = passed_s;
                 self.write_surely(UPDATE_IMMEDIATELY, 1.0).await?;
                 self.write_surely(&write.name, write.value).await?;
+                let found = self.read(std::slice::from_ref(write)).await?[0];
+                is_taken_for_a_moment = found.is_some_and(|value| write.is_met_by(value));
             }
             sleep(self.poll_pause()).await;
         }

@@ -10,8 +10,6 @@ use crate::packet::{DatarefValue, SubscribeDataref};
 
 /// Delay before a request that brought no value is sent again.
 const REPEAT_AFTER: Duration = Duration::from_millis(500);
-/// Our numbers count from here; never 0, which clients use for "all".
-const FIRST_INDEX: i32 = 1;
 
 /// The datarefs of a subscription.
 #[derive(Debug)]
@@ -20,18 +18,20 @@ pub(super) struct RequestedDatarefs {
     readings: Vec<Option<Reading>>,
     asked_at: Vec<Option<Instant>>,
     frequency_hz: i32,
+    /// The number of the first; the others follow.
+    first_index: i32,
     batch_from: Option<Instant>,
     ended: bool,
 }
 
 impl RequestedDatarefs {
-    pub(super) fn new(names: impl IntoIterator<Item = String>, frequency_hz: i32) -> Self {
-        let names: Vec<String> = names.into_iter().collect();
+    pub(super) fn new(names: Vec<String>, frequency_hz: i32, first_index: i32) -> Self {
         Self {
             readings: vec![None; names.len()],
             asked_at: vec![None; names.len()],
             names,
             frequency_hz,
+            first_index,
             batch_from: None,
             ended: false,
         }
@@ -58,7 +58,7 @@ impl RequestedDatarefs {
                 self.asked_at[at] = Some(now);
                 SubscribeDataref {
                     frequency_hz: self.frequency_hz,
-                    index: FIRST_INDEX + at as i32,
+                    index: self.first_index + at as i32,
                     path: self.names[at].clone(),
                 }
             })
@@ -78,7 +78,7 @@ impl RequestedDatarefs {
     pub(super) fn take(&mut self, value: DatarefValue, now: Instant) -> bool {
         let at = value
             .index
-            .checked_sub(FIRST_INDEX)
+            .checked_sub(self.first_index)
             .and_then(|at| usize::try_from(at).ok());
         let Some(reading) = at
             .filter(|_| !self.ended)
@@ -100,7 +100,7 @@ impl RequestedDatarefs {
         }
         (0..self.names.len())
             .filter(|&at| self.asked_at[at].is_some())
-            .map(|at| FIRST_INDEX + at as i32)
+            .map(|at| self.first_index + at as i32)
             .collect()
     }
 
@@ -127,7 +127,7 @@ mod tests {
     }
 
     fn roll_of(names: usize) -> RequestedDatarefs {
-        RequestedDatarefs::new((0..names).map(|i| format!("dataref/{i}")), 5)
+        RequestedDatarefs::new((0..names).map(|i| format!("dataref/{i}")).collect(), 5, 1)
     }
 
     #[test]

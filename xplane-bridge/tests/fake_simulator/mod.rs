@@ -12,8 +12,8 @@ use xplane_bridge::datarefs::{
     CLOUD_COVER_AT_AIRCRAFT, COMMAND_APPROACH, COMMAND_AUTOTHROTTLE_ON, COMMAND_GLIDE_SLOPE,
     COMMAND_NAV, COMMAND_SERVOS_ON, COMMAND_TOGGLE_MAIN_MENU, FLIGHT_TIME_S, GLIDE_SLOPE_STATUS,
     METERS_PER_STATUTE_MILE, NAV_STATUS, PAUSED, RAIN, RAIN_AT_AIRCRAFT, RUNNING_TIME_S,
-    TEMPERATURE_C, VERSION, VISIBILITY_EFFECTIVE_M, VISIBILITY_SM, WEATHER_SETTLE_S,
-    WIND_DIRECTION_AT_AIRCRAFT, WIND_SPEED_AT_AIRCRAFT,
+    SCENERY_LOADING, TEMPERATURE_C, VERSION, VISIBILITY_EFFECTIVE_M, VISIBILITY_SM,
+    WEATHER_SETTLE_S, WIND_DIRECTION_AT_AIRCRAFT, WIND_SPEED_AT_AIRCRAFT,
 };
 use xplane_bridge::link::{
     Answer, FLIGHT_COLUMNS, PixelKind, Request, exchange_greetings, read_header, write_message,
@@ -41,6 +41,16 @@ pub(crate) struct Told {
     pub(crate) temperature_slides_until_s: f32,
     pending_clouds: Vec<(String, f32)>,
     clouds_from_s: f32,
+    /// Its other habit: until then it takes what is written, and slides away.
+    pub(crate) temperature_drifts_until_s: f32,
+    /// How long it neither draws nor answers after a `PREL`, and how long it loads scenery after that.
+    pub(crate) start_takes: Option<(Duration, Duration)>,
+    silent_until: Option<Instant>,
+    loading_until: Option<Instant>,
+    /// Writes and commands that it was sent while it loaded.
+    pub(crate) hasty: Vec<String>,
+    /// Whether commands have no effect.
+    pub(crate) ignores_commands: bool,
     /// Whether a menu is open, in which simulated time stands still, and whether toggling it helps.
     pub(crate) menu: Option<bool>,
     frames: u32,
@@ -103,8 +113,23 @@ impl Told {
         self.writes.push((path, value));
     }
 
+    fn is_silent(&self) -> bool {
+        self.silent_until
+            .is_some_and(|until| Instant::now() < until)
+    }
+
+    fn is_loading(&self) -> bool {
+        self.loading_until
+            .is_some_and(|until| Instant::now() < until)
+    }
+
     /// Its current value.
     fn pass(&mut self) {
+        let loading = f32::from(u8::from(self.is_loading()));
+        self.set(SCENERY_LOADING, loading);
+        if self.now_s() < self.temperature_drifts_until_s {
+            *self.datarefs.entry(TEMPERATURE_C.to_owned()).or_default() += 0.05;
+        }
         if self.menu.is_none() {
             self.frames += 1;
             self.set(FLIGHT_TIME_S, self.frames as f32 * 0.02);
@@ -183,7 +208,7 @@ async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<Told>>) {
             _ = frames.tick() => {
                 let mut told = told.lock().unwrap();
                 told.pass();
-                due(&told)
+                if told.is_silent() { Vec::new() } else { due(&told) }
             }
             received = socket.recv_from(&mut buffer) => match received {
                 Ok((length, from)) => obey(&mut told.lock().unwrap(), &buffer[..length], from),
@@ -210,7 +235,18 @@ fn due(told: &Told) -> Vec<(SocketAddr, FromSimulator)> {
 }
 
 fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, FromSimulator)> {
-    match ToSimulator::decode(datagram).unwrap() {
+    let packet = ToSimulator::decode(datagram).unwrap();
+    if told.is_loading() {
+        match &packet {
+            ToSimulator::WriteDataref(write) => told.hasty.push(write.path.clone()),
+            ToSimulator::Command(command) => told.hasty.push(command.path.clone()),
+            _ => {}
+        }
+    }
+    if told.is_silent() {
+        return Vec::new();
+    }
+    match packet {
         ToSimulator::SubscribeDataref(request) if request.is_end() => {
             told.subscribed.remove(&(from, request.index));
         }
@@ -222,6 +258,7 @@ fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, 
         }
         ToSimulator::Command(command) => {
             match command.path.as_str() {
+                _ if told.ignores_commands => {}
                 "sim/operation/pause_on" => told.set(PAUSED, 1.0),
                 "sim/operation/pause_off" => told.set(PAUSED, 0.0),
                 COMMAND_SERVOS_ON => told.set(AUTOPILOT_MODE, 2.0),
@@ -233,7 +270,14 @@ fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, 
             }
             told.commands.push(command.path);
         }
-        ToSimulator::PlaceAtStart(start) => told.starts.push(start),
+        ToSimulator::PlaceAtStart(start) => {
+            told.starts.push(start);
+            if let Some((silent, loading)) = told.start_takes {
+                let now = Instant::now();
+                told.silent_until = Some(now + silent);
+                told.loading_until = Some(now + silent + loading);
+            }
+        }
         ToSimulator::LoadAircraft(load) => {
             told.set_icao("B738");
             told.loads.push(load);

@@ -1,7 +1,7 @@
 //! The UDP proxy. Each client gets a separate socket towards the simulator, which distinguishes clients by their address.
 
 use std::collections::{BTreeSet, HashMap};
-use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -16,6 +16,7 @@ use crate::error::TapeError;
 use crate::format::{Channel, Direction};
 use xplane_bridge::datarefs::CAPTURE_PORT;
 use xplane_bridge::packet::ToSimulator;
+use xplane_bridge::simulator_address::{is_answer, local_address};
 
 /// A client without traffic for this long is forgotten. If it comes back, it is a new one.
 const FORGET_AFTER: Duration = Duration::from_secs(600);
@@ -93,11 +94,7 @@ impl Client {
         ours: Arc<UdpSocket>,
         route: Arc<Route>,
     ) -> std::io::Result<Self> {
-        let any: SocketAddr = match route.simulator {
-            SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
-            SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
-        };
-        let towards_simulator = UdpSocket::bind(any).await?;
+        let towards_simulator = bind(&route).await?;
         for direction in [Direction::ToSimulator, Direction::FromSimulator] {
             let channel = Channel::Udp {
                 client: number,
@@ -132,7 +129,7 @@ impl Client {
             };
             match timeout(FORGET_AFTER, next).await {
                 Ok(Some(Ok(datagram))) => self.pass_to_simulator(&datagram).await,
-                Ok(Some(Err(Ok((length, from))))) if from.ip() == self.route.simulator.ip() => {
+                Ok(Some(Err(Ok((length, from))))) if is_answer(self.route.simulator, from) => {
                     self.pass_to_client(&mut buffer[..length]).await;
                 }
                 // From a stranger, or the notice that nobody listens, perhaps not yet.
@@ -191,6 +188,22 @@ impl Client {
             *value = f32::from(self.route.our_link_port).to_le_bytes();
         }
     }
+}
+
+/// A socket towards the simulator: on any free port, or on the first free one of those that the user chose.
+async fn bind(route: &Route) -> std::io::Result<UdpSocket> {
+    let Some(first) = route.first_udp_port else {
+        return UdpSocket::bind(local_address(route.simulator, 0)).await;
+    };
+    let last = first.saturating_add(MOST_CLIENTS as u16 - 1);
+    let mut failed = None;
+    for port in first..=last {
+        match UdpSocket::bind(local_address(route.simulator, port)).await {
+            Ok(socket) => return Ok(socket),
+            Err(error) => failed = Some(error),
+        }
+    }
+    Err(failed.unwrap_or_else(|| std::io::ErrorKind::AddrInUse.into()))
 }
 
 fn socket_failed(source: std::io::Error) -> TapeError {

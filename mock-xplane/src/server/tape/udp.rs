@@ -6,20 +6,19 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use tokio::net::UdpSocket;
 use tokio::time::{MissedTickBehavior, interval};
 use xplane_bridge::datarefs::CAPTURE_PORT;
 use xplane_bridge::packet::{FromSimulator, ToSimulator};
 
 use super::{Playback, Player};
-use crate::server::MockError;
 use crate::server::subscriptions::Subscriptions;
+use crate::server::{MockError, UdpSockets};
 
 /// Length of a frame, as in the stand-in: values are sent in frames.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 
 /// Serves forever.
-pub(super) async fn run(socket: UdpSocket, player: Arc<Player>) -> Result<(), MockError> {
+pub(super) async fn run(sockets: UdpSockets, player: Arc<Player>) -> Result<(), MockError> {
     let mut server = Server {
         player,
         subscriptions: Subscriptions::default(),
@@ -35,12 +34,12 @@ pub(super) async fn run(socket: UdpSocket, player: Arc<Player>) -> Result<(), Mo
             biased;
             _ = frames.tick() => {
                 for (datagram, to) in server.frame() {
-                    if let Err(error) = socket.send_to(&datagram, to).await {
+                    if let Err(error) = sockets.answering.send_to(&datagram, to).await {
                         tracing::debug!(%to, %error, "datagram not sent");
                     }
                 }
             }
-            received = socket.recv_from(&mut buffer) => match received {
+            received = sockets.listening.recv_from(&mut buffer) => match received {
                 Ok((length, from)) => server.take(&buffer[..length], from),
                 Err(error) if error.kind() == std::io::ErrorKind::ConnectionReset => {}
                 Err(source) => return Err(MockError::Socket { what: "the UDP server", source }),

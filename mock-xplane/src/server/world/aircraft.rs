@@ -16,6 +16,8 @@ use crate::datarefs::Datarefs;
 pub(super) const POSITION: &str = "sim/flightmodel/position/";
 /// Text dataref with the aircraft's file.
 pub(super) const FILE: &str = "sim/aircraft/view/acf_relative_path";
+/// Text dataref with its description for people.
+const DESCRIPTION: &str = "sim/aircraft/view/acf_descrip";
 /// The airliner that flies without anything being loaded.
 pub(super) const STAND_IN: &str = "Aircraft/Stand-in/airliner.acf";
 /// What X-Plane loads by default.
@@ -294,6 +296,12 @@ pub(super) fn load(file: &str, datarefs: &mut Datarefs) {
     datarefs.set_text(FILE, file);
     let icao = designator(file);
     datarefs.set_text(names::AIRCRAFT_ICAO, icao);
+    let description = match icao {
+        "C172" => "Cessna 172SP Skyhawk",
+        "B738" => "Boeing 737-800",
+        _ => "",
+    };
+    datarefs.set_text(DESCRIPTION, description);
     let (span_m, length_m) = match icao {
         "C172" => SIZE_C172_M,
         _ => SIZE_AIRLINER_M,

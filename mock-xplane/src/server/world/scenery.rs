@@ -4,8 +4,6 @@ use dataset::geodesy::LatLon;
 
 use crate::quirks::{Quirk, Quirks};
 
-/// The flag for loading scenery.
-pub(super) const LOADING: &str = "sim/graphics/scenery/async_scenery_load_in_progress";
 /// Radius of scenery around its centre, metres.
 const REACH_M: f64 = 45_000.0;
 /// Loading time of scenery at a new place, seconds.

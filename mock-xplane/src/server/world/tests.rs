@@ -266,6 +266,22 @@ fn another_aircraft_stands_where_the_old_one_did() {
 }
 
 #[test]
+fn a_client_reads_what_aircraft_is_loaded_and_moves_the_levers_of_its_engines() {
+    let mut world = world();
+    world.load_aircraft("Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf");
+    // As XPlaneConnectX does: a text byte by byte, and all levers at once.
+    let letter = |at: usize| world.read(&format!("sim/aircraft/view/acf_descrip[{at}]")) as u8;
+    let words: Vec<u8> = (0..11).map(letter).collect();
+    assert_eq!(words, b"Cessna 172S");
+    let levers = "sim/cockpit2/engine/actuators/throttle_jet_rev_ratio_all";
+    world.write(levers, 0.75).unwrap();
+    assert_eq!(
+        world.read("sim/cockpit2/engine/actuators/throttle_ratio[1]"),
+        0.75
+    );
+}
+
+#[test]
 fn the_data_output_says_where_the_aircraft_is_and_sets_its_attitude() {
     let mut world = world();
     let mut row = world

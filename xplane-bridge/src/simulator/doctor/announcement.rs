@@ -16,7 +16,7 @@ pub(super) async fn listen(options: &DoctorOptions) -> (Check, Option<SocketAddr
         Err(error) => return (Check::skipped(NAME, error.to_string()), None),
     };
     let Some(wanted) = options.address else {
-        return match choose(heard, options.listen) {
+        return match choose(heard, options.listen, &options.local_udp).await {
             Ok(one) => well(&one),
             Err(error @ BridgeError::SeveralAnnounced { .. }) => {
                 let hint = "Say which one to examine: --sim HOST:PORT";

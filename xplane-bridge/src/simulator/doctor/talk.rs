@@ -6,7 +6,7 @@ use std::time::Duration;
 use dataset::conditions::Clock;
 use tokio::time::Instant;
 
-use super::Check;
+use super::{Check, DoctorOptions};
 use crate::datarefs::{
     CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DATE_DAYS, DatarefWrite,
     NAV1_COURSE_MAGNETIC, PAUSED, VERSION, Version, ZULU_TIME_S,
@@ -34,6 +34,15 @@ pub(super) struct PlaceOnGround {
     pub(super) ground_msl_m: f64,
 }
 
+/// What is known of a simulator that does not answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Silence {
+    /// Its computer says that the port is closed.
+    Refused,
+    /// Nothing came.
+    Nothing,
+}
+
 /// A conversation over UDP.
 pub(super) struct Talk {
     udp: UdpClient,
@@ -41,15 +50,18 @@ pub(super) struct Talk {
 }
 
 impl Talk {
-    pub(super) async fn begin(address: SocketAddr, wait: Duration) -> Result<Self, BridgeError> {
+    pub(super) async fn begin(
+        address: SocketAddr,
+        options: &DoctorOptions,
+    ) -> Result<Self, BridgeError> {
         Ok(Self {
-            udp: UdpClient::bind(address).await?,
-            wait,
+            udp: UdpClient::open(address, &options.local_udp).await?,
+            wait: options.wait,
         })
     }
 
     pub(super) async fn end(mut self) {
-        self.udp.unsubscribe_all().await;
+        self.udp.close().await;
     }
 
     /// All values, as far as they arrive; none if the socket fails, which is equivalent for a reader.
@@ -76,8 +88,14 @@ impl Talk {
         read.ok()?.first().copied()?
     }
 
-    pub(super) async fn version(&mut self) -> Option<f32> {
-        self.read(&[VERSION]).await[0]
+    pub(super) async fn version(&mut self) -> Result<f32, Silence> {
+        let deadline = Instant::now() + self.wait;
+        let came = |values: &[Option<f32>]| values[0].is_some();
+        match self.udp.read_until(&[VERSION], deadline, came).await {
+            Ok(values) => values[0].ok_or(Silence::Nothing),
+            Err(BridgeError::NobodyAnswers { refused: true, .. }) => Err(Silence::Refused),
+            Err(_) => Err(Silence::Nothing),
+        }
     }
 
     /// Port of the capture link, if there is one.
