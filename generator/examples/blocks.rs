@@ -23,6 +23,7 @@ use serde_json::json;
 use testkit::repository;
 use testkit::sweep::SmallSweep;
 use testkit_simulator::{Xvfb, quiet, serving};
+use xplane_bridge::LocalUdp;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
@@ -109,12 +110,15 @@ async fn record(
     let folder = tempfile::tempdir()?;
     let options = GenerateOptions {
         simulators: SimulatorTarget::Address(address).into(),
+        local_udp: LocalUdp::default(),
         stand_in_program: PathBuf::from("unused"),
         pixels: PixelChoice::Auto,
+        encoder: None,
         screen: Arc::new(FfmpegScreen::of_display(xvfb.display())),
         only: Vec::new(),
         shard: Shard::WHOLE,
         patience: Patience::default(),
+        restart: None,
         remote: None,
     };
     let (from, to) = (AtomicU64::new(0), AtomicU64::new(0));

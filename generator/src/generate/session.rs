@@ -80,13 +80,6 @@ pub enum BadSimulator {
 const EXPECTED: &str =
     "expected `mock`, `mock:awkward`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
 
-impl SimulatorTarget {
-    /// Whether it was started by somebody else, and is not ours to end.
-    pub(super) fn runs_already(&self) -> bool {
-        matches!(self, Self::Address(_) | Self::Announced)
-    }
-}
-
 impl FromStr for SimulatorTarget {
     type Err = BadSimulator;
 
