@@ -557,8 +557,7 @@ async fn a_link_with_a_token_admits_who_knows_it_and_refuses_all_others() {
             CONNECT_TIMEOUT,
             ConnectOptions {
                 token,
-                web_api: None,
-                no_shared_memory: false,
+                ..ConnectOptions::default()
             },
         )
     };

@@ -69,21 +69,26 @@ impl Simulator {
                 }
                 None => quiet = 0,
             }
-            if began.elapsed() >= START_TIMEOUT {
-                return Err(match heard.elapsed() < READY_TIMEOUT * 2 {
-                    true => BridgeError::StillLoading {
-                        waited: began.elapsed(),
-                    },
-                    false => BridgeError::NobodyAnswers {
-                        address: self.address,
-                        waited: heard.elapsed(),
-                        refused: false,
-                    },
-                });
+            if quiet < QUIET_READINGS && began.elapsed() >= START_TIMEOUT {
+                return Err(self.still_loading(began, heard));
             }
             self.pause_for_weather(QUIET_PAUSE).await;
         }
         Ok(())
+    }
+
+    fn still_loading(&self, began: Instant, heard: Instant) -> BridgeError {
+        if heard.elapsed() < READY_TIMEOUT * 2 {
+            BridgeError::StillLoading {
+                waited: began.elapsed(),
+            }
+        } else {
+            BridgeError::NobodyAnswers {
+                address: self.address,
+                waited: heard.elapsed(),
+                refused: false,
+            }
+        }
     }
 }
 
