@@ -41,7 +41,7 @@ pub(super) async fn pass(
         Ok(Err(fault)) => Err(GenerateError::Encoder {
             encoder: name,
             needs: encoder.needs(),
-            fault,
+            fault: Box::new(fault),
         }),
         Err(panic) => Err(GenerateError::EncoderTrial(panic)),
     }

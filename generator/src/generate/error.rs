@@ -121,7 +121,7 @@ pub enum GenerateError {
         /// What it needs.
         needs: &'static str,
         /// What is wrong.
-        fault: TrialFault,
+        fault: Box<TrialFault>,
     },
     /// The thread of that trial panicked.
     #[error("the trial of the encoder failed: {0}")]
