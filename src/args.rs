@@ -203,6 +203,8 @@ pub(crate) struct PlanArgs {
     /// For the estimate of the recording time, instead of --sim.
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "sim")]
     pub(crate) pictures_per_second: Option<f64>,
+    #[command(flatten)]
+    pub(crate) local_udp: LocalUdpArgs,
     /// One row per scenario, however many there are
     #[arg(long)]
     pub(crate) all: bool,

@@ -155,7 +155,7 @@ async fn block(
         })
         .unwrap();
     let mut frames = Vec::new();
-    while let Some(frame) = recording.next().await.unwrap() {
+    while let Some(frame) = recording.next_picture().await.unwrap() {
         frames.push(frame);
     }
     (frames, recording.report())

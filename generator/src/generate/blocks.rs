@@ -52,7 +52,7 @@ pub(super) async fn capture_blocks(
             };
             let mut recording = simulator.begin_block(block)?;
             for tick in ticks.clone() {
-                let frame = attempt.answered(recording.next()).await?;
+                let frame = attempt.answered(recording.next_picture()).await?;
                 let Some(frame) = frame else {
                     break;
                 };
@@ -81,7 +81,7 @@ pub(super) async fn capture_blocks(
                     });
                 }
             }
-            attempt.answered(recording.next()).await?;
+            attempt.answered(recording.next_picture()).await?;
             let report = recording.report();
             blocks.count += 1;
             blocks.measured += u32::from(report.is_measured);

@@ -47,13 +47,20 @@ pub fn trial<'a>(
         let corpus = Corpus::create(folder.path())?;
         let target = &options.simulators.targets()[0];
         let pictures = Pictures::new(options.pixels, options.screen.clone(), sweep.picture);
-        let mut session = Session::new(target, 0, &options.stand_in_program, &pictures);
+        let mut session = Session::new(
+            target,
+            0,
+            &options.stand_in_program,
+            &pictures,
+            options.local_udp.clone(),
+        );
         let mut ignore = |_: super::Event<'_>| {};
         let trial = Trial {
             work: Work {
                 sweep,
                 plan: &plan,
                 corpus: &corpus,
+                encoder: options.encoder.unwrap_or_default(),
             },
             reporter: Reporter::new(&mut ignore),
             answer_limit: options.patience.answer,

@@ -1,11 +1,15 @@
 //! What the estimate of the recording time is based on: a trial with the stand-in, the profile of a running X-Plane, or assumptions.
 
+use std::net::SocketAddr;
+
 use generator::generate::{Cancel, GenerateError, SimulatorTarget, trial};
 use generator::plan::Pacing;
 use generator::sweep::Sweep;
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::KnownProfile;
-use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, Simulator, SimulatorDescription};
+use xplane_bridge::{
+    BridgeError, CONNECT_TIMEOUT, ConnectOptions, LocalUdp, Simulator, SimulatorDescription,
+};
 
 use crate::args::PlanArgs;
 use crate::failure::Failure;
@@ -25,12 +29,12 @@ pub(super) fn pacing(args: &PlanArgs, sweep: &Sweep) -> Result<Pacing, Failure> 
             "--sim tape:FILE: a tape says nothing of how long an X-Plane takes; name an X-Plane, or `mock`",
         )),
         (Some(SimulatorTarget::Address(address)), None) => {
-            let address = *address;
-            asked(async move { Simulator::connect(address, CONNECT_TIMEOUT).await })
+            asked(connected(*address, args.local_udp.options()))
         }
         (Some(SimulatorTarget::Announced), None) => asked(async {
-            let announced = the_announced(DISCOVERY_TIMEOUT).await?;
-            Simulator::connect(announced.address, CONNECT_TIMEOUT).await
+            let local_udp = args.local_udp.options();
+            let announced = the_announced(DISCOVERY_TIMEOUT, &local_udp).await?;
+            connected(announced.address, local_udp).await
         }),
     }
 }
@@ -50,6 +54,14 @@ fn tried(target: &SimulatorTarget, sweep: &Sweep) -> Result<Pacing, Failure> {
         Err(error) if error.is_bad_input() => Err(Failure::bad_input(error)),
         Err(error) => Err(error.into()),
     }
+}
+
+async fn connected(address: SocketAddr, local_udp: LocalUdp) -> Result<Simulator, BridgeError> {
+    let options = ConnectOptions {
+        local_udp,
+        ..ConnectOptions::from_environment(address)?
+    };
+    Simulator::connect_with(address, CONNECT_TIMEOUT, options).await
 }
 
 /// The profile of a running simulator, which is asked for nothing else.

@@ -69,7 +69,7 @@ pub struct BlockReport {
     pub held: u32,
 }
 
-/// A block that is being recorded: [`BlockRecording::next`] returns its pictures in the order of the ticks.
+/// A block that is being recorded: [`BlockRecording::next_picture`] returns its pictures in the order of the ticks.
 pub struct BlockRecording<'a> {
     simulator: &'a mut Simulator,
     block: BlockOfTicks<'a>,
@@ -134,7 +134,7 @@ impl BlockRecording<'_> {
     ///
     /// # Errors
     /// The simulator rejects a request, its conditions have changed, the link is broken, or no code can be read off the screen.
-    pub fn next(&mut self) -> BoxFuture<'_, Result<Option<CapturedFrame>, BridgeError>> {
+    pub fn next_picture(&mut self) -> BoxFuture<'_, Result<Option<CapturedFrame>, BridgeError>> {
         Box::pin(async move {
             loop {
                 if let Some(taken) = self.sequence.deliver() {

@@ -206,10 +206,13 @@ mod tests {
                 .project(states[tick].pose.position().to_ecef())
                 .unwrap();
             assert!((centre - own).length() >= LEAST_SHIFT_PX, "tick {tick}");
-            for other in tick.saturating_sub(5)..tick + 6 {
-                let at = projected
-                    .project(states[other].pose.position().to_ecef())
-                    .unwrap();
+            let around = states
+                .iter()
+                .enumerate()
+                .skip(tick.saturating_sub(5))
+                .take(11);
+            for (other, state) in around {
+                let at = projected.project(state.pose.position().to_ecef()).unwrap();
                 let overlaps = inside(place.x_px, place.width_px, at.x)
                     && inside(place.y_px, place.height_px, at.y);
                 assert!(!overlaps, "tick {tick} over {other}");

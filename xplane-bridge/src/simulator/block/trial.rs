@@ -59,7 +59,7 @@ impl Simulator {
     /// compares them. Unless they are equal, [`Simulator::can_record_blocks`] is false from now on. The simulator is frozen.
     ///
     /// # Errors
-    /// As those of [`super::BlockRecording::next`] and [`Simulator::receive_frame`].
+    /// As those of [`super::BlockRecording::next_picture`] and [`Simulator::receive_frame`].
     pub fn try_blocks<'a>(
         &'a mut self,
         flight: BlockOfTicks<'a>,
@@ -89,7 +89,7 @@ impl Simulator {
         };
         let mut recording = self.begin_block(block)?;
         let mut moved = Vec::new();
-        while let Some(frame) = recording.next().await? {
+        while let Some(frame) = recording.next_picture().await? {
             moved.push(frame.rgb);
         }
         let at = states.len() / 2;
