@@ -90,6 +90,8 @@ pub struct SimulatorDescription {
     pub drawn_size: Option<PictureSize>,
     /// Whether it can draw lenses, refraction, turbulent air and noise.
     pub imaging: bool,
+    /// Whether it can draw the check pattern under the windows of its user interface.
+    pub patterns_under: bool,
     /// Its profile.
     pub profile: KnownProfile,
     /// Whether a tape gives the answers.
@@ -197,6 +199,7 @@ impl Simulator {
                 drawn_size,
                 shares_memory_with,
                 imaging,
+                patterns_under,
                 screen,
                 profile,
                 replayed,
@@ -223,6 +226,7 @@ impl Simulator {
                 window,
                 drawn_size,
                 imaging,
+                patterns_under,
                 profile,
                 replayed,
                 frame_codes,
