@@ -120,6 +120,8 @@ pub struct Simulator {
     drawn_on: DrawnOn,
     /// The last settings. The clock is set again exactly once it stands still.
     conditions: Option<Conditions>,
+    /// Height of the ground around the runway of the last freeze.
+    ground_msl_m: Option<f64>,
     /// Checks that they stay set.
     settings_watch: Option<SettingsWatch>,
     /// The aircraft in use, by its name in sweeps.
@@ -257,6 +259,7 @@ impl Simulator {
                 pixels: Box::new(Payload(PixelKind::Link)),
                 drawn_on: DrawnOn::offered(screen, link_address, token),
                 conditions: None,
+                ground_msl_m: None,
                 settings_watch: None,
                 aircraft: None,
                 begun: None,
@@ -390,6 +393,9 @@ impl Simulator {
     }
 
     async fn ask_to_freeze(&mut self, request: Request) -> Result<(), BridgeError> {
+        if let Request::Freeze { runway, .. } = &request {
+            self.ground_msl_m = Some(runway.threshold.altitude_msl_m);
+        }
         match self.link.ask("freezing", &request, SWITCH_TIMEOUT).await? {
             Answer::Frozen => Ok(()),
             other => Err(wrong("frozen", &other)),

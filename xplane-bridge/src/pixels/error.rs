@@ -134,6 +134,12 @@ pub enum PixelError {
         /// For how long.
         waited: Duration,
     },
+    /// A cover was noticed too late.
+    #[error(
+        "something covered the scene, and was noticed only after pictures of it had been recorded: a message, a window, a notification or \
+         a pointer that came in gradually. Keep it from coming again"
+    )]
+    CoveredBefore,
     /// An older pattern stays.
     #[error(
         "the simulator says that it shows the check pattern {code:08x}, but after {waited:.1?} the screen still shows {found:08x}: \

@@ -66,7 +66,8 @@ const TYPICAL: usize = LEARNT - 3;
 struct Cell {
     /// Whether the kept pictures show the scene here, and not the aircraft.
     known: bool,
-    /// The first comparisons with the picture before: values that changed, and that changed at least half as much; and how much brighter or darker they are in the mean.
+    /// The first comparisons with the picture before: values that changed, and that changed at least half as much; and how much brighter
+    /// or darker they are in the mean.
     changes: [(u32, u32); LEARNT],
     shifts: [f64; LEARNT],
     /// The darkest and the brightest mean of these pictures.
@@ -425,7 +426,8 @@ impl StillScene {
         let allowed = cell.allowed(limits, values);
         let jumped = f64::from(changed) > allowed || shift > cell.allowed_shift();
         if cell.covered {
-            cell.covered = since_uncovered() > allowed;
+            let shift = (self.grid.mean(at, rgb) - self.grid.mean(at, &self.uncovered)).abs();
+            cell.covered = since_uncovered() > allowed || shift > cell.allowed_shift();
         } else if jumped {
             cell.covered = true;
         } else {
