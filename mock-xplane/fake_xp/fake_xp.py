@@ -95,7 +95,8 @@ class FakeXp:
         self.quirks = quirks
         self.lines: list[str] = []
         self.flushed_lines = 0
-        # Whether anybody looks at the frames, and what was drawn over this one: left, bottom, right, top, red, green, blue.
+        # Whether anybody looks at the frames, and what was drawn over this one: left, bottom, right, top, red, green, blue,
+        # and whether that was after the windows.
         self.shows_frames = False
         self.rectangles: list[tuple[float, ...]] = []
         self.cycle = 0
@@ -590,4 +591,4 @@ class FakeGl:
         self._xp.must_be_drawing()
         edges = (left.value, bottom.value, right.value, top.value)
         self.filled.append((*edges, self._colour))
-        self._xp.rectangles.append((*edges, *self._colour))
+        self._xp.rectangles.append((*edges, *self._colour, float(self._xp.windows_drawn)))

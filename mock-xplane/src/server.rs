@@ -36,7 +36,7 @@ use xplane_tape::TapeError;
 
 pub use engine::{BuiltIn, Engine, NotFlown, SceneRenderer};
 pub use faults::{Faults, FaultsError, Moment, Outage, OutageKind};
-pub use plugin_host::{FramesDrawn, PluginOptions, SceneBehind};
+pub use plugin_host::{FramesDrawn, PluginOptions, SceneBehind, WindowCovers, WindowForm};
 pub use seat::LinkPatience;
 
 use crate::quirks::Quirks;

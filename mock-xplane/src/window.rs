@@ -3,6 +3,8 @@
 //! Pictures go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
 //! it goes away. A picture is visible when [`DisplayWindow::show`] returns: the server has confirmed it.
 
+mod cover;
+
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
 use std::thread::sleep;
@@ -22,6 +24,8 @@ use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 use xplane_bridge::link::SimulatorWindow;
 use xplane_bridge::pixels::RgbPicture;
+
+pub use cover::CoverWindow;
 
 /// Title of the window.
 const TITLE: &str = "X-Plane stand-in (dtd mock-xplane)";
@@ -137,16 +141,7 @@ impl X11Window {
         display: Option<&str>,
         (width_px, height_px): (u32, u32),
     ) -> Result<Self, WindowError> {
-        let connected = RustConnection::connect(display);
-        let (connection, screen) = connected.map_err(|source| WindowError::Connect {
-            display: display.map_or_else(
-                || std::env::var("DISPLAY").unwrap_or_default(),
-                str::to_owned,
-            ),
-            source,
-        })?;
-        let screen = connection.setup().roots[screen].clone();
-        check_pixels(&connection, &screen)?;
+        let (connection, screen) = connect(display)?;
         let fits = |px: u32, of: u16| u16::try_from(px).ok().filter(|px| (1..=of).contains(px));
         let (width, height) = (screen.width_in_pixels, screen.height_in_pixels);
         let Some((width, height)) = fits(width_px, width).zip(fits(height_px, height)) else {
@@ -306,6 +301,21 @@ impl fmt::Debug for X11Window {
             .field("height_px", &self.height_px)
             .finish_non_exhaustive()
     }
+}
+
+/// Connects to a display, e.g. `:0`, or to the one that `DISPLAY` names, if it has pixels of our form.
+fn connect(display: Option<&str>) -> Result<(RustConnection, Screen), WindowError> {
+    let connected = RustConnection::connect(display);
+    let (connection, screen) = connected.map_err(|source| WindowError::Connect {
+        display: display.map_or_else(
+            || std::env::var("DISPLAY").unwrap_or_default(),
+            str::to_owned,
+        ),
+        source,
+    })?;
+    let screen = connection.setup().roots[screen].clone();
+    check_pixels(&connection, &screen)?;
+    Ok((connection, screen))
 }
 
 /// Rejects a display whose pixels we would have to convert.

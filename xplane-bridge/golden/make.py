@@ -204,6 +204,10 @@ link(
 )
 link("link_terrain", "its answer", {"message": "terrain", "elevation_msl_m": 6.71})
 link("link_check_pattern", "draw the check pattern with a code", {"message": "check_pattern", "code": 3735928559})
+link(
+    "link_check_pattern_under", "draw it under the windows of the user interface",
+    {"message": "check_pattern", "code": 3735928559, "under": True},
+)
 link("link_check_pattern_none", "take it away", {"message": "check_pattern", "code": None})
 link("link_check_pattern_shown", "the answer to both", {"message": "check_pattern_shown", "sim_frame": 4712})
 link(

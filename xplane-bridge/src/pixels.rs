@@ -7,6 +7,7 @@
 //! pattern, before the first picture and after the last, that what is grabbed is the window, complete and unscaled, and never an
 //! older frame than the requested one.
 
+mod cell_grid;
 pub mod check_pattern;
 mod choice;
 mod error;
@@ -14,6 +15,7 @@ mod payload;
 mod picture;
 mod screen;
 mod screenshots;
+pub mod still_scene;
 
 use std::fmt::Debug;
 use std::pin::Pin;
@@ -39,6 +41,12 @@ pub type Confirmed<'a> = Pin<Box<dyn Future<Output = Result<(), BridgeError>> + 
 pub trait PatternDisplay: Send {
     /// Shows the pattern of a code over the window, or removes it; done when the simulator reports that it is drawn.
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_>;
+
+    /// Shows it over the scene, but under the windows of the simulator's user interface and of its plugins. `None` if the simulator
+    /// cannot.
+    fn show_under_windows(&mut self, _code: u32) -> Option<Confirmed<'_>> {
+        None
+    }
 }
 
 /// Returns the pictures of frames that the simulator reports as drawn.

@@ -93,6 +93,8 @@ pub struct SimulatorDescription {
     pub drawn_size: Option<PictureSize>,
     /// Whether it can draw lenses, refraction, turbulent air and noise.
     pub imaging: bool,
+    /// Whether it can draw the check pattern under the windows of its user interface.
+    pub patterns_under: bool,
     /// Its profile.
     pub profile: KnownProfile,
     /// Whether a tape gives the answers.
@@ -132,6 +134,8 @@ pub struct Simulator {
     drawn_on: DrawnOn,
     /// The last settings. The clock is set again exactly once it stands still.
     conditions: Option<Conditions>,
+    /// Height of the ground around the runway of the last freeze.
+    ground_msl_m: Option<f64>,
     /// Checks that they stay set.
     settings_watch: Option<SettingsWatch>,
     /// The weather at the aircraft under those settings.
@@ -236,6 +240,7 @@ impl Simulator {
                 drawn_size,
                 shares_memory_with,
                 imaging,
+                patterns_under,
                 screen,
                 profile,
                 replayed,
@@ -262,6 +267,7 @@ impl Simulator {
                 window,
                 drawn_size,
                 imaging,
+                patterns_under,
                 profile,
                 replayed,
                 frame_codes,
@@ -292,6 +298,7 @@ impl Simulator {
                 pixels: Box::new(Payload(PixelKind::Link)),
                 drawn_on: DrawnOn::offered(screen, link_address, token),
                 conditions: None,
+                ground_msl_m: None,
                 settings_watch: None,
                 effective_weather: None,
                 not_followed: BTreeSet::new(),
@@ -427,6 +434,9 @@ impl Simulator {
     }
 
     async fn ask_to_freeze(&mut self, request: Request) -> Result<(), BridgeError> {
+        if let Request::Freeze { runway, .. } = &request {
+            self.ground_msl_m = Some(runway.threshold.altitude_msl_m);
+        }
         match self.link.ask("freezing", &request, SWITCH_TIMEOUT).await? {
             Answer::Frozen => Ok(()),
             other => Err(wrong("frozen", &other)),

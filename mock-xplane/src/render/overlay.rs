@@ -24,6 +24,8 @@ const WINDOW: [u8; 3] = [230, 232, 235];
 const TITLE: [u8; 3] = [22, 92, 190];
 const TEXT: [u8; 3] = [60, 62, 66];
 const ALERT: [u8; 3] = [150, 24, 24];
+const MESSAGE: [u8; 3] = [18, 18, 22];
+const TERMINAL: [u8; 3] = [120, 230, 120];
 
 impl Canvas<'_> {
     /// The pilot's panel over the lower half, with instruments, and the frame of the windows.
@@ -61,6 +63,48 @@ impl Canvas<'_> {
         for line in 0..3 {
             let top = 0.05 + 0.03 * f64::from(line);
             self.fill([0.32, top, 0.64, top + 0.012], NEEDLE);
+        }
+    }
+
+    /// X-Plane's message: an opaque box with lines of text. The area is left, top, right, bottom in pixels.
+    pub(crate) fn draw_message(&mut self, area_px: [u32; 4]) {
+        let area = area_px.map(f64::from);
+        self.fill_px(area, MESSAGE);
+        self.write_lines(area, NEEDLE);
+    }
+
+    /// A plugin's window: half transparent, with a frame and lines of text.
+    pub(crate) fn draw_plugin_window(&mut self, area_px: [u32; 4]) {
+        let [left, top, right, bottom] = area_px.map(|edge| edge as usize);
+        for row in top..bottom.min(self.height_px) {
+            for column in left..right.min(self.width_px) {
+                let is_frame =
+                    row < top + 2 || row + 2 >= bottom || column < left + 2 || column + 2 >= right;
+                self.blend(column, row, if is_frame { RIM } else { PANEL });
+            }
+        }
+        self.write_lines(area_px.map(f64::from), TERMINAL);
+    }
+
+    fn write_lines(&mut self, [left, top, right, bottom]: Area, colour: [u8; 3]) {
+        let mut line = top + 5.0;
+        while line + 3.0 < bottom {
+            let mut letter = left + 6.0;
+            while letter + 6.0 < right {
+                self.fill_px([letter, line, letter + 3.0, line + 1.0], colour);
+                letter += 5.0;
+            }
+            line += 6.0;
+        }
+    }
+
+    /// Draws a pixel that is somewhat transparent.
+    fn blend(&mut self, column: usize, row: usize, colour: [u8; 3]) {
+        let at = 3 * (row * self.width_px + column);
+        if let Some(pixel) = self.rgb.get_mut(at..at + 3) {
+            for (value, wanted) in pixel.iter_mut().zip(colour) {
+                *value = ((u16::from(*value) * 2 + u16::from(wanted) * 3) / 5) as u8;
+            }
         }
     }
 
@@ -123,12 +167,18 @@ mod tests {
     }
 
     #[test]
-    fn a_panel_covers_the_lower_half_a_pop_up_the_middle_and_an_alert_a_part_of_the_top() {
+    fn panels_pop_ups_alerts_and_windows_cover_their_areas() {
         let panel = covered(|canvas| canvas.draw_panel());
         let pop_up = covered(|canvas| canvas.draw_pop_up());
         let alert = covered(|canvas| canvas.draw_alert());
         assert!((0.5..0.75).contains(&panel), "{panel}");
         assert!((0.15..0.25).contains(&pop_up), "{pop_up}");
         assert!((0.04..0.06).contains(&alert), "{alert}");
+        let (message, window) = (
+            covered(|canvas| canvas.draw_message([10, 10, 42, 30])),
+            covered(|canvas| canvas.draw_plugin_window([10, 10, 42, 30])),
+        );
+        let wanted = 32.0 * 20.0 / (SIZE.0 * SIZE.1) as f64;
+        assert_eq!((message, window), (wanted, wanted));
     }
 }

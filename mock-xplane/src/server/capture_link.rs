@@ -294,6 +294,7 @@ impl CaptureService {
                     screen: None,
                     shares_memory_with: DrawingSlots::POSSIBLE.then_some(from.address),
                     imaging: true,
+                    patterns_under: false,
                     profile: self.lock_profile().clone(),
                     replayed: false,
                     frame_codes: false,
@@ -329,7 +330,7 @@ impl CaptureService {
                 let elevation_msl_m = self.world.lock().terrain_msl_m();
                 ready(Answer::Terrain { elevation_msl_m })
             }
-            Request::CheckPattern { code } => self.check_pattern(code).await,
+            Request::CheckPattern { code, .. } => self.check_pattern(code).await,
             Request::Travel { .. } => {
                 refusal("the stand-in is started by PREL, or by its Web API".into())
             }

@@ -12,6 +12,7 @@ mod flight;
 mod own;
 mod scene;
 mod shot;
+mod window_covers;
 
 use std::path::PathBuf;
 use std::process::Stdio;
@@ -25,6 +26,7 @@ use xplane_bridge::link::LinkToken;
 
 pub use self::behind::SceneBehind;
 use self::scene::PluginScene;
+pub use self::window_covers::{WindowCovers, WindowForm};
 use super::engine::Engine;
 use super::faults::outages::Outages;
 use super::{MockError, Shared};
@@ -62,6 +64,8 @@ pub struct PluginOptions {
     pub scene_behind: Option<SceneBehind>,
     /// Counts the frames.
     pub frames_drawn: FramesDrawn,
+    /// Windows of the simulator and of its plugins over the scene.
+    pub window_covers: WindowCovers,
     /// Takes the camera from the plugin every this many frames, as a view key does.
     pub steal_camera_every_frames: Option<u32>,
     /// Moves the local origin every this many frames, as loading scenery does.
@@ -82,6 +86,7 @@ impl PluginOptions {
             most_frames_per_s: None,
             scene_behind: None,
             frames_drawn: FramesDrawn::default(),
+            window_covers: WindowCovers::default(),
             steal_camera_every_frames: None,
             move_origin_every_frames: None,
         }

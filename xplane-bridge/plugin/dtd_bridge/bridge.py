@@ -284,6 +284,7 @@ class Bridge:
                 "plugin": f"{NAME} {VERSION}",
                 "pixels": pixels,
                 "frame_codes": True,
+                "patterns_under": True,
                 "window": self._window(),
                 "drawn_size": {"width_px": width, "height_px": height},
             }
@@ -369,7 +370,7 @@ class Bridge:
         if code is not None:
             code = messages.whole(header, "code", 0, 2**32 - 1)
         self._pixels.error = None
-        self._pixels.show_pattern(code)
+        self._pixels.show_pattern(code, header.get("under", False) is True)
         drawn = self._pixels.patterns_drawn
         for _ in range(FRAMES_LIMIT):
             yield

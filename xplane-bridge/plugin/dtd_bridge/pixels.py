@@ -41,6 +41,8 @@ class Pixels:
         # Whether pictures move by themselves in a pause.
         self.restless = False
         self.pattern_code: int | None = None
+        # Whether it is drawn under the windows of the user interface instead of over them.
+        self.pattern_under = False
         # How often it was drawn.
         self.patterns_drawn = 0
         self._draw_code: Callable[[OpenGl], None] | None = None
@@ -75,10 +77,11 @@ class Pixels:
             registered, _ = self._registered.pop(self._registered.index(registration))
             self._xp.unregisterDrawCallback(registered, self._xp.Phase_Window, place, None)
 
-    def show_pattern(self, code: int | None) -> None:
-        """Shows the check pattern with a code from the next frame on, or removes it."""
-        self.pattern_code = code
-        self._need(self.on_windows_drawn, AFTER, code is not None)
+    def show_pattern(self, code: int | None, under: bool = False) -> None:
+        """Shows the check pattern with a code from the next frame on, over the windows or under them, or removes it."""
+        self.pattern_code, self.pattern_under = code, under
+        self._need(self.on_scene_drawn, BEFORE, code is not None and under)
+        self._need(self.on_windows_drawn, AFTER, code is not None and not under)
 
     def show_codes(self, draw: Callable[[OpenGl], None] | None) -> None:
         """Calls this in every frame after the windows are drawn, or no longer."""
@@ -88,7 +91,7 @@ class Pixels:
     def rest(self) -> None:
         """One frame in which there is no request."""
         self._idle_frames += 1
-        if self._idle_frames > IDLE_FRAMES:
+        if self._idle_frames > IDLE_FRAMES and not self.pattern_under:
             self._need(self.on_scene_drawn, BEFORE, False)
 
     def want_frame(self) -> None:
@@ -105,6 +108,7 @@ class Pixels:
         """A new client: nothing is requested, and no picture was taken."""
         self.take_frame()
         self.pattern_code, self._draw_code, self._last, self.error = None, None, None, None
+        self.pattern_under = False
         self.unregister()
 
     def is_new(self, tick: Tick, picture: Frame) -> bool:
@@ -120,17 +124,18 @@ class Pixels:
         try:
             if self._wanted and self._frame is None and self._gl:
                 self._frame = self._gl.read_frame()
-                self._failed_in_a_row = 0
+            if self.pattern_under:
+                self._draw_wanted_pattern()
+            self._failed_in_a_row = 0
         except Exception as error:
-            self._failed("read the frame back", error)
+            self._failed("read the frame back, or draw under the windows", error)
         return 1
 
     def on_windows_drawn(self, _phase: int, _is_before: int, _refcon: object) -> int:
         """After everything: the pattern covers it."""
         try:
-            if self.pattern_code is not None and self._gl:
-                self._draw_pattern(self._gl, self.pattern_code)
-                self.patterns_drawn += 1
+            if self.pattern_code is not None and not self.pattern_under:
+                self._draw_wanted_pattern()
             elif self._draw_code is not None and self._gl:
                 self._draw_code(self._gl)
             self._failed_in_a_row = 0
@@ -145,6 +150,11 @@ class Pixels:
         if self._failed_in_a_row >= FAULTS_LIMIT:
             self._failed_in_a_row = 0
             self.error = f"cannot {what}: {error!r}"
+
+    def _draw_wanted_pattern(self) -> None:
+        if self.pattern_code is not None and self._gl:
+            self._draw_pattern(self._gl, self.pattern_code)
+            self.patterns_drawn += 1
 
     def _draw_pattern(self, gl: OpenGl, code: int) -> None:
         # Pixels are physical, the phase's coordinates are X-Plane's own ("boxels"), from the bottom left.

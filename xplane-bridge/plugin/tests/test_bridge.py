@@ -567,6 +567,16 @@ class SettingUp(WithBridge):
         self.assertEqual(client.ask(capture())[0]["message"], "frame")
         self.assertEqual(len(self.gl.filled), count)
 
+    def test_the_check_pattern_is_drawn_before_the_windows_or_after_them(self):
+        client = self.frozen()
+        self.assertIs(client.ask({"message": "hello", "client": "test"})[0]["patterns_under"], True)
+        for under, after_windows in [(True, 0.0), (False, 1.0), (True, 0.0)]:
+            client.ask({"message": "check_pattern", "code": 305419896, "under": under})
+            self.assertEqual({rectangle[7] for rectangle in self.xp.rectangles}, {after_windows})
+        client.ask({"message": "check_pattern", "code": None})
+        client.ask({"message": "check_pattern", "code": 7})
+        self.assertEqual({rectangle[7] for rectangle in self.xp.rectangles}, {1.0})
+
     def test_terrain_is_probed_below_the_place_itself_far_from_the_origin_too(self):
         client = self.start()
         client.ask({"message": "hello", "client": "test"})

@@ -111,7 +111,7 @@ class CodedCaptures(WithBridge):
         def watched():
             frame()
             rows = [[-1] * WINDOW[0] for _ in range(WINDOW[1])]
-            for left, bottom, right, top, level, _, _ in self.xp.rectangles:
+            for left, bottom, right, top, level, *_ in self.xp.rectangles:
                 for row in rows[WINDOW[1] - round(top) : WINDOW[1] - round(bottom)]:
                     row[round(left) : round(right)] = [level] * (round(right) - round(left))
             self.codes.append(read_strip(rows[MARGIN_PX // 2]))

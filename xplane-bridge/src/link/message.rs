@@ -67,6 +67,10 @@ pub enum Request {
     CheckPattern {
         /// The number in the pattern; `None` removes the pattern.
         code: Option<u32>,
+        /// Under the windows of the user interface and of plugins, instead of over them. Only for simulators that announce it in
+        /// [`Answer::Hello`].
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        under: bool,
     },
     /// Run one of the simulator's commands exactly once: over UDP it could be lost without notice.
     Command {
@@ -124,6 +128,9 @@ pub enum Answer {
         /// Whether it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         imaging: bool,
+        /// Whether it can draw the check pattern under the windows of its user interface.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        patterns_under: bool,
         /// The screen that it draws on, if the client cannot reach it: the plugin's, for a client on another computer.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         screen: Option<ScreenOffer>,

@@ -7,14 +7,15 @@
 mod aircraft_place;
 mod probe;
 mod sequence;
+mod shadow;
 mod trial;
 
 use std::collections::{BTreeMap, VecDeque};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use dataset::camera::CameraPose;
 use dataset::frame_rate::FrameRate;
-use dataset::pose::FlightState;
+use dataset::pose::{FlightState, Pose};
 use futures_util::future::BoxFuture;
 use tokio::time::timeout;
 
@@ -23,9 +24,11 @@ use crate::error::BridgeError;
 use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, FrameHeader, PictureBytes, Request,
 };
+use crate::pixels::still_scene::{CoverWatch, Verdict, WorldTime};
 use crate::pixels::{CodedGrabs, CodedPicture, PixelError, Rectangle};
-use aircraft_place::displaced;
+use aircraft_place::{aircraft_place, displaced};
 use sequence::{Scene, Sequence, Show, Taken};
+use shadow::shadow_place;
 pub use trial::{BlockTrial, KnownBlocks};
 
 /// Memory for the pictures between two probes, bytes.
@@ -36,6 +39,8 @@ const SEGMENT_TICKS: (usize, usize) = (12, 100);
 const MORE_BUFFERS: usize = 24;
 /// A screen without any readable code for this long is covered, or its window is gone.
 const NO_CODE_TIMEOUT: Duration = Duration::from_secs(20);
+/// A grab may show the aircraft as it was so many frames before.
+const MOST_BEHIND: u64 = 8;
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
 const SETTLED_LEVELS: f64 = 0.25;
 
@@ -75,6 +80,7 @@ pub struct BlockRecording<'a> {
     block: BlockOfTicks<'a>,
     sequence: Sequence<Grabbed>,
     grabs: CodedGrabs,
+    covers: CoverWatch,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
     /// What was drawn, by frame.
@@ -86,6 +92,16 @@ impl Simulator {
     pub fn can_record_blocks(&self) -> bool {
         let is_refused = matches!(self.known_blocks.trial, Some(BlockTrial::Different { .. }));
         self.description.frame_codes && self.pixels.coded_window().is_some() && !is_refused
+    }
+
+    fn shadow_on_ground(
+        &self,
+        camera: &CameraPose,
+        size_px: (u32, u32),
+        pose: &Pose,
+    ) -> Option<Rectangle> {
+        let clock = &self.conditions.as_ref()?.clock;
+        shadow_place(camera, size_px, pose, clock, self.ground_msl_m?)
     }
 
     /// Whether time runs while pictures are taken, because rain falls only then: a block must be short.
@@ -118,11 +134,18 @@ impl Simulator {
             Box::new(move |tick| places.get(tick as usize).copied().flatten()),
         );
         let grabs = CodedGrabs::start(&window.screen, window.region, 2 * segment + MORE_BUFFERS);
+        let time = if self.time_runs() {
+            WorldTime::Runs
+        } else {
+            WorldTime::Paused
+        };
+        let covers = CoverWatch::new(width_px, height_px, time);
         Ok(BlockRecording {
             simulator: self,
             block,
             sequence,
             grabs,
+            covers,
             asked: VecDeque::new(),
             drawn: BTreeMap::new(),
         })
@@ -155,7 +178,7 @@ impl BlockRecording<'_> {
                 if self.sequence.waits_for_answer() {
                     self.take_answer().await?;
                     while let Some(grabbed) = self.grabs.next_now() {
-                        self.see(grabbed?);
+                        self.see(grabbed?)?;
                     }
                 } else {
                     let grabbed = timeout(NO_CODE_TIMEOUT, self.grabs.next()).await;
@@ -163,7 +186,7 @@ impl BlockRecording<'_> {
                     self.see(grabbed.map_err(|_| PixelError::NoCode {
                         tick,
                         waited: NO_CODE_TIMEOUT,
-                    })??);
+                    })??)?;
                 }
                 self.simulator.check_settings()?;
             }
@@ -263,7 +286,7 @@ impl BlockRecording<'_> {
         Ok(())
     }
 
-    fn see(&mut self, grabbed: CodedPicture) {
+    fn see(&mut self, grabbed: CodedPicture) -> Result<(), BridgeError> {
         let CodedPicture { code, rgb } = grabbed;
         let near = self.drawn.keys().next_back().copied();
         match near {
@@ -271,15 +294,60 @@ impl BlockRecording<'_> {
             _ if code.view != self.block.view % 16 => self.grabs.recycle(rgb),
             None => self.grabs.recycle(rgb),
             Some(near) => {
+                let number = code.number_near(near);
+                if let Some(from_frame) = self.covered_from(number, &rgb)? {
+                    self.grabs.recycle(rgb);
+                    return self.take_again(from_frame);
+                }
                 let picture = Grabbed {
                     rgb,
                     width_px: self.block.size_px.0,
                     time_runs: self.simulator.time_runs(),
                 };
-                self.sequence
-                    .grabbed(code.number_near(near), code.steady, picture);
+                self.sequence.grabbed(number, code.steady, picture);
             }
         }
+        Ok(())
+    }
+
+    /// The frame from which on the scene is covered, if it is in the grab of a frame. Nothing is known yet of a scene that settles.
+    fn covered_from(&mut self, number: u64, rgb: &[u8]) -> Result<Option<u64>, PixelError> {
+        if self.sequence.is_settling() {
+            return Ok(None);
+        }
+        let moving = self.moving(number);
+        match self.covers.look(number, rgb, &moving, Instant::now())? {
+            Verdict::Clear => Ok(None),
+            Verdict::Covered { from_frame } => Ok(Some(from_frame)),
+        }
+    }
+
+    fn take_again(&mut self, from_frame: u64) -> Result<(), BridgeError> {
+        if self.sequence.take_again(from_frame) {
+            return Ok(());
+        }
+        Err(PixelError::CoveredBefore.into())
+    }
+
+    /// Where the aircraft and its shadow may be in the grab of a frame.
+    fn moving(&self, number: u64) -> Vec<Rectangle> {
+        let BlockOfTicks {
+            camera, size_px, ..
+        } = self.block;
+        let oldest = number.saturating_sub(MOST_BEHIND);
+        let before = self.drawn.range(..oldest).next_back();
+        let drawn = before.into_iter().chain(self.drawn.range(oldest..));
+        // Their answers may be due.
+        let asked = self.asked.iter().map(|asked| asked.pose);
+        drawn
+            .map(|(_, header)| header.pose)
+            .chain(asked)
+            .flat_map(|pose| {
+                let shadow = self.simulator.shadow_on_ground(&camera, size_px, &pose);
+                [aircraft_place(&camera, size_px, &pose), shadow]
+            })
+            .flatten()
+            .collect()
     }
 
     fn captured(&mut self, taken: Taken<Grabbed>) -> Result<CapturedFrame, BridgeError> {

@@ -39,16 +39,17 @@ impl Simulator {
     /// # Errors
     /// The simulator cannot draw it, or the link is broken.
     pub fn check_pattern(&mut self, code: Option<u32>) -> BoxFuture<'_, Result<u64, BridgeError>> {
-        Box::pin(async move { show_check_pattern(&mut self.link, code).await })
+        Box::pin(async move { show_check_pattern(&mut self.link, code, false).await })
     }
 }
 
-/// Lets the other side of a link draw or remove the check pattern.
+/// Lets the other side of a link draw or remove the check pattern, over the windows of its user interface or `under` them.
 pub(super) async fn show_check_pattern(
     link: &mut LinkClient,
     code: Option<u32>,
+    under: bool,
 ) -> Result<u64, BridgeError> {
-    let request = Request::CheckPattern { code };
+    let request = Request::CheckPattern { code, under };
     match link
         .ask("the check pattern", &request, SWITCH_TIMEOUT)
         .await?

@@ -334,6 +334,7 @@ async fn talk(
                 screen: None,
                 shares_memory_with: None,
                 imaging: false,
+                patterns_under: false,
                 profile: None,
                 replayed: false,
                 frame_codes: false,

@@ -25,7 +25,8 @@ use super::own::{
     ALTITUDE_DIAL_FT, ENGINES_RUNNING, FLAPS, FLIGHT_TIME_S, GEAR, INDICATED_AIRSPEED,
     LOCAL_VELOCITY, LOCAL_XYZ, ON_GROUND, OWN, TRUE_AIRSPEED, VERTICAL_SPEED_FPM,
 };
-use super::shot::{Exposure, Painter, Shot};
+use super::shot::{Exposure, Painter, Shot, Windows};
+use super::window_covers::WindowCovers;
 use super::{FramesDrawn, PluginOptions};
 use crate::datarefs::Kind;
 use crate::quirks::{Quirk, Quirks};
@@ -77,6 +78,7 @@ pub(super) struct PluginScene {
     own: HashMap<&'static str, (Kind, bool, Vec<f64>)>,
     frames: u64,
     frames_drawn: FramesDrawn,
+    window_covers: WindowCovers,
     /// [`FLIGHT_TIME_S`] with full precision.
     flight_time_s: f64,
     /// Time that has run, without pauses, for what drifts and falls.
@@ -91,8 +93,8 @@ pub(super) struct PluginScene {
     before_pause: Option<Shot>,
     exposure: Exposure,
     window_px: (u32, u32),
-    /// The content of a window, and the rectangles over it.
-    shown: Option<(PictureToDraw, Value)>,
+    /// The content of the window: the scene, the simulator's windows over it, and the rectangles that the plugin drew.
+    shown: Option<(PictureToDraw, Windows, Value)>,
 }
 
 impl PluginScene {
@@ -117,6 +119,7 @@ impl PluginScene {
             own: own.into(),
             frames: 0,
             frames_drawn: options.frames_drawn.clone(),
+            window_covers: options.window_covers.clone(),
             flight_time_s: 0.0,
             weather_time_s: 0.0,
             flight: None,
@@ -219,38 +222,34 @@ impl PluginScene {
         let side = |at: usize| u32::try_from(arguments.get(at)?.as_u64()?).ok();
         let (width_px, height_px) = (side(0)?, side(1)?);
         let windows = arguments.get(2)?.as_bool()?;
-        self.draw(self.frame_to_draw(width_px, height_px, windows))
-            .await
+        let mut rgb = self.draw(self.frame_to_draw(width_px, height_px)).await?;
+        if windows {
+            self.windows()
+                .draw(&mut canvas(&mut rgb, (width_px, height_px)));
+        }
+        Some(rgb)
     }
 
-    /// Shows the frame in a window, with rectangles that the plugin drew over it, unless it is already shown.
+    /// Shows the frame in a window, with rectangles that the plugin drew under the windows of the user interface or over them, unless
+    /// it is already shown.
     pub(super) async fn show_frame(
         &mut self,
         rectangles: &Value,
         stage: &Arc<dyn DisplayWindow>,
     ) -> Result<(), String> {
         let (width_px, height_px) = self.window_px;
-        let frame = self.frame_to_draw(width_px, height_px, true);
-        let shown = (frame.clone(), rectangles.clone());
+        let frame = self.frame_to_draw(width_px, height_px);
+        let shown = (frame.clone(), self.windows(), rectangles.clone());
         if self.shown.as_ref() == Some(&shown) {
             return Ok(());
         }
         let Some(mut rgb) = self.draw(frame).await else {
             return Err("the frame was not drawn".into());
         };
-        let mut canvas = Canvas {
-            rgb: &mut rgb,
-            width_px: width_px as usize,
-            height_px: height_px as usize,
-        };
-        for rectangle in rectangles.as_array().into_iter().flatten() {
-            let number = |at: usize| rectangle[at].as_f64().unwrap_or_default();
-            let [left, bottom, right, top] = [0, 1, 2, 3].map(number);
-            let colour = [4, 5, 6].map(|at| number(at) as u8);
-            // OpenGL counts rows from the bottom.
-            let height = f64::from(height_px);
-            canvas.fill_px([left, height - top, right, height - bottom], colour);
-        }
+        let mut canvas = canvas(&mut rgb, (width_px, height_px));
+        fill_rectangles(&mut canvas, rectangles, false);
+        shown.1.draw(&mut canvas);
+        fill_rectangles(&mut canvas, rectangles, true);
         let picture = RgbPicture {
             width_px,
             height_px,
@@ -278,8 +277,17 @@ impl PluginScene {
         drawn.await.ok()
     }
 
-    /// The current frame, of a size, with the windows over it or not yet.
-    fn frame_to_draw(&self, width_px: u32, height_px: u32, windows: bool) -> PictureToDraw {
+    /// The windows of the user interface now.
+    fn windows(&self) -> Windows {
+        Windows {
+            pop_up: self.world.lock().shows_pop_up(),
+            alert: self.world.lock().shows_alert(),
+            shown: self.window_covers.shown(),
+        }
+    }
+
+    /// The scene of the current frame, in a size.
+    fn frame_to_draw(&self, width_px: u32, height_px: u32) -> PictureToDraw {
         let mut shot = self.shots.drawn(self.shot());
         if let Some(before) = self.before_pause {
             shot = before;
@@ -310,8 +318,6 @@ impl PluginScene {
                 scale: world.aircraft_scale(),
                 others: world.others_fly(),
                 panel: shot.panel,
-                pop_up: windows && world.shows_pop_up(),
-                alert: windows && world.shows_alert(),
                 gain: match self.quirks.has(Quirk::SlowExposure) {
                     true => self.exposure.gain(),
                     false => 1.0,
@@ -763,6 +769,29 @@ impl PluginScene {
             local.y -= self.frame.world(local).altitude_msl_m - GROUND_MSL_M - off_m;
         }
         Some(local)
+    }
+}
+
+/// A picture of a size, to be drawn on.
+fn canvas(rgb: &mut [u8], (width_px, height_px): (u32, u32)) -> Canvas<'_> {
+    Canvas {
+        rgb,
+        width_px: width_px as usize,
+        height_px: height_px as usize,
+    }
+}
+
+/// Fills the rectangles of draw callbacks: those that came before the windows of the user interface were drawn, or after it.
+fn fill_rectangles(canvas: &mut Canvas<'_>, rectangles: &Value, after_windows: bool) {
+    for rectangle in rectangles.as_array().into_iter().flatten() {
+        let number = |at: usize| rectangle[at].as_f64().unwrap_or_default();
+        if (number(7) != 0.0) == after_windows {
+            let [left, bottom, right, top] = [0, 1, 2, 3].map(number);
+            let colour = [4, 5, 6].map(|at| number(at) as u8);
+            // OpenGL counts rows from the bottom.
+            let height = canvas.height_px as f64;
+            canvas.fill_px([left, height - top, right, height - bottom], colour);
+        }
     }
 }
 

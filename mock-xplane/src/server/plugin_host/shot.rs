@@ -5,6 +5,7 @@ use dataset::geodesy::Geodetic;
 use dataset::pose::{Controls, Pose};
 use glam::DVec3;
 
+use super::window_covers::{ShownWindow, WindowForm};
 use crate::render::overlay::Canvas;
 use crate::server::engine::SceneRenderer;
 
@@ -30,6 +31,35 @@ impl Shot {
     }
 }
 
+/// The windows of the user interface over a scene.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Windows {
+    /// Whether a pop-up lies over it.
+    pub(super) pop_up: bool,
+    /// Whether X-Plane's error about a deprecated dataref lies over it.
+    pub(super) alert: bool,
+    /// What else does.
+    pub(super) shown: Vec<ShownWindow>,
+}
+
+impl Windows {
+    /// Draws them.
+    pub(super) fn draw(&self, canvas: &mut Canvas<'_>) {
+        if self.pop_up {
+            canvas.draw_pop_up();
+        }
+        if self.alert {
+            canvas.draw_alert();
+        }
+        for ShownWindow { form, area_px } in &self.shown {
+            match form {
+                WindowForm::Message => canvas.draw_message(*area_px),
+                WindowForm::Plugin => canvas.draw_plugin_window(*area_px),
+            }
+        }
+    }
+}
+
 /// Contents of a picture besides the scene and the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Painter {
@@ -39,10 +69,6 @@ pub(super) struct Painter {
     pub(super) others: bool,
     /// Whether a cockpit's panel is in front.
     pub(super) panel: bool,
-    /// Whether a pop-up lies over it.
-    pub(super) pop_up: bool,
-    /// Whether X-Plane's error about a deprecated dataref lies over it.
-    pub(super) alert: bool,
     /// How much too bright it still is: 1 when the exposure has settled.
     pub(super) gain: f64,
     /// Position of the waves, if water moves.
@@ -91,12 +117,6 @@ impl Painter {
         };
         if self.panel {
             canvas.draw_panel();
-        }
-        if self.pop_up {
-            canvas.draw_pop_up();
-        }
-        if self.alert {
-            canvas.draw_alert();
         }
     }
 

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::pixels::Rectangle;
 
 /// Half the size of a box around any airliner of the Boeing 737's size: forward, right and down of its centre of gravity, metres.
-const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
+pub(super) const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
 /// What a lamp, a blur or a shadow edge adds around the box, pixels.
 const AROUND_PX: f64 = 3.0;
 /// A displaced aircraft is at least this far from its place, pixels.

@@ -102,6 +102,13 @@ struct Unproven<P> {
     grab: Option<u64>,
 }
 
+impl<P> Unproven<P> {
+    /// The newest frame whose drawing the picture may show.
+    fn newest_frame(&self) -> u64 {
+        self.grab.unwrap_or(self.taken.frame)
+    }
+}
+
 /// A block that is being recorded.
 pub(super) struct Sequence<P> {
     ticks: u32,
@@ -115,6 +122,8 @@ pub(super) struct Sequence<P> {
     next_tick: u32,
     again: VecDeque<u32>,
     delivered: u32,
+    /// The newest grab of a delivered picture.
+    delivered_grab: u64,
     since_probe: u32,
     /// Sent and not answered yet.
     sent: VecDeque<Show>,
@@ -155,6 +164,7 @@ impl<P: Scene> Sequence<P> {
             next_tick: 0,
             again: VecDeque::new(),
             delivered: 0,
+            delivered_grab: 0,
             since_probe: 0,
             sent: VecDeque::new(),
             shown: BTreeMap::new(),
@@ -481,6 +491,25 @@ impl<P: Scene> Sequence<P> {
         self.again = again.into();
     }
 
+    /// Whatever was grabbed from a frame on was covered: its ticks are shown again. Returns whether none of it has been delivered.
+    pub(super) fn take_again(&mut self, from_frame: u64) -> bool {
+        let covered = self
+            .pictures
+            .extract_if(.., |_, picture| picture.newest_frame() >= from_frame);
+        for (tick, picture) in covered {
+            self.again.push_back(tick);
+            self.tally.repeated += 1;
+            self.spent.push(picture.taken.picture);
+        }
+        let undecided = mem::take(&mut self.undecided).into_iter();
+        let (covered, clear): (VecDeque<_>, VecDeque<_>) =
+            undecided.partition(|grab| grab.number >= from_frame);
+        self.undecided = clear;
+        self.spent
+            .extend(covered.into_iter().map(|grab| grab.picture));
+        self.delivered_grab < from_frame
+    }
+
     /// The next picture, in the order of the ticks, once it is proven.
     pub(super) fn deliver(&mut self) -> Option<Taken<P>> {
         let first = self.pictures.first_entry()?;
@@ -491,8 +520,15 @@ impl<P: Scene> Sequence<P> {
             .is_none_or(|grab| grab <= self.confirmed_up_to);
         (is_next && is_proven).then(|| {
             self.delivered += 1;
-            first.remove().taken
+            let picture = first.remove();
+            self.delivered_grab = self.delivered_grab.max(picture.newest_frame());
+            picture.taken
         })
+    }
+
+    /// Whether exposure, shadows and loading have not come to rest yet: pictures differ by themselves.
+    pub(super) fn is_settling(&self) -> bool {
+        matches!(self.phase, Phase::Settling { .. })
     }
 
     /// Pictures that are not needed.

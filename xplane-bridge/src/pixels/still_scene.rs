@@ -1,0 +1,555 @@
+//! Whether something covers the scene, from pictures of a camera that rests.
+//!
+//! Input: the pictures of one block, and in each the rectangles that may move (aircraft, shadow, lights). Output: the rectangle of
+//! whatever came over the scene: a message, a window, a notification, a pointer.
+//!
+//! The picture is divided into cells of 16 x 16 pixels, and the first seven pictures of a cell in which nothing moves give its noise:
+//! ripples of water change many of its values from picture to picture, most cells none. From then on a cell is covered
+//!
+//! - in a paused world, if it differs from its first picture by more than its noise ([`CoverKind::Appeared`]);
+//! - where time runs, if it differs from the picture just before by more than its noise, and until it looks again like before the
+//!   cover: clouds drift slowly, and a picture of some seconds ago proves nothing;
+//! - where time runs, also if rain or clouds changed it again and again, and suddenly it and its neighbours stand still to the last bit
+//!   ([`CoverKind::StandsStill`]): something opaque that came in too gradually to be noticed.
+//!
+//! A cell that a moving rectangle touches is not judged. What lay over the scene from the first picture of the block on belongs to
+//! it; when it goes, the scene differs from the beginning and is called covered. The check pattern of the registration tells the two
+//! apart.
+
+mod standing_still;
+#[cfg(test)]
+mod tests;
+mod watch;
+
+use standing_still::StandingStill;
+
+use super::Rectangle;
+use super::cell_grid::Grid;
+pub use watch::{CoverWatch, Verdict};
+
+/// Whether the world changes by itself between two pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WorldTime {
+    /// Nothing but water moves.
+    Paused,
+    /// Clouds drift and rain falls.
+    Runs,
+}
+
+/// Something that covers the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cover {
+    /// Where, to the cell.
+    pub rectangle: Rectangle,
+    /// How it shows.
+    pub kind: CoverKind,
+    /// How many of the pictures before this one may show it as well, although they were accepted.
+    pub pictures_before: u32,
+}
+
+/// How a cover shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CoverKind {
+    /// The picture changed more than this scene does by itself.
+    Appeared,
+    /// It stands still where the scene never did.
+    StandsStill,
+}
+
+/// Comparisons from which the noise of a cell is learnt: one less than pictures.
+const LEARNT: usize = 6;
+/// Of these, ordered by size, the one that counts: what comes and goes meanwhile shows in two of them and must not pass for noise.
+const TYPICAL: usize = LEARNT - 3;
+
+/// What is known of a cell.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    /// Whether the kept pictures show the scene here, and not the aircraft.
+    known: bool,
+    /// The first comparisons with the picture before: values that changed, and that changed at least half as much; and how much brighter
+    /// or darker they are in the mean.
+    changes: [(u32, u32); LEARNT],
+    shifts: [f64; LEARNT],
+    /// The darkest and the brightest mean of these pictures.
+    means: (f64, f64),
+    /// How many of them there are.
+    learnt: usize,
+    /// Whether nothing at all changed in the typical comparison.
+    still: bool,
+    /// Whether so many values change by themselves that only their mean says something.
+    restless: bool,
+    /// Values that change, and by how much their mean shifts, from picture to picture: as learnt, or where time runs as of late.
+    noise: f64,
+    shift: f64,
+    /// Whether these, and the picture before, are of a time before something moved through the cell.
+    outdated: bool,
+    covered: bool,
+}
+
+impl Cell {
+    fn is_learning(&self) -> bool {
+        self.learnt < LEARNT
+    }
+
+    /// Takes note of a comparison with the picture before: values that changed, and those that changed at least half as much.
+    fn learn(&mut self, changed: (u32, u32), before: f64, now: f64) {
+        if self.learnt == 0 {
+            self.means = (before, before);
+        }
+        self.changes[self.learnt] = changed;
+        self.shifts[self.learnt] = (now - before).abs();
+        self.means = (self.means.0.min(now), self.means.1.max(now));
+        self.learnt += 1;
+    }
+
+    /// Ends the learning. Returns whether something came, and perhaps went, meanwhile.
+    fn has_learnt(&mut self, limits: Limits, values: u32) -> bool {
+        let mut changes = self.changes.map(|(_, at_least_half)| at_least_half);
+        changes.sort_unstable();
+        let mut shifts = self.shifts;
+        shifts.sort_by(f64::total_cmp);
+        (self.noise, self.shift) = (f64::from(changes[TYPICAL]), shifts[TYPICAL]);
+        self.still = changes[TYPICAL] == 0;
+        self.restless = self.noise > f64::from(values) * limits.restless;
+        // Of a restless cell single comparisons say too little.
+        !self.restless && self.jumped_while_learning(limits, values)
+    }
+
+    fn jumped_while_learning(&self, limits: Limits, values: u32) -> bool {
+        let mut noise = f64::from(self.changes[0].1.min(self.changes[1].1));
+        self.changes.into_iter().any(|(changed, at_least_half)| {
+            let jumped = f64::from(changed) > limits.allowed(noise, values);
+            noise = f64::from(at_least_half).max(FADING * noise);
+            jumped
+        })
+    }
+
+    /// The most values that may change in a cell that nothing covers.
+    fn allowed(&self, limits: Limits, values: u32) -> f64 {
+        limits.allowed(self.noise, values)
+    }
+
+    /// The most that its mean may shift.
+    fn allowed_shift(&self) -> f64 {
+        2.0 * self.shift + SHIFT_LEVELS
+    }
+
+    /// Clouds come and go: the noise is that of late.
+    fn follow(&mut self, changed: f64, shift: f64) {
+        self.noise = changed.max(FADING * self.noise);
+        self.shift = shift.max(FADING * self.shift);
+    }
+
+    /// Whether the mean of water that moves is one that it never had.
+    fn is_out_of_range(&self, mean: f64) -> bool {
+        let (darkest, brightest) = self.means;
+        let beyond = (brightest - darkest) / 2.0 + SHIFT_LEVELS;
+        mean < darkest - beyond || mean > brightest + beyond
+    }
+}
+
+/// What the mean of a cell may change beyond what it does by itself, levels.
+const SHIFT_LEVELS: f64 = 6.0;
+/// How much of the noise of the picture before still counts.
+const FADING: f64 = 0.9;
+/// A cell beside a covered one is partly covered if this share of what would cover it has changed.
+const PARTLY: f64 = 0.3;
+/// Pictures for which a cover counts that only the aircraft hides: two seconds of 60 frames.
+const MOST_HIDDEN_LOOKS: u32 = 120;
+/// With a smaller share of changed values, the shift of the mean is not worth its computation.
+const LEAST_SHARE: f64 = 0.1;
+
+/// The limits of one kind of world.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    /// A value, one byte of a pixel, has changed if it differs by more than this.
+    level: u8,
+    /// A cell is covered if this share of its values has changed, over its noise.
+    share: f64,
+    /// A cell of which a larger share changes by itself is restless.
+    restless: f64,
+}
+
+impl Limits {
+    /// The most values that may change in a cell of so many, with its noise.
+    fn allowed(self, noise: f64, values: u32) -> f64 {
+        1.5 * noise + f64::from(values) * self.share
+    }
+
+    const fn of(time: WorldTime) -> Self {
+        match time {
+            WorldTime::Paused => Self {
+                level: 2,
+                share: 0.125,
+                restless: 0.02,
+            },
+            // A streak of rain changes a few pixels of a cell by up to a tenth of the way to its own grey.
+            WorldTime::Runs => Self {
+                level: 8,
+                share: 0.33,
+                restless: 0.25,
+            },
+        }
+    }
+}
+
+/// The scene of one resting camera.
+#[derive(Debug)]
+pub struct StillScene {
+    grid: Grid,
+    time: WorldTime,
+    limits: Limits,
+    cells: Vec<Cell>,
+    /// The scene uncovered: the first picture in a paused world, or else the last one before the cover.
+    uncovered: Vec<u8>,
+    /// The last picture, where it is needed.
+    latest: Vec<u8>,
+    /// Whether this is the first picture.
+    is_new: bool,
+    /// For how many pictures nothing of a cover could be judged.
+    hidden_looks: u32,
+    standing_still: StandingStill,
+}
+
+impl StillScene {
+    /// Knows nothing yet of pictures of this size.
+    pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
+        let grid = Grid::new(width_px, height_px);
+        Self {
+            cells: vec![Cell::default(); grid.cells()],
+            uncovered: vec![0; grid.bytes()],
+            latest: vec![0; grid.bytes()],
+            is_new: true,
+            hidden_looks: 0,
+            standing_still: StandingStill::new(grid.cells()),
+            limits: Limits::of(time),
+            grid,
+            time,
+        }
+    }
+
+    /// Forgets the pictures: another block begins.
+    pub fn restart(&mut self) {
+        self.cells.fill(Cell::default());
+        self.standing_still = StandingStill::new(self.grid.cells());
+        self.is_new = true;
+        self.hidden_looks = 0;
+    }
+
+    /// The next picture comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
+    /// is compared anew, and a cover that came meanwhile is noticed when it goes.
+    pub fn after_gap(&mut self) {
+        if self.time == WorldTime::Runs {
+            for cell in &mut self.cells {
+                cell.outdated = true;
+            }
+        }
+    }
+
+    /// Checks the next picture. `moving` are the rectangles that may differ from picture to picture; they may reach beyond the picture.
+    ///
+    /// # Errors
+    /// Something covers the scene. The picture is not to be used, nor are as many before it as the cover says.
+    ///
+    /// # Panics
+    /// If the picture has another size.
+    pub fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
+        assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
+        let touched = self.grid.touched(moving);
+        if std::mem::take(&mut self.is_new) {
+            self.uncovered.copy_from_slice(rgb);
+            self.latest.copy_from_slice(rgb);
+            for (cell, touched) in self.cells.iter_mut().zip(touched) {
+                cell.known = !touched;
+            }
+            return Ok(());
+        }
+        match self.time {
+            WorldTime::Paused => self.look_at_pause(rgb, &touched),
+            WorldTime::Runs => self.look_at_running_time(rgb, &touched),
+        }
+    }
+
+    fn look_at_pause(&mut self, rgb: &[u8], touched: &[bool]) -> Result<(), Cover> {
+        let level = self.limits.level;
+        let was_covered = self.is_covered();
+        let changed = self.grid.changed(rgb, &self.uncovered, level);
+        // Only what follows the pictures can stop doing so.
+        let mut differs = vec![false; self.cells.len()];
+        let (mut came_while_learning, mut learning) = (Vec::new(), Vec::new());
+        let mut released = false;
+        let mut hidden = Vec::new();
+        for (at, is_touched) in touched.iter().enumerate() {
+            let cell = self.cells[at];
+            if *is_touched && cell.covered {
+                hidden.push(at);
+                continue;
+            }
+            if *is_touched || !cell.known {
+                self.set_aside(at, cell.known);
+                continue;
+            }
+            let mut since_latest = changed[at];
+            if cell.is_learning() || !cell.still {
+                if std::mem::take(&mut self.cells[at].outdated) {
+                    self.grid.copy_cell(at, rgb, &mut self.latest);
+                    continue;
+                }
+                since_latest = self.grid.changed_in_cell(at, rgb, &self.latest, level);
+                differs[at] = since_latest > 0;
+            }
+            if self.judge(at, rgb, since_latest, changed[at]) {
+                came_while_learning.push(at);
+            }
+            if cell.is_learning() {
+                learning.push(at);
+            }
+            released |= cell.covered && !self.cells[at].covered;
+            if cell.is_learning() || !cell.still {
+                self.grid.copy_cell(at, rgb, &mut self.latest);
+            }
+        }
+        self.decide_on_hidden(&hidden, released);
+        let standing = self.standing_still.look(&self.grid, &differs, touched);
+        if was_covered || self.is_covered() {
+            self.learn_nothing(&learning, &[]);
+        } else {
+            for (at, is_touched) in touched.iter().enumerate() {
+                if !is_touched && !self.cells[at].known {
+                    self.grid.copy_cell(at, rgb, &mut self.uncovered);
+                    self.grid.copy_cell(at, rgb, &mut self.latest);
+                    self.cells[at].known = true;
+                    self.cells[at].outdated = false;
+                }
+            }
+        }
+        self.verdict(&came_while_learning, standing)
+    }
+
+    fn look_at_running_time(&mut self, rgb: &[u8], touched: &[bool]) -> Result<(), Cover> {
+        let level = self.limits.level;
+        let changes = self.grid.changes(rgb, &self.latest, level);
+        let standing = self
+            .standing_still
+            .look(&self.grid, &changes.differs, touched);
+        if !changes.differs.contains(&true) {
+            // The same frame once more: nothing to learn from.
+            return self.verdict(&[], standing);
+        }
+        let (mut came_while_learning, mut still_covered) = (Vec::new(), Vec::new());
+        let (mut learning, mut renewed) = (Vec::new(), Vec::new());
+        let (was_covered, mut jumped_again) = (self.is_covered(), 0);
+        let (mut hidden, mut newly_covered, mut released) = (Vec::new(), Vec::new(), false);
+        for (at, is_touched) in touched.iter().enumerate() {
+            if *is_touched && self.cells[at].covered {
+                hidden.push(at);
+                continue;
+            }
+            if *is_touched || self.standing_still.is_near_cover(&self.grid, at) {
+                self.set_aside(at, false);
+                continue;
+            }
+            if !self.cells[at].known {
+                continue;
+            }
+            let before = self.cells[at];
+            let changed = (changes.beyond_level[at], changes.beyond_half[at]);
+            let jumped = self.jumps(at, rgb, changed);
+            if before.is_learning() {
+                learning.push(at);
+                if jumped {
+                    came_while_learning.push(at);
+                }
+            } else if before.outdated {
+                renewed.push(at);
+            } else if before.covered && self.cells[at].covered {
+                still_covered.push(at);
+                jumped_again += usize::from(jumped);
+            } else if self.cells[at].covered {
+                newly_covered.push(at);
+            }
+            released |= before.covered && !self.cells[at].covered;
+        }
+        self.grow(newly_covered, &changes.beyond_level);
+        if 2 * jumped_again > still_covered.len() && self.is_as_before(rgb, &still_covered) {
+            for at in still_covered {
+                self.set_aside(at, false);
+            }
+            released = true;
+        }
+        self.decide_on_hidden(&hidden, released);
+        if was_covered || self.is_covered() {
+            self.learn_nothing(&learning, &renewed);
+        } else {
+            for (at, is_touched) in touched.iter().enumerate() {
+                if !is_touched && !self.cells[at].known {
+                    self.grid.copy_cell(at, rgb, &mut self.uncovered);
+                    self.cells[at].known = true;
+                }
+            }
+        }
+        self.latest.copy_from_slice(rgb);
+        self.verdict(&came_while_learning, standing)
+    }
+
+    /// Whether a cell changed suddenly, where time runs: in this picture, or in one from which its noise was learnt.
+    fn jumps(&mut self, at: usize, rgb: &[u8], (changed, at_least_half): (u32, u32)) -> bool {
+        let (limits, values) = (self.limits, self.grid.values(at));
+        let is_learning = self.cells[at].is_learning();
+        let (mut before, mut now) = (0.0, 0.0);
+        if is_learning || f64::from(at_least_half) > LEAST_SHARE * f64::from(values) {
+            before = self.grid.mean(at, &self.latest);
+            now = self.grid.mean(at, rgb);
+        }
+        let since_uncovered = || {
+            let changed = self
+                .grid
+                .changed_in_cell(at, rgb, &self.uncovered, limits.level);
+            f64::from(changed)
+        };
+        let cell = &mut self.cells[at];
+        if is_learning {
+            if std::mem::take(&mut cell.outdated) {
+                return false;
+            }
+            cell.learn((changed, at_least_half), before, now);
+            let came = !cell.is_learning() && cell.has_learnt(limits, values);
+            // What came may have gone again.
+            cell.covered = came && since_uncovered() > cell.allowed(limits, values);
+            return came;
+        }
+        let shift = (now - before).abs();
+        if std::mem::take(&mut cell.outdated) {
+            (cell.noise, cell.shift) = (f64::from(at_least_half), shift);
+            return false;
+        }
+        let allowed = cell.allowed(limits, values);
+        let jumped = f64::from(changed) > allowed || shift > cell.allowed_shift();
+        if cell.covered {
+            let shift = (self.grid.mean(at, rgb) - self.grid.mean(at, &self.uncovered)).abs();
+            cell.covered = since_uncovered() > allowed || shift > cell.allowed_shift();
+        } else if jumped {
+            cell.covered = true;
+        } else {
+            // Half the level: a gentle slope that grows steeper must not pass the level in a whole cell at once.
+            cell.follow(f64::from(at_least_half), shift);
+        }
+        jumped
+    }
+
+    /// Remembers how newly covered cells looked before, and covers those beside them that changed less: they would be taken for a new
+    /// cover when this one goes.
+    fn grow(&mut self, newly_covered: Vec<usize>, changed: &[u32]) {
+        let mut cells = newly_covered.clone();
+        for at in newly_covered {
+            for beside in self.grid.around(at) {
+                let (limits, values) = (self.limits, self.grid.values(beside));
+                let cell = &mut self.cells[beside];
+                let allowed = cell.allowed(limits, values);
+                let may_be = cell.known && !cell.covered && !cell.is_learning();
+                if may_be && f64::from(changed[beside]) > PARTLY * allowed {
+                    cell.covered = true;
+                    cells.push(beside);
+                }
+            }
+        }
+        for at in cells {
+            self.grid.copy_cell(at, &self.latest, &mut self.uncovered);
+        }
+    }
+
+    /// Covered cells through which something moves cannot be judged. They count as covered until the others are seen to be free, or for
+    /// some time if there are no others.
+    fn decide_on_hidden(&mut self, hidden: &[usize], released: bool) {
+        let covered = self.cells.iter().filter(|cell| cell.covered).count();
+        if hidden.is_empty() || covered > hidden.len() {
+            self.hidden_looks = 0;
+            return;
+        }
+        self.hidden_looks += 1;
+        if released || self.hidden_looks > MOST_HIDDEN_LOOKS {
+            self.hidden_looks = 0;
+            let known = self.time == WorldTime::Paused;
+            for at in hidden {
+                self.set_aside(*at, known);
+            }
+        }
+    }
+
+    /// Whether cells look more like before the cover than like in the last picture, although clouds may have drifted meanwhile.
+    fn is_as_before(&self, rgb: &[u8], cells: &[usize]) -> bool {
+        let distance = |other: &[u8]| -> u64 {
+            let cells = cells.iter();
+            cells.map(|at| self.grid.distance(*at, rgb, other)).sum()
+        };
+        distance(&self.uncovered) < distance(&self.latest)
+    }
+
+    /// Pictures with a cover, and the first one without it, say nothing about the noise of cells that were learning or renewed theirs.
+    fn learn_nothing(&mut self, learning: &[usize], renewed: &[usize]) {
+        for at in learning {
+            let cell = &mut self.cells[*at];
+            if cell.is_learning() {
+                cell.learnt = cell.learnt.saturating_sub(1);
+            }
+        }
+        for at in renewed {
+            self.set_aside(*at, false);
+        }
+    }
+
+    /// A cell that is not judged, and whether the kept pictures still show the scene there.
+    fn set_aside(&mut self, at: usize, known: bool) {
+        let cell = &mut self.cells[at];
+        cell.covered = false;
+        cell.known = known;
+        cell.outdated = true;
+    }
+
+    /// Whether a cell is covered, in a paused world, from how many of its values changed since the picture before and since the scene was
+    /// last uncovered. Returns whether something came, and perhaps went, while its noise was learnt.
+    fn judge(&mut self, at: usize, rgb: &[u8], since_latest: u32, since_uncovered: u32) -> bool {
+        let (limits, values) = (self.limits, self.grid.values(at));
+        let mut came_while_learning = false;
+        let cell = &mut self.cells[at];
+        if cell.is_learning() {
+            let [before, now] = [&self.latest[..], rgb].map(|rgb| self.grid.mean(at, rgb));
+            cell.learn((since_latest, since_latest), before, now);
+            if cell.is_learning() {
+                return false;
+            }
+            came_while_learning = cell.has_learnt(limits, values);
+        }
+        let allowed = cell.allowed(limits, values);
+        cell.covered = if cell.restless {
+            cell.is_out_of_range(self.grid.mean(at, rgb))
+        } else if cell.still || cell.covered {
+            f64::from(since_uncovered) > allowed
+        } else {
+            f64::from(since_latest) > allowed
+        };
+        came_while_learning
+    }
+
+    fn is_covered(&self) -> bool {
+        self.cells.iter().any(|cell| cell.covered)
+    }
+
+    /// Names what covers the scene now, or did while the noise of some cells was learnt.
+    fn verdict(&self, came_while_learning: &[usize], standing: Option<Cover>) -> Result<(), Cover> {
+        let mut cells: Vec<bool> = self.cells.iter().map(|cell| cell.covered).collect();
+        for at in came_while_learning {
+            cells[*at] = true;
+        }
+        let appeared = self.grid.largest(cells).map(|rectangle| Cover {
+            rectangle,
+            kind: CoverKind::Appeared,
+            pictures_before: if came_while_learning.is_empty() {
+                0
+            } else {
+                LEARNT as u32
+            },
+        });
+        standing.or(appeared).map_or(Ok(()), Err)
+    }
+}

@@ -1,0 +1,154 @@
+//! The decision what to do about a cover: take pictures again, or give up.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use super::{Cover, StillScene, WorldTime};
+use crate::pixels::{PixelError, Rectangle};
+
+/// How long a cover is waited for.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// Clouds drift noticeably between two pictures that are further apart.
+const LONGEST_STEP: Duration = Duration::from_millis(100);
+/// Pictures whose frames are remembered: more than any cover goes back.
+const REMEMBERED: usize = 128;
+
+/// Use of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing covers it.
+    Clear,
+    /// Something does: whatever was taken from this frame on is to be taken again.
+    Covered {
+        /// The number of the frame.
+        from_frame: u64,
+    },
+}
+
+/// Watches the pictures of a block, in the order in which they were drawn.
+#[derive(Debug)]
+pub struct CoverWatch {
+    scene: StillScene,
+    frames: VecDeque<u64>,
+    last_look: Option<Instant>,
+    covered_since: Option<Instant>,
+}
+
+impl CoverWatch {
+    /// Of pictures of a size.
+    pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
+        Self {
+            scene: StillScene::new(width_px, height_px, time),
+            frames: VecDeque::new(),
+            last_look: None,
+            covered_since: None,
+        }
+    }
+
+    /// Another block begins.
+    pub fn restart(&mut self) {
+        self.scene.restart();
+        self.frames.clear();
+        self.last_look = None;
+        self.covered_since = None;
+    }
+
+    /// Looks at the picture of a frame, in which only `moving` may differ from the one before.
+    ///
+    /// # Errors
+    /// A cover has been there for 30 seconds.
+    ///
+    /// # Panics
+    /// If the picture has another size.
+    pub fn look(
+        &mut self,
+        frame: u64,
+        rgb: &[u8],
+        moving: &[Rectangle],
+        now: Instant,
+    ) -> Result<Verdict, PixelError> {
+        let last_look = self.last_look.replace(now);
+        if last_look.is_some_and(|last| now.duration_since(last) > LONGEST_STEP) {
+            self.scene.after_gap();
+        }
+        self.frames.push_front(frame);
+        self.frames.truncate(REMEMBERED);
+        let Err(cover) = self.scene.look(rgb, moving) else {
+            self.covered_since = None;
+            return Ok(Verdict::Clear);
+        };
+        let since = *self.covered_since.get_or_insert_with(|| {
+            tracing::warn!(
+                rectangle = %cover.rectangle, kind = ?cover.kind,
+                "something covers the scene; its pictures are taken again until it has gone"
+            );
+            now
+        });
+        let waited = now.duration_since(since);
+        if waited > PATIENCE {
+            let Cover { rectangle, .. } = cover;
+            return Err(PixelError::StaysCovered { rectangle, waited });
+        }
+        let oldest = self.frames.len().saturating_sub(1);
+        let first = oldest.min(cover.pictures_before as usize);
+        Ok(Verdict::Covered {
+            from_frame: self.frames[first],
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE_PX: (u32, u32) = (64, 48);
+
+    fn picture(level: u8) -> Vec<u8> {
+        vec![level; (SIZE_PX.0 * SIZE_PX.1 * 3) as usize]
+    }
+
+    fn watching() -> (CoverWatch, Instant) {
+        let mut watch = CoverWatch::new(SIZE_PX.0, SIZE_PX.1, WorldTime::Paused);
+        let now = Instant::now();
+        for frame in 100..110 {
+            let seen = watch.look(frame, &picture(80), &[], now).unwrap();
+            assert_eq!(seen, Verdict::Clear);
+        }
+        (watch, now)
+    }
+
+    #[test]
+    fn a_covered_picture_is_taken_again_until_the_cover_has_gone() {
+        let (mut watch, now) = watching();
+        for frame in 110..115 {
+            let seen = watch.look(frame, &picture(200), &[], now).unwrap();
+            assert_eq!(seen, Verdict::Covered { from_frame: frame });
+        }
+        let seen = watch.look(115, &picture(80), &[], now).unwrap();
+        assert_eq!(seen, Verdict::Clear);
+    }
+
+    #[test]
+    fn a_cover_that_stays_for_half_a_minute_is_an_error_that_names_it() {
+        let (mut watch, now) = watching();
+        let mut look = |second| {
+            let now = now + Duration::from_secs(second);
+            watch.look(110 + second, &picture(200), &[], now)
+        };
+        assert!(look(0).is_ok() && look(30).is_ok());
+        let text = look(31).unwrap_err().to_string();
+        assert!(text.contains("64x48 at (0, 0)"), "{text}");
+    }
+
+    #[test]
+    fn what_was_taken_while_the_noise_was_learnt_is_taken_again_if_something_came_meanwhile() {
+        let mut watch = CoverWatch::new(SIZE_PX.0, SIZE_PX.1, WorldTime::Paused);
+        let now = Instant::now();
+        let mut seen = Vec::new();
+        for frame in 0..7 {
+            let level = if frame == 2 { 200 } else { 80 };
+            seen.push(watch.look(frame, &picture(level), &[], now).unwrap());
+        }
+        assert_eq!(seen[6], Verdict::Covered { from_frame: 0 });
+    }
+}
