@@ -273,7 +273,7 @@ async fn block(simulator: &mut Simulator) -> (Vec<Vec<u8>>, u32) {
         })
         .unwrap();
     let mut pictures = Vec::new();
-    while let Some(frame) = recording.next().await.unwrap() {
+    while let Some(frame) = recording.next_picture().await.unwrap() {
         pictures.push(frame.rgb.to_vec());
     }
     let report = recording.report();
