@@ -135,7 +135,12 @@ async fn a_fixed_port_is_used_again_at_once_and_a_taken_one_is_named() {
         socket.send(&subscription(1)).await.unwrap();
         assert_eq!(simulator.request().await.1.port(), port);
     }
-    let _taken = UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).await.unwrap();
+    let taken = bound(Ipv4Addr::LOCALHOST).await;
+    let port = taken.local_addr().unwrap().port();
+    let fixed = LocalUdp {
+        port: Some(port),
+        notes: None,
+    };
     let error = SimulatorSocket::open(simulator.address(), &fixed)
         .await
         .unwrap_err()
