@@ -67,7 +67,7 @@ impl Scripted {
     fn script(&self, arguments: &str) -> String {
         format!(
             "kill -9 $(cat {pid}) 2>/dev/null; \
-             {dtd} mock-xplane --port {port} --no-beacon --quirks=none {arguments} </dev/null >>{log} 2>&1 & \
+             {dtd} mock-xplane --port {port} --no-beacon --web-port 0 --quirks=none {arguments} </dev/null >>{log} 2>&1 & \
              echo $! >{pid}; echo $DTD_SIMULATOR >>{starts}",
             pid = self.file("pid").display(),
             dtd = DTD.program(),

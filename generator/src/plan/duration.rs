@@ -9,21 +9,10 @@ use dataset::scenario::Flight;
 use serde::Serialize;
 use xplane_bridge::profile::Profile;
 
-use super::estimate::by_distance;
-
-/// Seconds between two pictures, and seconds that one takes with the stand-in, encoded, on two otherwise idle cores: mean over the four
-/// weathers of `scenarios.toml` at 1920 x 1280 and the default `[video]`. The closer pictures are in time, the more of the clouds they
-/// share. How it was measured: `docs/sweeps.md`.
-const STAND_IN_PICTURE_S: [(f64, f64); 5] = [
-    (1.0 / 30.0, 0.022),
-    (0.2, 0.030),
-    (0.5, 0.040),
-    (1.0, 0.050),
-    (2.0, 0.055),
-];
-/// What a scenario takes besides, whatever its number of pictures: for a picture of that size, and without any picture, seconds.
-const STAND_IN_SCENARIO_S: (f64, f64) = (1.5, 0.5);
-/// Picture size of the figures above; cost grows with the number of pixels.
+/// Pictures that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
+/// 1280, 30 pictures a second, the default `[video]`. How it was measured: `docs/sweeps.md`.
+const STAND_IN_PICTURES_PER_S: f64 = 45.0;
+/// Picture size of that figure; cost grows with the number of pixels.
 const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
 
 /// What an X-Plane is assumed to take where nothing was measured, seconds: to load the place of a flight (20 s measured by others, and
@@ -162,16 +151,14 @@ impl Count {
     }
 
     fn with_the_stand_in(&self, common: &Common) -> Durations {
-        const BASIS: &str = "measured with the stand-in on two cores; --sim mock measures yours";
-        let size = relative_size(common);
-        let picture_s = size * stand_in_picture_s(common.picture.frame_rate.period_s());
-        let scenario_s = size * STAND_IN_SCENARIO_S.0 + STAND_IN_SCENARIO_S.1;
+        let per_s = STAND_IN_PICTURES_PER_S / relative_size(common);
         Durations {
-            pictures_h: self.pictures * picture_s / 3_600.0,
-            pictures_basis: format!("{:.0} a second, {BASIS}", 1.0 / picture_s),
+            pictures_h: self.pictures / per_s / 3_600.0,
+            pictures_basis: format!(
+                "{per_s:.0} a second, measured with the stand-in on two cores at 30 pictures a second of flight; --sim mock measures yours"
+            ),
             live_flying_basis: "the stand-in does not fly in real time".into(),
-            loading_h: self.scenarios as f64 * scenario_s / 3_600.0,
-            loading_basis: format!("{scenario_s:.1} s a scenario, {BASIS}"),
+            loading_basis: "not counted; --sim mock measures it".into(),
             weather_basis: "the stand-in changes its weather at once".into(),
             ..Durations::default()
         }
@@ -282,23 +269,4 @@ fn trial(
 pub(super) fn relative_size(common: &Common) -> f64 {
     let picture = common.picture;
     f64::from(picture.width_px) * f64::from(picture.height_px) / MEASURED_PIXELS
-}
-
-/// Seconds for a picture this long after the one before: between the measured ones, linear in the logarithm of the time.
-fn stand_in_picture_s(apart_s: f64) -> f64 {
-    by_distance(&STAND_IN_PICTURE_S, apart_s)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pictures_that_are_further_apart_take_longer() {
-        for (apart_s, took_s) in STAND_IN_PICTURE_S {
-            assert!((stand_in_picture_s(apart_s) - took_s).abs() < 1e-9);
-        }
-        assert!(stand_in_picture_s(0.1) > stand_in_picture_s(1.0 / 30.0));
-        assert_eq!(stand_in_picture_s(10.0), STAND_IN_PICTURE_S[4].1);
-    }
 }

@@ -140,7 +140,7 @@ fn bytes_of_picture_after(apart_s: f64) -> f64 {
 }
 
 /// What was measured for pictures this many seconds apart: between two measurements, linear in the logarithm of the time.
-pub(super) fn by_distance(measured: &[(f64, f64)], apart_s: f64) -> f64 {
+fn by_distance(measured: &[(f64, f64)], apart_s: f64) -> f64 {
     let next = measured.partition_point(|(measured_s, _)| *measured_s < apart_s);
     let [before, after] =
         [next.saturating_sub(1), next.min(measured.len() - 1)].map(|index| measured[index]);
