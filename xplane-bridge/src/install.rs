@@ -21,7 +21,7 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as embedded in this program: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 31] = [
+const FILES: [(&str, &str); 34] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
@@ -30,10 +30,13 @@ const FILES: [(&str, &str); 31] = [
     plugin_file!("dtd_bridge/callbacks.py"),
     plugin_file!("dtd_bridge/capture.py"),
     plugin_file!("dtd_bridge/check_pattern.py"),
+    plugin_file!("dtd_bridge/coded_frames.py"),
     plugin_file!("dtd_bridge/complaints.py"),
     plugin_file!("dtd_bridge/datarefs.py"),
     plugin_file!("dtd_bridge/flight.py"),
     plugin_file!("dtd_bridge/found.py"),
+    plugin_file!("dtd_bridge/frame_code.py"),
+    plugin_file!("dtd_bridge/frame_numbers.py"),
     plugin_file!("dtd_bridge/local_frame.py"),
     plugin_file!("dtd_bridge/log.py"),
     plugin_file!("dtd_bridge/loops.py"),

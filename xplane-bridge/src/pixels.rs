@@ -24,7 +24,7 @@ pub use choice::PixelChoice;
 pub use error::PixelError;
 pub use payload::Payload;
 pub use picture::{Rectangle, RgbPicture};
-pub(crate) use screen::{CodedGrabs, CodedPicture, CodedWindow, margins_around};
+pub(crate) use screen::{CodedGrabs, CodedPicture, CodedWindow, MARGIN_PX, margins_around};
 pub use screen::{FfmpegScreen, Grab, Lag, RemoteScreen, Screen, ScreenSource};
 pub use screenshots::Screenshots;
 

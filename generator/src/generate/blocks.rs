@@ -83,6 +83,7 @@ pub(super) async fn capture_blocks(
             }
             attempt.answered(recording.next_picture()).await?;
             let report = recording.report();
+            drop(recording);
             blocks.count += 1;
             blocks.measured += u32::from(report.is_measured);
             blocks.held_ticks += report.held;

@@ -211,6 +211,10 @@ class Bridge:
             # Answers keep the order of the requests.
             self._coded.fail(str(refusal))
             self._send(_error(str(refusal), refusal.repeats))
+        except Exception as error:  # A bug of ours must not crash X-Plane.
+            self._faults.caught("a request", error)
+            self._coded.fail(f"the plugin failed: {error!r}")
+            self._send(_error(f"the plugin failed: {error!r}"))
 
     def _advance(self, task: Task) -> Answer | None:
         """Advances a request; returns its answer when it is done."""

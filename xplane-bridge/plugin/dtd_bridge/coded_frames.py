@@ -133,7 +133,8 @@ class CodedFrames:
         self._tries += 1
         if not capturing.is_as_wanted(shown, pose, camera, hfov_deg, vfov_deg) and self._tries < TRIES:
             return False
+        answer = capturing.answer(shown, self._numbers.number, pose, camera, hfov_deg, None)
         self._answered = True
         self._since = time.monotonic()
-        self._answer(capturing.answer(shown, self._numbers.number, pose, camera, hfov_deg, None))
+        self._answer(answer)
         return True

@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::pixels::MARGIN_PX;
+
 /// A way from a drawn frame to its pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -25,6 +27,16 @@ pub struct PictureSize {
     pub width_px: u32,
     /// Height, pixels.
     pub height_px: u32,
+}
+
+impl PictureSize {
+    /// The smallest window whose margins around such pictures have room for frame codes.
+    pub(crate) fn with_margins(self) -> Self {
+        Self {
+            width_px: self.width_px + 2 * MARGIN_PX,
+            height_px: self.height_px + 2 * MARGIN_PX,
+        }
+    }
 }
 
 impl fmt::Display for PictureSize {

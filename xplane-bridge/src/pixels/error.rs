@@ -171,9 +171,9 @@ pub enum PixelError {
     },
     /// The simulator draws into a window of another size.
     #[error(
-        "pictures of {wanted} pixels are wanted, and the simulator draws those of its window alone, which has {window}. Start X-Plane with \
-         --window={wanted}, or change [picture] in the sweep to width_px = {}, height_px = {}",
-        .window.width_px, .window.height_px
+        "pictures of {wanted} pixels are wanted, and the simulator's window has {window}. Start X-Plane with --window={} for pictures off the \
+         screen (the margins number its frames, which is fastest), or with --window={wanted}, or change [picture] in the sweep",
+        .wanted.with_margins()
     )]
     OtherWindow {
         /// The pictures.

@@ -33,7 +33,7 @@ use crate::link::{PictureSize, SimulatorWindow};
 pub(crate) use coded_grabs::{CodedGrabs, CodedPicture};
 use covered::{Hidden, cover_on_screen};
 pub use ffmpeg_screen::FfmpegScreen;
-use frame_code::MARGIN_PX;
+pub(crate) use frame_code::MARGIN_PX;
 use grabber::Grabber;
 pub use remote_screen::RemoteScreen;
 

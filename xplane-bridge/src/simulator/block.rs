@@ -38,9 +38,11 @@ const SEGMENT_TICKS: (usize, usize) = (12, 100);
 /// Buffers besides those of two segments: for what is under way, grabbed and being encoded.
 const MORE_BUFFERS: usize = 24;
 /// A screen without any readable code for this long is covered, or its window is gone.
-const NO_CODE_TIMEOUT: Duration = Duration::from_secs(20);
+const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
 /// A grab may show the aircraft as it was so many frames before.
 const MOST_BEHIND: u64 = 8;
+/// Turns in a row in which nothing is sent, expected or delivered: more would never end.
+const MOST_IDLE: u32 = 8;
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
 const SETTLED_LEVELS: f64 = 0.25;
 
@@ -159,6 +161,7 @@ impl BlockRecording<'_> {
     /// The simulator rejects a request, its conditions have changed, the link is broken, or no code can be read off the screen.
     pub fn next_picture(&mut self) -> BoxFuture<'_, Result<Option<CapturedFrame>, BridgeError>> {
         Box::pin(async move {
+            let mut idle = 0;
             loop {
                 if let Some(taken) = self.sequence.deliver() {
                     return self.captured(taken).map(Some);
@@ -174,7 +177,21 @@ impl BlockRecording<'_> {
                     return Ok(None);
                 }
                 self.ask().await?;
-                self.grabs.rest(!self.sequence.expects_grabs());
+                let expects_grabs = self.sequence.expects_grabs();
+                self.grabs.rest(!expects_grabs);
+                if !expects_grabs && !self.sequence.waits_for_answer() {
+                    // A skipped probe has proven the pictures before it.
+                    idle += 1;
+                    if idle > MOST_IDLE {
+                        return Err(PixelError::NoCode {
+                            tick: self.block.first_tick + self.sequence.waits_for_tick(),
+                            waited: Duration::ZERO,
+                        }
+                        .into());
+                    }
+                    continue;
+                }
+                idle = 0;
                 if self.sequence.waits_for_answer() {
                     self.take_answer().await?;
                     while let Some(grabbed) = self.grabs.next_now() {
@@ -369,6 +386,15 @@ impl BlockRecording<'_> {
         }
         self.simulator.known_blocks.frames_behind = self.sequence.lag();
         Ok(())
+    }
+}
+
+impl Drop for BlockRecording<'_> {
+    /// Answers that nobody will take would be mistaken for those of the next requests.
+    fn drop(&mut self) {
+        if !self.asked.is_empty() {
+            self.simulator.link.close();
+        }
     }
 }
 

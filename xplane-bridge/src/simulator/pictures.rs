@@ -100,6 +100,13 @@ impl Simulator {
                 PixelKind::Screenshot => Box::new(Screenshots { size: wanted }),
                 PixelKind::Link | PixelKind::Gl => Box::new(Payload(kind)),
             };
+            if has_codes && self.pixels.coded_window().is_none() {
+                tracing::info!(
+                    "the window has no margins around the pictures, so that each of them is settled, which takes several times as long: start \
+                     X-Plane with --window={}",
+                    wanted.with_margins()
+                );
+            }
             Ok(kind)
         })
     }

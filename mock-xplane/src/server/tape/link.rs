@@ -192,6 +192,8 @@ fn marked_as_replayed(hello: &LinkMessage) -> LinkMessage {
     match serde_json::from_slice(hello.header()) {
         Ok(Value::Object(mut header)) => {
             header.insert("replayed".into(), true.into());
+            // A tape holds no screen.
+            header.remove("frame_codes");
             LinkMessage::new(Value::Object(header).to_string().as_bytes(), &[])
         }
         _ => error("the recorded answer to hello is not an object"),

@@ -138,6 +138,8 @@ pub(super) struct Sequence<P> {
     probe: Option<Probe>,
     /// A probe was sent, and nothing after it.
     ends_with_probe: bool,
+    /// A probe was due whose aircraft is not in the picture.
+    has_skipped_probe: bool,
     unclear: u32,
     confirmed_up_to: u64,
     pictures: BTreeMap<u32, Unproven<P>>,
@@ -175,6 +177,7 @@ impl<P: Scene> Sequence<P> {
             last_settling: None,
             probe: None,
             ends_with_probe: false,
+            has_skipped_probe: false,
             unclear: 0,
             confirmed_up_to: 0,
             pictures: BTreeMap::new(),
@@ -185,16 +188,11 @@ impl<P: Scene> Sequence<P> {
 
     /// The next request to send, if one may be sent now.
     pub(super) fn next_show(&mut self) -> Option<Show> {
-        let show = match self.phase {
-            Phase::Settling { .. } if self.shown.is_empty() && self.sent.is_empty() => {
-                Some(Show::Tick(0))
-            }
-            Phase::Settling { .. } => None,
-            Phase::Probing if self.probe.is_none() => self.new_probe(),
-            Phase::Probing => None,
-            Phase::Moving { .. } => self.next_while_moving(),
-            Phase::Held => self.next_while_held(),
-        };
+        let mut show = self.choose();
+        // A probe that cannot be shown changes the phase, or proves pictures: then there may be something else to show.
+        while show.is_none() && mem::take(&mut self.has_skipped_probe) {
+            show = self.choose();
+        }
         // An aircraft in a wrong place must not stay.
         let show = show.or_else(|| {
             let tick = self.next_tick.saturating_sub(1);
@@ -203,6 +201,19 @@ impl<P: Scene> Sequence<P> {
         self.ends_with_probe = matches!(show, Show::Probe(_));
         self.sent.push_back(show);
         Some(show)
+    }
+
+    fn choose(&mut self) -> Option<Show> {
+        match self.phase {
+            Phase::Settling { .. } if self.shown.is_empty() && self.sent.is_empty() => {
+                Some(Show::Tick(0))
+            }
+            Phase::Settling { .. } => None,
+            Phase::Probing if self.probe.is_none() => self.new_probe(),
+            Phase::Probing => None,
+            Phase::Moving { .. } => self.next_while_moving(),
+            Phase::Held => self.next_while_held(),
+        }
     }
 
     fn next_while_moving(&mut self) -> Option<Show> {
@@ -263,6 +274,7 @@ impl<P: Scene> Sequence<P> {
             .filter_map(|picture| picture.grab)
             .max();
         self.told(now.max(newest.unwrap_or(0)), Outcome::Unseen);
+        self.has_skipped_probe = true;
         None
     }
 
@@ -353,7 +365,16 @@ impl<P: Scene> Sequence<P> {
         self.miss(number);
         if let Some((frame, outcome)) = self.probe.as_ref().and_then(Probe::outcome) {
             self.probe = None;
-            self.told(frame, outcome);
+            // An aircraft that was seen does not disappear: the scene may be further behind than a probe can tell.
+            let is_doubtful = outcome == Outcome::Unseen && self.tally.seen > 0;
+            self.told(
+                frame,
+                if is_doubtful {
+                    Outcome::Unclear
+                } else {
+                    outcome
+                },
+            );
         }
     }
 
@@ -376,7 +397,8 @@ impl<P: Scene> Sequence<P> {
     }
 
     fn keep(&mut self, grab: u64, since: u64, tick: u32, picture: P) {
-        if self.unseen.remove(&since).is_none() {
+        let is_known = tick < self.delivered || self.pictures.contains_key(&tick);
+        if self.unseen.remove(&since).is_none() || is_known {
             self.spent.push(picture);
             return;
         }

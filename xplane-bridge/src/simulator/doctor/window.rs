@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{Check, Intent, Verdict};
 use crate::link::{PictureSize, PixelKind};
-use crate::pixels::{PixelChoice, Screen};
+use crate::pixels::{PixelChoice, Screen, margins_around};
 use crate::profile::{Finding, Grabbing};
 use crate::{Simulator, SimulatorDescription};
 
@@ -21,11 +21,14 @@ pub(super) fn picture_size(description: &SimulatorDescription) -> Option<Picture
 
 /// Remedy for a window of another size than the pictures.
 pub(super) fn misfit(size: PictureSize, intent: Option<&Intent>) -> Option<String> {
-    let Intent { sweep, pictures } = intent.filter(|intent| intent.pictures != size)?;
+    let fits = |pictures| pictures == size || margins_around(pictures, size).is_some();
+    let Intent { sweep, pictures } = intent.filter(|intent| !fits(intent.pictures))?;
     Some(format!(
-        "Pictures of {sweep} have {pictures} pixels, and X-Plane draws those of its window alone. Start X-Plane with --window={pictures}, or \
-         give the sweep's [picture] width_px = {} and height_px = {}",
-        size.width_px, size.height_px
+        "Pictures of {sweep} have {pictures} pixels, which this window does not fit. Start X-Plane with --window={} for pictures off the screen, \
+         or with --window={pictures}, or give the sweep's [picture] width_px = {} and height_px = {}",
+        pictures.with_margins(),
+        size.width_px,
+        size.height_px
     ))
 }
 

@@ -35,6 +35,8 @@ struct World {
     /// Answers come this many frames late.
     late_answers: usize,
     aircraft_is_visible: bool,
+    /// Ticks at which the aircraft is in the picture.
+    in_picture: (u32, u32),
 }
 
 const GOOD: World = World {
@@ -45,6 +47,7 @@ const GOOD: World = World {
     broken: 0.0,
     late_answers: 0,
     aircraft_is_visible: true,
+    in_picture: (0, u32::MAX),
 };
 
 struct Recorded {
@@ -63,8 +66,16 @@ fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Record
         width_px: 6,
         height_px: 5,
     };
-    let mut sequence =
-        Sequence::<Fake>::new(ticks, 20, 5, known_lag, Box::new(move |_| Some(patch)));
+    let mut sequence = Sequence::<Fake>::new(
+        ticks,
+        20,
+        5,
+        known_lag,
+        Box::new(move |tick| {
+            let (from, to) = world.in_picture;
+            (from..to).contains(&tick).then_some(patch)
+        }),
+    );
     let mut waiting: VecDeque<Show> = VecDeque::new();
     let mut answers: VecDeque<(u64, u64)> = VecDeque::new();
     let (mut written, mut number, mut steady) = (Vec::new(), 0_u64, -1_i64);
@@ -104,7 +115,9 @@ fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Record
             aircraft_is_visible: world.aircraft_is_visible,
             brightness: (30 - frame.min(30)) as u8,
         };
-        if !is_broken && !random.random_bool(world.lost) {
+        // A client that expects nothing grabs nothing.
+        let rests = !sequence.expects_grabs();
+        if !is_broken && !rests && !random.random_bool(world.lost) {
             sequence.grabbed(number, steady as u32, picture);
             if random.random_bool(world.doubled) {
                 sequence.grabbed(number, steady as u32, picture);
@@ -203,6 +216,29 @@ fn without_any_known_lag_every_tick_is_held_until_it_has_settled() {
     assert!(of_their_ticks(&recorded));
     assert_eq!(recorded.tally.held, 100);
     assert_eq!(recorded.lag, None);
+}
+
+#[test]
+fn a_flight_that_is_in_the_picture_for_a_part_only_is_recorded_to_its_end() {
+    for in_picture in [(0, 0), (0, 35), (35, u32::MAX), (30, 60)] {
+        for known_lag in [None, Some(2)] {
+            let world = World { in_picture, ..GOOD };
+            let recorded = record(100, known_lag, world, 3);
+            assert!(of_their_ticks(&recorded), "{world:?}, {known_lag:?}");
+        }
+    }
+}
+
+#[test]
+fn a_lag_that_grows_beyond_what_probes_tell_is_never_confirmed() {
+    let world = World {
+        lag: 1,
+        later: Some((150, 5)),
+        ..GOOD
+    };
+    let recorded = record(200, None, world, 5);
+    assert!(of_their_ticks(&recorded));
+    assert!(recorded.tally.held > 0);
 }
 
 #[test]
