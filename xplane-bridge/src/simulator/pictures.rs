@@ -77,7 +77,9 @@ impl Simulator {
             };
             // A minimised window has none; looking for it reports what to do.
             let window = self.description.drawn_size;
-            let has_codes = self.description.frame_codes && kind == PixelKind::Screen;
+            // Over a network a grab takes longer than a frame is shown.
+            let is_near = matches!(self.drawn_on, DrawnOn::Here);
+            let has_codes = self.description.frame_codes && kind == PixelKind::Screen && is_near;
             let fits = |window: PictureSize| {
                 window == wanted || has_codes && margins_around(wanted, window).is_some()
             };

@@ -279,9 +279,10 @@ impl PluginScene {
 
     /// The windows of the user interface now.
     fn windows(&self) -> Windows {
+        let world = self.world.lock();
         Windows {
-            pop_up: self.world.lock().shows_pop_up(),
-            alert: self.world.lock().shows_alert(),
+            pop_up: world.shows_pop_up(),
+            alert: world.shows_alert(),
             shown: self.window_covers.shown(),
         }
     }
