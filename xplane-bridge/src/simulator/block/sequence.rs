@@ -251,7 +251,9 @@ impl<P: Scene> Sequence<P> {
     }
 
     fn is_probe_due(&self) -> bool {
-        let is_unproven = self.pictures.values().any(|picture| picture.grab.is_some());
+        let confirmed = self.confirmed_up_to;
+        let waits = |picture: &Unproven<P>| picture.grab.is_some_and(|grab| grab > confirmed);
+        let is_unproven = self.pictures.values().any(waits);
         let is_waiting = self.sent.is_empty()
             && self.unseen.is_empty()
             && self.again.is_empty()

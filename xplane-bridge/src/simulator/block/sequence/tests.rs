@@ -243,7 +243,7 @@ fn a_lag_that_grows_beyond_what_probes_tell_is_never_confirmed() {
 
 #[test]
 fn undisturbed_blocks_repeat_nothing() {
-    for seed in 0..200 {
+    for seed in 0..1_000 {
         let world = World {
             lag: seed % 5,
             late_answers: seed as usize % 3,
