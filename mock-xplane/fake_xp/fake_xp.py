@@ -591,4 +591,6 @@ class FakeGl:
         self._xp.must_be_drawing()
         edges = (left.value, bottom.value, right.value, top.value)
         self.filled.append((*edges, self._colour))
-        self._xp.rectangles.append((*edges, *self._colour, float(self._xp.windows_drawn)))
+        # With the callbacks in the other order nothing tells what lies over what: what plugins draw does, as in X-Plane.
+        is_over = self._xp.windows_drawn or "draw_before_is_one" not in self._xp.quirks
+        self._xp.rectangles.append((*edges, *self._colour, float(is_over)))

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{Check, Intent, Verdict};
 use crate::link::{PictureSize, PixelKind};
-use crate::pixels::{PixelChoice, Screen, margins_around};
+use crate::pixels::{PixelChoice, Screen};
 use crate::profile::{Finding, Grabbing};
 use crate::{Simulator, SimulatorDescription};
 
@@ -21,7 +21,7 @@ pub(super) fn picture_size(description: &SimulatorDescription) -> Option<Picture
 
 /// Remedy for a window of another size than the pictures.
 pub(super) fn misfit(size: PictureSize, intent: Option<&Intent>) -> Option<String> {
-    let fits = |pictures| pictures == size || margins_around(pictures, size).is_some();
+    let fits = |pictures: PictureSize| pictures == size || pictures.with_margins() == size;
     let Intent { sweep, pictures } = intent.filter(|intent| !fits(intent.pictures))?;
     Some(format!(
         "Pictures of {sweep} have {pictures} pixels, which this window does not fit. Start X-Plane with --window={} for pictures off the screen, \
