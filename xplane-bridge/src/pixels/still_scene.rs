@@ -13,8 +13,8 @@
 //!   ([`CoverKind::StandsStill`]): something opaque that came in too gradually to be noticed.
 //!
 //! A cell that a moving rectangle touches is not judged. What lay over the scene from the first picture of the block on belongs to
-//! it; when it goes, the scene differs from the beginning and is called covered. The check pattern of the registration tells the two
-//! apart.
+//! it; when it goes, the scene differs from the beginning and is called covered. Nothing here tells the two
+//! apart: the attempt is repeated.
 
 mod standing_still;
 #[cfg(test)]
