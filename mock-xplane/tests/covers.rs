@@ -1,4 +1,4 @@
-//! Covers over the hosted plugin's window: in no picture of a block.
+//! Covers over the hosted plugin's window: found at the registration, and named; and in no picture of a block.
 #![cfg(target_os = "linux")]
 
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use mock_xplane::window::{CoverWindow, DisplayWindow, X11Window};
 use testkit::changi_02l;
 use testkit_simulator::{Xvfb, plugin, quiet, serving};
 use xplane_bridge::datarefs::Generation;
-use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelError, Rectangle, Screen};
 use xplane_bridge::{BlockOfTicks, BridgeError, Simulator};
 
 const SIZE_PX: (u32, u32) = (480, 320);
@@ -31,6 +31,10 @@ struct OnScreen {
 }
 
 impl OnScreen {
+    async fn start() -> Self {
+        Self::start_with(SIZE_PX).await
+    }
+
     async fn start_with(window_px: (u32, u32)) -> Self {
         let xvfb = Xvfb::start("540x380x24");
         let window = X11Window::open(Some(xvfb.display()), window_px).unwrap();
@@ -61,6 +65,70 @@ impl OnScreen {
             .simulator
             .use_pixels(PixelChoice::Auto, SIZE_PX, &screen);
         registered.await.map(|_| ())
+    }
+}
+
+fn assert_names(cover: Rectangle) {
+    let [left, top, width, height] = PLACE_PX;
+    for (found, expected) in [
+        (cover.x_px, left),
+        (cover.y_px, top),
+        (cover.x_px + cover.width_px, left + width),
+        (cover.y_px + cover.height_px, top + height),
+    ] {
+        assert!(found.abs_diff(expected) <= 16, "{cover}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn windows_of_the_simulator_are_found_at_the_registration_because_the_pattern_lies_under_them()
+ {
+    let mut shown = OnScreen::start().await;
+    for form in [WindowForm::Message, WindowForm::Plugin] {
+        let [left, top, width, height] = PLACE_PX;
+        let area_px = [left, top, left + width, top + height];
+        shown.covers.show(form, area_px, PATIENCE);
+        match shown.register().await {
+            Err(BridgeError::Pixels(PixelError::WindowOverScene { cover, .. })) => {
+                assert_names(cover);
+            }
+            other => panic!("{form:?}: {other:?}"),
+        }
+        shown.covers.close_all();
+        shown.register().await.unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn windows_of_other_programs_are_found_at_the_registration_and_after_the_recording() {
+    let mut shown = OnScreen::start().await;
+    let place = PLACE_PX.map(|px| px as i32);
+    let display = Some(shown.xvfb.display().to_owned());
+    let open = |is_notification: bool| {
+        let display = display.as_deref();
+        if is_notification {
+            CoverWindow::notification(display, place).unwrap()
+        } else {
+            CoverWindow::pointer_with_hint(display, place).unwrap()
+        }
+    };
+    for is_notification in [true, false] {
+        let cover = open(is_notification);
+        match shown.register().await {
+            Err(BridgeError::Pixels(PixelError::ProgramOverWindow { cover, .. })) => {
+                assert_names(cover);
+            }
+            other => panic!("notification: {is_notification}: {other:?}"),
+        }
+        drop(cover);
+        shown.register().await.unwrap();
+        let cover = open(is_notification);
+        let error = shown.simulator.confirm_pixels().await.unwrap_err();
+        let BridgeError::Pixels(PixelError::ProgramOverWindow { cover: named, .. }) = error else {
+            panic!("notification: {is_notification}: {error}");
+        };
+        assert_names(named);
+        drop(cover);
     }
 }
 

@@ -41,6 +41,12 @@ pub type Confirmed<'a> = Pin<Box<dyn Future<Output = Result<(), BridgeError>> + 
 pub trait PatternDisplay: Send {
     /// Shows the pattern of a code over the window, or removes it; done when the simulator reports that it is drawn.
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_>;
+
+    /// Shows it over the scene, but under the windows of the simulator's user interface and of its plugins. `None` if the simulator
+    /// cannot.
+    fn show_under_windows(&mut self, _code: u32) -> Option<Confirmed<'_>> {
+        None
+    }
 }
 
 /// Returns the pictures of frames that the simulator reports as drawn.

@@ -101,6 +101,28 @@ pub enum PixelError {
         /// The last state.
         found: Unreadable,
     },
+    /// Windows of the simulator cover the scene.
+    #[error(
+        "X-Plane or one of its plugins draws a window over the scene: it covers {cover} of the {window} that X-Plane draws, and would be in \
+         every picture. Close it: a message of X-Plane by its button, a plugin's window by its cross or its menu"
+    )]
+    WindowOverScene {
+        /// What is covered, from the window's top left.
+        cover: Rectangle,
+        /// Size of the simulator's window.
+        window: PictureSize,
+    },
+    /// Another program covers the window.
+    #[error(
+        "another program covers {cover} of the {window} of the simulator's window, and would be in every picture. Close what lies there (a \
+         notification, a window, a toolbar), or move the pointer away"
+    )]
+    ProgramOverWindow {
+        /// What is covered, from the window's top left.
+        cover: Rectangle,
+        /// Size of the simulator's window.
+        window: PictureSize,
+    },
     /// A cover does not go.
     #[error(
         "something has covered {rectangle} of the pictures for {waited:.0?}: a message, a window, a notification or a pointer. Close it, or \

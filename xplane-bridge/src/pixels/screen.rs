@@ -8,6 +8,7 @@
 //! the attempt.
 
 mod coded_grabs;
+mod covered;
 mod device;
 mod ffmpeg_screen;
 mod fitting;
@@ -30,6 +31,7 @@ use super::{Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource, Recta
 use crate::error::BridgeError;
 use crate::link::{PictureSize, SimulatorWindow};
 pub(crate) use coded_grabs::{CodedGrabs, CodedPicture};
+use covered::{Hidden, cover_on_screen};
 pub use ffmpeg_screen::FfmpegScreen;
 pub(crate) use frame_code::MARGIN_PX;
 use grabber::Grabber;
@@ -181,6 +183,7 @@ impl ScreenSource {
                 last: Vec::new(),
             };
             source.lag = source.measure(display).await?;
+            source.check_covers(display).await?;
             Ok(source)
         };
         let source = clearing(result.await, display).await?;
@@ -230,6 +233,33 @@ impl ScreenSource {
         Ok(longest)
     }
 
+    /// Looks for what covers the scene: the pattern is drawn under the windows of the simulator, and over them.
+    async fn check_covers(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
+        let code = self.codes.next();
+        let (mut under, mut over) = (None, Hidden::new(self.window));
+        // Every cell of a code is black in one of the two, and white in the other.
+        for code in [code, !code] {
+            if let Some(shown) = display.show_under_windows(code) {
+                shown.await?;
+                let picture = self.grab_shown().await?;
+                let hidden = under.get_or_insert_with(|| Hidden::new(self.window));
+                hidden.compare(&picture, code);
+            }
+            display.show(Some(code)).await?;
+            over.compare(&self.grab_shown().await?, code);
+        }
+        Ok(over.verdict(under)?)
+    }
+
+    /// The window with what was shown last.
+    async fn grab_shown(&self) -> Result<RgbPicture, PixelError> {
+        let wait = self.allowed();
+        if !wait.time.is_zero() {
+            sleep(wait.time).await;
+        }
+        self.grabber.grab(RgbPicture::default(), wait.grabs).await
+    }
+
     /// The window in the pictures that are grabbed: all of them.
     fn grabbed(&self) -> Rectangle {
         Rectangle {
@@ -254,8 +284,12 @@ impl ScreenSource {
     }
 
     async fn measure_again(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
-        let measured = self.measure(display).await;
-        let lag = clearing(measured, display).await?;
+        let measured = async {
+            let lag = self.measure(display).await?;
+            self.check_covers(display).await?;
+            Ok(lag)
+        };
+        let lag = clearing(measured.await, display).await?;
         self.wait_until_gone().await?;
         let allowed = self.allowed();
         if lag.grabs > allowed.grabs || lag.time > allowed.time {
@@ -405,11 +439,14 @@ async fn wait_for(
                     waited,
                     found: seen.code,
                 },
-                Err(found) => PixelError::PatternNotSeen {
-                    code,
-                    waited,
-                    screen: screen.to_owned(),
-                    found,
+                Err(found) => match cover_over_pattern(grabber, code, found).await? {
+                    Some(cover) => cover,
+                    None => PixelError::PatternNotSeen {
+                        code,
+                        waited,
+                        screen: screen.to_owned(),
+                        found,
+                    },
                 },
             });
         }
@@ -418,6 +455,19 @@ async fn wait_for(
             time: waited,
         };
     }
+}
+
+/// Names what hides a part of a pattern that cannot be read.
+async fn cover_over_pattern(
+    grabber: &Grabber,
+    code: u32,
+    found: Unreadable,
+) -> Result<Option<PixelError>, PixelError> {
+    let (Unreadable::Covered(window) | Unreadable::Damaged(window)) = found else {
+        return Ok(None);
+    };
+    let picture = grabber.grab(RgbPicture::default(), 0).await?;
+    Ok(cover_on_screen(&picture, window, code))
 }
 
 /// Removes the pattern, also after a failure, which is then reported.

@@ -91,7 +91,10 @@ impl Simulator {
                     let screen = &self.screen(screen)?;
                     let reported = self.description.window.as_ref();
                     self.settle_frames = self.settle_frames.max(SETTLE_FRAMES_ON_SCREEN);
-                    let display = &mut LinkDisplay(&mut self.link);
+                    let display = &mut LinkDisplay {
+                        patterns_under: self.description.patterns_under,
+                        link: &mut self.link,
+                    };
                     let source =
                         ScreenSource::set_up(screen, picture_px, has_codes, reported, display);
                     Box::new(source.await?)
@@ -115,7 +118,13 @@ impl Simulator {
     /// # Errors
     /// It does not: the pictures in between may be wrong.
     pub fn confirm_pixels(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
-        Box::pin(async move { self.pixels.confirm(&mut LinkDisplay(&mut self.link)).await })
+        Box::pin(async move {
+            let display = &mut LinkDisplay {
+                patterns_under: self.description.patterns_under,
+                link: &mut self.link,
+            };
+            self.pixels.confirm(display).await
+        })
     }
 
     /// Source of the pictures.
@@ -139,10 +148,24 @@ impl Simulator {
 }
 
 /// The simulator at the other end of the link, for showing check patterns.
-struct LinkDisplay<'a>(&'a mut LinkClient);
+struct LinkDisplay<'a> {
+    link: &'a mut LinkClient,
+    patterns_under: bool,
+}
 
 impl PatternDisplay for LinkDisplay<'_> {
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
-        Box::pin(async move { show_check_pattern(self.0, code, false).await.map(|_| ()) })
+        Box::pin(async move { show_check_pattern(self.link, code, false).await.map(|_| ()) })
+    }
+
+    fn show_under_windows(&mut self, code: u32) -> Option<Confirmed<'_>> {
+        if !self.patterns_under {
+            return None;
+        }
+        Some(Box::pin(async move {
+            show_check_pattern(self.link, Some(code), true)
+                .await
+                .map(|_| ())
+        }))
     }
 }

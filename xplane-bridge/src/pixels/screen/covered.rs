@@ -1,0 +1,178 @@
+//! What covers the simulator's window while its check pattern is shown.
+//!
+//! Input: grabs of the window with patterns whose codes are known, drawn under the windows of the simulator's user interface and over
+//! them. Output: the rectangle where they do not look as they were drawn. If that is so only under the windows, one of them is the
+//! cover; if it is so over them as well, another program's.
+
+use crate::link::PictureSize;
+use crate::pixels::cell_grid::Grid;
+use crate::pixels::check_pattern::draw;
+use crate::pixels::{PixelError, Rectangle, RgbPicture};
+
+/// A value of a pattern is either 0 or 255; half transparent windows change it by this much, noise and scaling of colours do not.
+const HIDDEN_LEVEL: u8 = 96;
+/// A cell is hidden if this share of its values is.
+const HIDDEN_SHARE: f64 = 0.15;
+
+/// The cells of a window that are hidden in any of some patterns.
+#[derive(Debug)]
+pub(super) struct Hidden {
+    window: Rectangle,
+    grid: Grid,
+    cells: Vec<bool>,
+}
+
+impl Hidden {
+    /// Nothing of a window.
+    pub(super) fn new(window: Rectangle) -> Self {
+        let grid = Grid::new(window.width_px, window.height_px);
+        Self {
+            cells: vec![false; grid.cells()],
+            grid,
+            window,
+        }
+    }
+
+    /// Adds what a grab of the window hides of a pattern.
+    pub(super) fn compare(&mut self, grabbed: &RgbPicture, code: u32) {
+        let drawn = draw(code, self.window.width_px, self.window.height_px);
+        if grabbed.rgb.len() != drawn.rgb.len() {
+            self.cells.fill(true);
+            return;
+        }
+        let changed = self.grid.changed(&grabbed.rgb, &drawn.rgb, HIDDEN_LEVEL);
+        for (at, changed) in changed.into_iter().enumerate() {
+            let values = f64::from(self.grid.values(at));
+            self.cells[at] |= f64::from(changed) > HIDDEN_SHARE * values;
+        }
+    }
+
+    /// Names what is hidden over all windows, which `self` is, or only `under` the simulator's.
+    ///
+    /// # Errors
+    /// Something is.
+    pub(super) fn verdict(self, under: Option<Self>) -> Result<(), PixelError> {
+        let window = PictureSize {
+            width_px: self.window.width_px,
+            height_px: self.window.height_px,
+        };
+        if let Some(cover) = self.grid.largest(self.cells) {
+            return Err(PixelError::ProgramOverWindow { cover, window });
+        }
+        match under.and_then(|under| under.grid.largest(under.cells)) {
+            Some(cover) => Err(PixelError::WindowOverScene { cover, window }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Names what hides a part of a pattern somewhere on a grabbed screen, if most of it can be seen.
+pub(super) fn cover_on_screen(
+    screen: &RgbPicture,
+    window: Rectangle,
+    code: u32,
+) -> Option<PixelError> {
+    let mut part = RgbPicture::black(window.width_px, window.height_px);
+    for y in 0..window.height_px {
+        let row = screen.pixels(window.x_px, window.right_px(), window.y_px + y);
+        part.pixels_mut(0, window.width_px, y).copy_from_slice(row);
+    }
+    let mut hidden = Hidden::new(window);
+    hidden.compare(&part, code);
+    let share = hidden.cells.iter().filter(|hidden| **hidden).count() * 2;
+    if share > hidden.cells.len() {
+        // Another pattern, or none.
+        return None;
+    }
+    hidden.verdict(None).err()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WINDOW: Rectangle = Rectangle {
+        x_px: 7,
+        y_px: 9,
+        width_px: 160,
+        height_px: 96,
+    };
+
+    /// The pattern with a rectangle of one colour over it.
+    fn covered(code: u32, cover: Rectangle, colour: [u8; 3]) -> RgbPicture {
+        let mut picture = draw(code, WINDOW.width_px, WINDOW.height_px);
+        for y in cover.y_px..cover.bottom_px() {
+            picture
+                .pixels_mut(cover.x_px, cover.right_px(), y)
+                .fill(colour);
+        }
+        picture
+    }
+
+    #[test]
+    fn a_cover_of_any_colour_is_named_by_one_of_two_opposite_codes() {
+        let cover = Rectangle::between(40, 30, 80, 50);
+        for colour in [[0, 0, 0], [255, 255, 255], [255, 0, 255], [128, 128, 128]] {
+            let mut hidden = Hidden::new(WINDOW);
+            for code in [0x1234_5678, !0x1234_5678] {
+                hidden.compare(&covered(code, cover, colour), code);
+            }
+            let error = hidden.verdict(None).unwrap_err();
+            let PixelError::ProgramOverWindow { cover: named, .. } = error else {
+                panic!("{error}");
+            };
+            for (edge, at) in [
+                (named.x_px, 40),
+                (named.y_px, 30),
+                (named.right_px(), 80),
+                (named.bottom_px(), 50),
+            ] {
+                assert!(edge.abs_diff(at) <= 16, "{colour:?}: {named}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_hidden_only_under_the_windows_is_one_of_them() {
+        let cover = Rectangle::between(40, 30, 80, 50);
+        let (mut under, mut over) = (Hidden::new(WINDOW), Hidden::new(WINDOW));
+        under.compare(&covered(3, cover, [90, 90, 90]), 3);
+        over.compare(&draw(3, WINDOW.width_px, WINDOW.height_px), 3);
+        let text = over.verdict(Some(under)).unwrap_err().to_string();
+        assert!(
+            text.contains("one of its plugins") && text.contains("Close it"),
+            "{text}"
+        );
+        let whole = || {
+            let mut hidden = Hidden::new(WINDOW);
+            hidden.compare(&draw(3, WINDOW.width_px, WINDOW.height_px), 3);
+            hidden
+        };
+        assert!(whole().verdict(Some(whole())).is_ok());
+    }
+
+    #[test]
+    fn noise_and_weaker_contrast_hide_nothing() {
+        let mut picture = draw(5, WINDOW.width_px, WINDOW.height_px);
+        for (at, level) in picture.rgb.iter_mut().enumerate() {
+            *level = 20 + (u32::from(*level) * 200 / 255) as u8 + (at * 7 % 13) as u8;
+        }
+        let mut hidden = Hidden::new(WINDOW);
+        hidden.compare(&picture, 5);
+        assert!(hidden.verdict(None).is_ok());
+    }
+
+    #[test]
+    fn a_cover_on_the_whole_screen_is_named_unless_there_is_another_pattern() {
+        let cover = Rectangle::between(40, 30, 80, 50);
+        let part = covered(5, cover, [90, 90, 90]);
+        let mut screen = RgbPicture::black(200, 150);
+        for y in 0..WINDOW.height_px {
+            screen
+                .pixels_mut(WINDOW.x_px, WINDOW.right_px(), WINDOW.y_px + y)
+                .copy_from_slice(part.pixels(0, WINDOW.width_px, y));
+        }
+        assert!(cover_on_screen(&screen, WINDOW, 5).is_some());
+        assert!(cover_on_screen(&screen, WINDOW, !5).is_none());
+    }
+}
