@@ -98,15 +98,16 @@ impl PacketReader {
     /// # Errors
     /// The file is damaged.
     pub fn next_picture(&mut self) -> Result<Option<CodedPicture>> {
-        let mut packet = Packet::empty();
-        loop {
+        let packet = loop {
+            // As in [`VideoReader`](super::VideoReader): never read into twice.
+            let mut packet = Packet::empty();
             match packet.read(&mut self.input) {
                 Ok(()) if packet.stream() != self.stream => {}
-                Ok(()) => break,
+                Ok(()) => break packet,
                 Err(ffmpeg_next::Error::Eof) => return Ok(None),
                 Err(e) => return Err(self.fault("read on", e)),
             }
-        }
+        };
         let pts = packet.pts();
         let pts = pts.ok_or_else(|| self.fault("place a picture", "it has no timestamp"))?;
         let mut data = Vec::new();

@@ -228,8 +228,9 @@ impl VideoReader {
 
     /// Sends the decoder its next packet.
     fn send(&mut self) -> Result<()> {
-        let mut packet = Packet::empty();
         loop {
+            // Before FFmpeg 6 a packet that is read into again loses its old memory for good.
+            let mut packet = Packet::empty();
             match packet.read(&mut self.input) {
                 Ok(()) if packet.stream() != self.stream => {}
                 Ok(()) if self.only_keys && !packet.is_key() => {}

@@ -75,7 +75,6 @@ impl Screen for FfmpegScreen {
             stream: index,
             decoder,
             frame: frame::Video::empty(),
-            packet: Packet::empty(),
             call,
         }))
     }
@@ -87,7 +86,6 @@ struct FfmpegGrab {
     stream: usize,
     decoder: decoder::Video,
     frame: frame::Video,
-    packet: Packet,
     call: DeviceCall,
 }
 
@@ -97,14 +95,16 @@ impl Grab for FfmpegGrab {
         let failed = |error: ffmpeg_next::Error| PixelError::Grab {
             what: format!("{device} says: {error}"),
         };
-        loop {
-            self.packet.read(&mut self.input).map_err(failed)?;
-            if self.packet.stream() == self.stream {
-                break;
+        // Before FFmpeg 6 a packet that is read into again loses its old memory for good: a picture with every grab.
+        let packet = loop {
+            let mut packet = Packet::empty();
+            packet.read(&mut self.input).map_err(failed)?;
+            if packet.stream() == self.stream {
+                break packet;
             }
-        }
+        };
         // Screens are not compressed: one packet is one picture.
-        self.decoder.send_packet(&self.packet).map_err(failed)?;
+        self.decoder.send_packet(&packet).map_err(failed)?;
         self.decoder
             .receive_frame(&mut self.frame)
             .map_err(failed)?;
