@@ -373,8 +373,12 @@ class Bridge:
         code = header.get("code")
         if code is not None:
             code = messages.whole(header, "code", 0, 2**32 - 1)
+        under = header.get("under", False) is True
+        if under:
+            # What a freeze closes is no cover.
+            self._stage.close_windows()
         self._pixels.error = None
-        self._pixels.show_pattern(code, header.get("under", False) is True)
+        self._pixels.show_pattern(code, under)
         drawn = self._pixels.patterns_drawn
         for _ in range(FRAMES_LIMIT):
             yield

@@ -141,16 +141,20 @@ class Stage:
         """Returns the aircraft to the flight model, stick and levers."""
         self._datarefs.set_if_there(names.OVERRIDES, 0)
 
-    def _hold(self) -> None:
-        self._datarefs.set_if_there(names.OVERRIDES, 1)
-
-    def _clear_the_view(self) -> None:
-        """Removes what covers the picture: windows, instruments, the cross of a mouse that flies. Landing lights on."""
+    def close_windows(self) -> None:
+        """Closes the windows of X-Plane's user interface that can be closed by a command or a dataref."""
         for path in CLOSING:
             found = self._xp.findCommand(path)
             if found:
                 self._xp.commandOnce(found)
         self._datarefs.fill(names.POP_UPS, 0)
+
+    def _hold(self) -> None:
+        self._datarefs.set_if_there(names.OVERRIDES, 1)
+
+    def _clear_the_view(self) -> None:
+        """Removes what covers the picture: windows, instruments, the cross of a mouse that flies. Landing lights on."""
+        self.close_windows()
         self._datarefs.set_if_there((names.MOUSE_IS_YOKE,), 0)
         self._datarefs.set_if_there(names.LANDING_LIGHTS, 1)
 

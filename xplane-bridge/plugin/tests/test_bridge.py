@@ -577,6 +577,18 @@ class SettingUp(WithBridge):
         client.ask({"message": "check_pattern", "code": 7})
         self.assertEqual({rectangle[7] for rectangle in self.xp.rectangles}, {1.0})
 
+    def test_windows_that_a_command_closes_are_closed_before_the_pattern_is_drawn_under_them(self):
+        client = self.start()
+        client.ask({"message": "hello", "client": "test"})
+        pop_ups = "sim/cockpit2/radios/indicators/show_popup"
+        self.world.known_commands.add("sim/operation/close_windows")
+        for under, left in [(False, [1.0] * 4), (True, [0.0] * 4)]:
+            self.world.values[pop_ups] = [1.0] * 4
+            self.world.commands.clear()
+            client.ask({"message": "check_pattern", "code": 7, "under": under})
+            self.assertEqual(self.world.values[pop_ups], left)
+            self.assertEqual("sim/operation/close_windows" in self.world.commands, under)
+
     def test_terrain_is_probed_below_the_place_itself_far_from_the_origin_too(self):
         client = self.start()
         client.ask({"message": "hello", "client": "test"})

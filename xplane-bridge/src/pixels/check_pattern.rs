@@ -17,6 +17,9 @@ const ROWS: u32 = 6;
 const BITS: u32 = COLUMNS * ROWS;
 const CHECKSUM_BITS: u32 = BITS - u32::BITS;
 
+/// Changes every bit of the checksum, which is linear.
+const OPPOSITE_CHECKSUM: u32 = 0x0000_84cf;
+
 type Rgb = [u8; 3];
 const MAGENTA: Rgb = [255, 0, 255];
 const BLACK: Rgb = [0, 0, 0];
@@ -111,6 +114,12 @@ pub fn covers(picture: &RgbPicture) -> bool {
         ]
         .into_iter()
         .all(|(x, y)| picture.pixels(x, x + 1, y).iter().all(is_magenta))
+}
+
+/// A code and two more, in which every cell of the pattern is black at least once, and white at least once: the opposite code, and one
+/// with the opposite checksum.
+pub(crate) fn both_colours(code: u32) -> [u32; 3] {
+    [code, !code, code ^ OPPOSITE_CHECKSUM]
 }
 
 /// The code and its checksum, the first cell's bit highest.

@@ -26,7 +26,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::time::{Instant, sleep};
 
 use super::ComingPicture;
-use super::check_pattern::{Sighting, Unreadable, covers};
+use super::check_pattern::{Sighting, Unreadable, both_colours, covers};
 use super::{Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource, Rectangle, RgbPicture};
 use crate::error::BridgeError;
 use crate::link::{PictureSize, SimulatorWindow};
@@ -219,8 +219,9 @@ impl ScreenSource {
         for trial in 0..=TRIALS {
             let code = self.codes.next();
             display.show(Some(code)).await?;
-            let (seen, lag) = wait_for(&self.grabber, &self.screen, code).await?;
             let expected = self.grabbed();
+            let size_px = (expected.width_px, expected.height_px);
+            let (seen, lag) = wait_for(&self.grabber, &self.screen, Some(size_px), code).await?;
             if seen.rectangle != expected {
                 let found = seen.rectangle;
                 return Err(PixelError::Moved { expected, found }.into());
@@ -235,10 +236,8 @@ impl ScreenSource {
 
     /// Looks for what covers the scene: the pattern is drawn under the windows of the simulator, and over them.
     async fn check_covers(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
-        let code = self.codes.next();
         let (mut under, mut over) = (None, Hidden::new(self.window));
-        // Every cell of a code is black in one of the two, and white in the other.
-        for code in [code, !code] {
+        for code in both_colours(self.codes.next()) {
             if let Some(shown) = display.show_under_windows(code) {
                 shown.await?;
                 let picture = self.grab_shown().await?;
@@ -285,18 +284,15 @@ impl ScreenSource {
 
     async fn measure_again(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
         let measured = async {
-            let lag = self.measure(display).await?;
-            self.check_covers(display).await?;
-            Ok(lag)
+            let (lag, allowed) = (self.measure(display).await?, self.allowed());
+            if lag.grabs > allowed.grabs || lag.time > allowed.time {
+                let (found, allowed) = (lag.time, allowed.time);
+                return Err(PixelError::Slower { found, allowed }.into());
+            }
+            self.check_covers(display).await
         };
-        let lag = clearing(measured.await, display).await?;
-        self.wait_until_gone().await?;
-        let allowed = self.allowed();
-        if lag.grabs > allowed.grabs || lag.time > allowed.time {
-            let (found, allowed) = (lag.time, allowed.time);
-            return Err(PixelError::Slower { found, allowed }.into());
-        }
-        Ok(())
+        clearing(measured.await, display).await?;
+        self.wait_until_gone().await.map_err(BridgeError::from)
     }
 }
 
@@ -412,14 +408,16 @@ async fn find(
         Some(window) => format!("{} (the simulator's window is {window})", screen.name()),
         None => screen.name(),
     };
-    let (seen, _) = wait_for(&whole, &place, code).await?;
+    let size_px = reported.map(|window| (window.width_px, window.height_px));
+    let (seen, _) = wait_for(&whole, &place, size_px, code).await?;
     Ok(seen.rectangle)
 }
 
-/// Grabs until a code is visible.
+/// Grabs until a code is visible. With the window's size, a cover over a pattern of that size is named.
 async fn wait_for(
     grabber: &Grabber,
     screen: &str,
+    size_px: Option<(u32, u32)>,
     code: u32,
 ) -> Result<(Sighting, Lag), PixelError> {
     let shown = Instant::now();
@@ -439,7 +437,7 @@ async fn wait_for(
                     waited,
                     found: seen.code,
                 },
-                Err(found) => match cover_over_pattern(grabber, code, found).await? {
+                Err(found) => match cover_over_pattern(grabber, size_px, code, found).await? {
                     Some(cover) => cover,
                     None => PixelError::PatternNotSeen {
                         code,
@@ -460,12 +458,16 @@ async fn wait_for(
 /// Names what hides a part of a pattern that cannot be read.
 async fn cover_over_pattern(
     grabber: &Grabber,
+    size_px: Option<(u32, u32)>,
     code: u32,
     found: Unreadable,
 ) -> Result<Option<PixelError>, PixelError> {
     let (Unreadable::Covered(window) | Unreadable::Damaged(window)) = found else {
         return Ok(None);
     };
+    if size_px != Some((window.width_px, window.height_px)) {
+        return Ok(None);
+    }
     let picture = grabber.grab(RgbPicture::default(), 0).await?;
     Ok(cover_on_screen(&picture, window, code))
 }

@@ -4,6 +4,16 @@ use super::*;
 
 const CODES: [u32; 6] = [0, 1, 0xffff_ffff, 0x1234_5678, 0xdead_beef, 0x8000_0000];
 
+#[test]
+fn every_cell_is_black_once_and_white_once_in_a_code_and_its_companions() {
+    for code in CODES {
+        let bits = both_colours(code).map(bits_of);
+        let all = (1 << BITS) - 1;
+        assert_eq!(bits.into_iter().fold(0, |any, bits| any | bits), all);
+        assert_eq!(bits.into_iter().fold(all, |each, bits| each & bits), 0);
+    }
+}
+
 fn whole(width_px: u32, height_px: u32) -> Rectangle {
     Rectangle::between(0, 0, width_px, height_px)
 }
