@@ -50,8 +50,8 @@ use dataset::set_aside::SetAside;
 use dataset::video::VideoEncoder;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
-use xplane_bridge::LocalUdp;
-use xplane_bridge::pixels::{PixelChoice, Screen};
+use xplane_bridge::pixels::{PixelChoice, PixelKind, Screen};
+use xplane_bridge::{LocalUdp, block_bytes};
 
 pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
@@ -166,8 +166,11 @@ pub fn generate<'a>(
         let on_disk = at_once_on_disk(&to_make, options);
         warn_of_little_space(corpus_root, &plan.common, &on_disk, &reporter);
         if !to_make.is_empty() {
-            memory::check("recording a scenario", recording_bytes(&plan.common))
-                .map_err(dataset::Error::from)?;
+            memory::check(
+                "recording a scenario",
+                recording_bytes(&plan.common, options),
+            )
+            .map_err(dataset::Error::from)?;
         }
         if let Some(encoder) = options.encoder
             && !to_make.is_empty()
@@ -212,12 +215,18 @@ pub fn generate<'a>(
 }
 
 /// Memory for one simulator's pictures that wait to be drawn, sent and encoded.
-fn recording_bytes(common: &Common) -> u64 {
+fn recording_bytes(common: &Common, options: &GenerateOptions) -> u64 {
     /// Pictures held by simulator and link, all views together, and by one encoder, which looks ahead.
     const UNDER_WAY: (u64, u64) = (8, 12);
     let picture = common.picture;
     let rgb_bytes = u64::from(picture.width_px) * u64::from(picture.height_px) * 3;
-    rgb_bytes * (UNDER_WAY.0 + UNDER_WAY.1 * common.cameras.len() as u64)
+    let encoders = UNDER_WAY.1 * common.cameras.len() as u64;
+    let simulator = if options.pixels == PixelChoice::Only(PixelKind::Screen) {
+        block_bytes((picture.width_px, picture.height_px))
+    } else {
+        UNDER_WAY.0 * rgb_bytes
+    };
+    simulator + encoders * rgb_bytes
 }
 
 fn wanted<'a>(

@@ -42,7 +42,10 @@ use crate::link::{
 use crate::pixels::{Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
-pub use block::{BlockOfTicks, BlockRecording, BlockReport, BlockTrial, KnownBlocks};
+pub use block::{
+    BlockOfTicks, BlockRecording, BlockReport, BlockTrial, KnownBlocks, block_bytes,
+    pictures_at_once,
+};
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
 };

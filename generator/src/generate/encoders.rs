@@ -1,6 +1,6 @@
 //! One thread per view that encodes pictures to a video.
 //!
-//! Channels are short: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
+//! Channels are bounded: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
 //! written pictures are reused.
 
 use dataset::corpus::ScenarioFolder;
@@ -11,9 +11,6 @@ use tokio::task::{JoinHandle, spawn_blocking};
 use xplane_bridge::link::PictureBytes;
 
 use super::error::ScenarioError;
-
-/// Pictures that may wait for an encoder.
-const WAITING_PICTURES: usize = 2;
 
 /// The encoders of a scenario. If they are dropped without [`Encoders::finish`], they stop and leave unfinished files.
 pub(super) struct Encoders {
@@ -33,16 +30,18 @@ enum Message {
 }
 
 impl Encoders {
+    /// Starts an encoder for each view, for which so many pictures may wait.
     pub(super) fn start<'a>(
         folder: &ScenarioFolder,
         views: impl IntoIterator<Item = &'a str>,
         picture: Picture,
         settings: &VideoSettings,
         encoder: VideoEncoder,
+        waiting_pictures: usize,
     ) -> Self {
         let (give_back, written) = mpsc::unbounded_channel();
         let start = |view: &str| {
-            let (pictures, inbox) = mpsc::channel(WAITING_PICTURES);
+            let (pictures, inbox) = mpsc::channel(waiting_pictures);
             let path = folder.new_video_path(view, settings.codec);
             let settings = settings.clone();
             let give_back = give_back.clone();
@@ -183,6 +182,7 @@ mod tests {
             SMALL,
             &VideoSettings::default(),
             VideoEncoder::Software,
+            2,
         )
     }
 

@@ -17,10 +17,10 @@ use dataset::seal::{commit_folder, seal_folder};
 use dataset::units::Degrees;
 use dataset::video::VideoEncoder;
 use tokio::task::spawn_blocking;
-use xplane_bridge::Simulator;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::link::PictureSize;
 use xplane_bridge::profile::RecordedPace;
+use xplane_bridge::{Simulator, pictures_at_once};
 
 use super::attempt::Attempt;
 use super::blocks::{capture_blocks, may_use_blocks};
@@ -39,6 +39,8 @@ const FLIGHT_TIME_MARGIN: (f64, f64) = (2.0, 120.0);
 /// Where, and how fast, to put an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
 const WAITING_SPEED_MPS: f64 = 80.0;
+/// Pictures that may wait for an encoder, unless they come in blocks.
+const WAITING_PICTURES: usize = 2;
 /// The inputs of a scenario and its destination.
 pub(super) struct Work<'a> {
     pub(super) sweep: &'a Sweep,
@@ -219,6 +221,11 @@ async fn record_into(
         picture,
         &common.video,
         work.encoder,
+        if uses_blocks {
+            pictures_at_once((picture.width_px, picture.height_px))
+        } else {
+            WAITING_PICTURES
+        },
     );
     let (drawn, blocks) = match capture_pictures(
         &mut simulator,

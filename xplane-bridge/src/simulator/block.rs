@@ -35,8 +35,8 @@ pub use trial::{BlockTrial, KnownBlocks};
 const SEGMENT_BYTES: usize = 96 << 20;
 /// Ticks between two probes: at least and at most.
 const SEGMENT_TICKS: (usize, usize) = (12, 100);
-/// Buffers besides those of two segments: for what is under way, grabbed and being encoded.
-const MORE_BUFFERS: usize = 24;
+/// Buffers besides those of three segments, one of which is with the caller: for what is under way and grabbed.
+const MORE_BUFFERS: usize = 16;
 /// A screen without any readable code for this long is covered, or its window is gone.
 const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
 /// A grab may show the aircraft as it was so many frames before.
@@ -89,6 +89,24 @@ pub struct BlockRecording<'a> {
     drawn: BTreeMap<u64, FrameHeader>,
 }
 
+/// Memory for the pictures of a block that is being recorded, bytes.
+pub fn block_bytes(size_px: (u32, u32)) -> u64 {
+    let picture_bytes = u64::from(size_px.0) * u64::from(size_px.1) * 3;
+    picture_bytes * buffers(size_px) as u64
+}
+
+fn buffers(size_px: (u32, u32)) -> usize {
+    3 * pictures_at_once(size_px) + MORE_BUFFERS
+}
+
+/// Pictures of a block that come at once, when a probe has proven them: a caller that has room for so many, and returns their memory, is
+/// never waited for.
+pub fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
+    let picture_bytes = width_px as usize * height_px as usize * 3;
+    let (least, most) = SEGMENT_TICKS;
+    (SEGMENT_BYTES / picture_bytes.max(1)).clamp(least, most)
+}
+
 impl Simulator {
     /// Whether blocks can be recorded: the plugin numbers its frames, the window has margins for the numbers, and no trial has failed.
     pub fn can_record_blocks(&self) -> bool {
@@ -120,10 +138,7 @@ impl Simulator {
         block: BlockOfTicks<'a>,
     ) -> Result<BlockRecording<'a>, BridgeError> {
         let window = self.pixels.coded_window().ok_or(PixelError::NoMargins)?;
-        let (width_px, height_px) = block.size_px;
-        let picture_bytes = width_px as usize * height_px as usize * 3;
-        let (least, most) = SEGMENT_TICKS;
-        let segment = (SEGMENT_BYTES / picture_bytes.max(1)).clamp(least, most);
+        let segment = pictures_at_once(block.size_px);
         let places: Vec<Option<Rectangle>> = (0..block.states.len())
             .map(|tick| displaced(&block.camera, block.size_px, block.states, tick))
             .map(|elsewhere| elsewhere.map(|displaced| displaced.place))
@@ -135,12 +150,13 @@ impl Simulator {
             self.known_blocks.frames_behind,
             Box::new(move |tick| places.get(tick as usize).copied().flatten()),
         );
-        let grabs = CodedGrabs::start(&window.screen, window.region, 2 * segment + MORE_BUFFERS);
+        let grabs = CodedGrabs::start(&window.screen, window.region, buffers(block.size_px));
         let time = if self.time_runs() {
             WorldTime::Runs
         } else {
             WorldTime::Paused
         };
+        let (width_px, height_px) = block.size_px;
         let covers = CoverWatch::new(width_px, height_px, time);
         Ok(BlockRecording {
             simulator: self,
@@ -168,9 +184,6 @@ impl BlockRecording<'_> {
                 }
                 for picture in self.sequence.spent() {
                     self.grabs.recycle(picture.rgb);
-                }
-                for rgb in self.simulator.spare_buffers.drain(..) {
-                    self.grabs.recycle(rgb);
                 }
                 if self.sequence.is_done() {
                     self.finish().await?;
@@ -212,7 +225,9 @@ impl BlockRecording<'_> {
 
     /// Returns a picture's memory for the next frames.
     pub fn recycle(&mut self, rgb: PictureBytes) {
-        self.simulator.recycle(rgb);
+        if let PictureBytes::Own(rgb) = rgb {
+            self.grabs.recycle(rgb);
+        }
     }
 
     /// How it went. Complete after the last picture.

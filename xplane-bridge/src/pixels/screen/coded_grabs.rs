@@ -15,8 +15,10 @@ use super::frame_code::{FrameCode, MARGIN_PX, read, read_strip};
 use super::{Grab, Screen};
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
-/// Time between two looks at the strip. A frame lasts 16 ms at 60 frames a second.
-const LOOK_EVERY: Duration = Duration::from_micros(700);
+/// Time between two looks at the strip, which cost two context switches each. A frame lasts 16 ms at 60 frames a second.
+const LOOK_EVERY: Duration = Duration::from_micros(1_500);
+/// Rows of the strip that are looked at, in the middle of the code.
+const STRIP_PX: u32 = 2;
 
 /// A picture with its code, without the margins.
 #[derive(Debug)]
@@ -93,7 +95,8 @@ fn grab_all(
     tell: &mpsc::UnboundedSender<Result<CodedPicture, PixelError>>,
 ) -> Result<(), PixelError> {
     let strip = Rectangle {
-        height_px: MARGIN_PX,
+        y_px: region.y_px + (MARGIN_PX - STRIP_PX) / 2,
+        height_px: STRIP_PX,
         ..region
     };
     let (mut strips, mut pictures) = (screen.open(Some(strip))?, screen.open(Some(region))?);
@@ -102,7 +105,7 @@ fn grab_all(
     while !tell.is_closed() {
         let is_new = !rests.load(Ordering::Relaxed) && {
             strips.grab(&mut strip)?;
-            let code = read_strip(&strip, MARGIN_PX / 2);
+            let code = read_strip(&strip, STRIP_PX / 2);
             code.is_some() && code != last
         };
         if !is_new {
