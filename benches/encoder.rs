@@ -7,8 +7,6 @@
 
 #[path = "video/ffmpeg_program.rs"]
 mod ffmpeg_program;
-#[path = "video/processor_time.rs"]
-mod processor_time;
 #[path = "video/scenery.rs"]
 mod scenery;
 
@@ -19,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use dataset::frame_rate::FrameRate;
 use dataset::video::{VideoCodec, VideoReader, VideoSettings, VideoWriter};
-use processor_time::cpu_so_far;
 use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, cloudy};
+use testkit::processor_time;
 
 const ROUNDS: usize = 5;
 /// Target of the ratio.
@@ -88,9 +86,9 @@ fn main() {
 
 /// Does the work, and adds its processor time to that of one of both: 0 is this process, 1 its children.
 fn counted(cpu: &mut [Duration; 2], whose: usize, work: impl FnOnce() -> f64) -> f64 {
-    let before = cpu_so_far()[whose];
+    let before = processor_time::own_and_children()[whose];
     let rate = work();
-    cpu[whose] += cpu_so_far()[whose] - before;
+    cpu[whose] += processor_time::own_and_children()[whose] - before;
     rate
 }
 

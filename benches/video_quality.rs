@@ -9,8 +9,6 @@
 
 #[path = "video/ffmpeg_program.rs"]
 mod ffmpeg_program;
-#[path = "video/processor_time.rs"]
-mod processor_time;
 #[path = "video/rounding.rs"]
 mod rounding;
 #[path = "video/scenery.rs"]
@@ -24,9 +22,9 @@ use std::time::Duration;
 use dataset::frame_rate::FrameRate;
 use dataset::video::{VideoCodec, VideoReader, VideoSettings, VideoWriter};
 use glam::{DMat3, DVec2, DVec3};
-use processor_time::cpu_so_far;
 use rounding::{LUMA, Levels, there_and_back};
 use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, clear, cloudy};
+use testkit::processor_time;
 
 const PICTURES: u32 = 30;
 /// Half the size of the piece of picture around the aircraft, pixels: it is 20 wide.
@@ -382,7 +380,7 @@ fn rounded_patch(rgb: &[u8], (cx, cy): (i64, i64), levels: Levels) -> Patch {
 
 /// Of this process and its child processes.
 fn processor() -> Duration {
-    cpu_so_far().iter().sum()
+    processor_time::own_and_children().iter().sum()
 }
 
 /// A row of the table: encoded and decoded.

@@ -25,6 +25,7 @@ use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTar
 use generator::shard::Shard;
 use generator::sweep::Sweep;
 use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer, ServerOptions, serve_with};
+use testkit::processor_time;
 use xplane_bridge::LocalUdp;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
@@ -109,7 +110,7 @@ impl Cost {
     fn so_far(began: Instant) -> Self {
         Self {
             wall: began.elapsed(),
-            cpu: cpu_so_far(),
+            cpu: processor_time::own_and_children()[0],
         }
     }
 
@@ -347,15 +348,4 @@ fn bytes_of_videos(corpus: &Path) -> Result<u64, Box<dyn Error>> {
         bytes += fs::metadata(scenario.video_path(&view))?.len();
     }
     Ok(bytes)
-}
-
-/// Processor time of this process so far.
-fn cpu_so_far() -> Duration {
-    const TICKS_PER_S: f64 = 100.0;
-    let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // Fields 14 and 15 (utime, stime); the name in parentheses may contain spaces.
-    let after_name = stat.rsplit(") ").next().unwrap_or_default();
-    let fields = after_name.split(' ').skip(11).take(2);
-    let ticks: f64 = fields.filter_map(|ticks| ticks.parse::<f64>().ok()).sum();
-    Duration::from_secs_f64(ticks / TICKS_PER_S)
 }

@@ -116,13 +116,13 @@ async fn use_everything(address: SocketAddr, deliver: Deliver) {
     simulator.receive_frame().await.unwrap();
     let flight = FlyRequest {
         start: FlightStart {
-            position: runway.point_on_approach(6_000.0, 0.0).at_altitude_m(320.0),
+            position: runway.point_on_approach(1_500.0, 0.0).at_altitude_m(86.0),
             heading_true_deg: 23.02,
             speed_mps: 76.0,
         },
         runway: runway.clone(),
         profile: ApproachProfile::GlidePath {
-            level_altitude_msl_m: 320.0,
+            level_altitude_msl_m: 200.0,
         },
         seed: 0,
         time_limit_s: 400.0,

@@ -44,6 +44,11 @@ impl Xvfb {
         Self { server, display }
     }
 
+    /// Its process.
+    pub fn process_id(&self) -> u32 {
+        self.server.id()
+    }
+
     /// Its name, for `DISPLAY`.
     pub fn display(&self) -> &str {
         &self.display

@@ -12,6 +12,7 @@ pub mod command;
 pub mod files;
 pub mod peak;
 pub mod pictures;
+pub mod processor_time;
 mod repository;
 pub mod rig;
 mod runway;

@@ -1,0 +1,132 @@
+//! Processor time of each step of a picture, measured alone: drawing and showing it, grabbing it off the screen, encoding it.
+
+use std::error::Error;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use dataset::camera::Camera;
+use dataset::corpus::Corpus;
+use dataset::pose::{Controls, Pose};
+use dataset::video::{VideoSettings, VideoWriter};
+use mock_xplane::server::{BuiltIn, Engine};
+use mock_xplane::window::DisplayWindow;
+use testkit::processor_time;
+use testkit_simulator::Xvfb;
+use xplane_bridge::pixels::{Rectangle, RgbPicture, Screen};
+
+use super::MARGIN_PX;
+
+/// Pictures of each view that are measured.
+const PICTURES: usize = 100;
+
+/// Processor time per picture of each step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Steps {
+    pub(crate) drawing: Duration,
+    pub(crate) grabbing: Duration,
+    pub(crate) encoding: Duration,
+}
+
+/// The screen and the window of a recording.
+pub(crate) struct Stage<'a> {
+    pub(crate) xvfb: &'a Xvfb,
+    pub(crate) window: &'a dyn DisplayWindow,
+    pub(crate) screen: &'a Arc<dyn Screen>,
+}
+
+impl Stage<'_> {
+    /// Processor time so far of this process and of the X server.
+    fn time_so_far(&self) -> Duration {
+        processor_time::own_and_children()[0] + processor_time::of_process(self.xvfb.process_id())
+    }
+
+    fn per_picture(
+        &self,
+        pictures: usize,
+        mut step: impl FnMut(usize) -> Result<(), Box<dyn Error>>,
+    ) -> Result<Duration, Box<dyn Error>> {
+        // The first one prepares what the others use.
+        step(0)?;
+        let before = self.time_so_far();
+        (0..pictures).try_for_each(&mut step)?;
+        Ok((self.time_so_far() - before) / pictures as u32)
+    }
+}
+
+/// The steps of the first pictures of a scenario, mean of its views.
+pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Steps, Box<dyn Error>> {
+    let opened = Corpus::open(corpus)?.scenario(id).open()?;
+    let (record, calibration, frames) = (opened.record()?, opened.calibration()?, opened.frames()?);
+    let mut sum = [Duration::ZERO; 3];
+    for view in &record.views {
+        let camera = calibration.cameras[view].camera();
+        let rows = &frames.rows[..frames.rows.len().min(PICTURES)];
+        let states: Vec<(Pose, Controls, f64)> = rows
+            .iter()
+            .map(|row| (row.pose, row.controls, row.time_ns as f64 * 1e-9))
+            .collect();
+        // The window has margins around the picture.
+        let around = with_margins(camera);
+        let scene = BuiltIn.picture(
+            &around,
+            &record.runway,
+            &record.conditions.weather,
+            &record.conditions.clock,
+            None,
+        );
+        let mut drawn = RgbPicture {
+            width_px: around.width_px,
+            height_px: around.height_px,
+            rgb: vec![0; around.width_px as usize * around.height_px as usize * 3],
+        };
+        sum[0] += stage.per_picture(states.len(), |at| {
+            let (pose, controls, time_s) = &states[at];
+            scene.draw(pose, controls, *time_s, &mut drawn.rgb);
+            Ok(stage.window.show(&drawn)?)
+        })?;
+
+        let mut grab = stage.screen.open(Some(Rectangle {
+            x_px: 0,
+            y_px: 0,
+            width_px: around.width_px,
+            height_px: around.height_px,
+        }))?;
+        let mut grabbed = RgbPicture::default();
+        sum[1] += stage.per_picture(states.len(), |_| Ok(grab.grab(&mut grabbed)?))?;
+
+        let mut video = opened.open_video(view)?;
+        let mut pictures = Vec::new();
+        let mut rgb = Vec::new();
+        while pictures.len() < states.len() && video.next_frame(&mut rgb)?.is_some() {
+            pictures.push(rgb.clone());
+        }
+        let folder = tempfile::tempdir()?;
+        let mut writer = VideoWriter::create(
+            &folder.path().join("alone.mp4"),
+            &VideoSettings::default(),
+            camera.width_px,
+            camera.height_px,
+            record.frame_rate,
+        )?;
+        let before = stage.time_so_far();
+        for rgb in &pictures {
+            writer.write(rgb)?;
+        }
+        writer.finish()?;
+        sum[2] += (stage.time_so_far() - before) / pictures.len() as u32;
+    }
+    let [drawing, grabbing, encoding] = sum.map(|sum| sum / record.views.len() as u32);
+    Ok(Steps {
+        drawing,
+        grabbing,
+        encoding,
+    })
+}
+
+fn with_margins(mut camera: Camera) -> Camera {
+    camera.width_px += 2 * MARGIN_PX;
+    camera.height_px += 2 * MARGIN_PX;
+    camera.principal_px += f64::from(MARGIN_PX);
+    camera
+}

@@ -1,0 +1,247 @@
+//! Recording in blocks off the screen, with the stand-in that hosts the plugin and shows its frames on an X server (Xvfb).
+//!
+//! `cargo run --release -p dtd-generator --example blocks -- frames` counts the frames that the simulator draws per picture, at 60 frames
+//! a second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 pictures a second from two views.
+//! Frames are counted from the moment at which the flight is known to the last picture, so that settling and probes are included; the
+//! check of the window before and after is not, nor is the trial before the first scenario. Arguments: width and height of the pictures
+//! (480 320) and the largest lag (4).
+//!
+//! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of a picture,
+//! each measured alone. Arguments: width and height (1920 1280). On a larger machine: `taskset -c 0,1` before it.
+
+mod alone;
+
+use std::env;
+use std::error::Error;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use alone::Stage;
+use dataset::corpus::Corpus;
+use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
+use generator::shard::Shard;
+use generator::sweep::Sweep;
+use mock_xplane::server::{FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions};
+use mock_xplane::window::{DisplayWindow, X11Window};
+use serde_json::json;
+use testkit::repository;
+use testkit::sweep::SmallSweep;
+use testkit_simulator::{Xvfb, quiet, serving};
+use xplane_bridge::LocalUdp;
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
+
+/// Of a screen.
+const FRAMES_PER_S: f64 = 60.0;
+/// Cores that the rate at full speed is compared with, and the share of them that the three steps should use.
+const CORES: f64 = 2.0;
+const GOAL: f64 = 0.7;
+/// On each side of the picture.
+const MARGIN_PX: u32 = 16;
+const TABLES: &str = r#"
+[start]
+dtd_nm = { min = DTD_NM, max = DTD_NM }
+cross_track_m = { mean = 0, sd = 20 }
+speed_mps = 72
+profiles = ["short"]
+
+[profile.short]
+kind = "glide_path"
+level_altitude_msl_m = 200
+
+[[recorded]]
+files = "flights/01_calm_ils.csv"
+weathers = ["clear", "stormy"]
+
+[weather.clear]
+visibility_m = 30000
+
+[weather.stormy]
+visibility_m = 20000
+rain_ratio = 0.8
+clouds = [{ kind = "cumulonimbus", cover_ratio = 0.9, base_msl_m = 1000, top_msl_m = 9000 }]
+"#;
+
+#[tokio::main]
+async fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = env::args().skip(1);
+    let what = arguments.next().unwrap_or_default();
+    let numbers: Vec<u32> = arguments
+        .map(|text| text.parse())
+        .collect::<Result<_, _>>()?;
+    let number = |at: usize, default: u32| numbers.get(at).copied().unwrap_or(default);
+    match what.as_str() {
+        "frames" => frames((number(0, 480), number(1, 320)), number(2, 4) as usize).await,
+        "speed" => speed((number(0, 1_920), number(1, 1_280))).await,
+        _ => Err("expected `frames` or `speed`".into()),
+    }
+}
+
+async fn frames(size_px: (u32, u32), largest_lag: usize) -> Result<(), Box<dyn Error>> {
+    for lag in 0..=largest_lag {
+        let recording = Recording::start(size_px, Some(FRAMES_PER_S), lag).await?;
+        for recorded in recording.record(0.5).await? {
+            let pictures = recorded.pictures as f64;
+            println!(
+                "{}",
+                json!({
+                    "scenario": recorded.id, "frames_behind": lag, "pictures": recorded.pictures,
+                    "frames_per_picture": recorded.frames as f64 / pictures,
+                    "pictures_per_s": pictures / recorded.seconds,
+                    "blocks": recorded.blocks,
+                })
+            );
+        }
+    }
+    Ok(())
+}
+
+async fn speed(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
+    let recording = Recording::start(size_px, None, 0).await?;
+    for recorded in recording.record(1.0).await? {
+        let stage = Stage {
+            xvfb: &recording.xvfb,
+            window: recording.window.as_ref(),
+            screen: &recording.screen,
+        };
+        let alone = alone::measure(&stage, recording.folder.path(), &recorded.id)?;
+        let pictures_per_s = recorded.pictures as f64 / recorded.seconds;
+        let of_a_picture = alone.drawing + alone.grabbing + alone.encoding;
+        println!(
+            "{}",
+            json!({
+                "scenario": recorded.id, "pictures": recorded.pictures,
+                "frames_per_picture": recorded.frames as f64 / recorded.pictures as f64,
+                "pictures_per_s": pictures_per_s,
+                "drawing_ms": 1e3 * alone.drawing.as_secs_f64(),
+                "grabbing_ms": 1e3 * alone.grabbing.as_secs_f64(),
+                "encoding_ms": 1e3 * alone.encoding.as_secs_f64(),
+                "cores": CORES,
+                "share_of_cores": pictures_per_s * of_a_picture.as_secs_f64() / CORES,
+                "goal": GOAL,
+                "blocks": recorded.blocks,
+            })
+        );
+    }
+    Ok(())
+}
+
+/// A simulator with its screen, and a folder for the corpus.
+struct Recording {
+    size_px: (u32, u32),
+    xvfb: Xvfb,
+    window: Arc<dyn DisplayWindow>,
+    screen: Arc<dyn Screen>,
+    frames: FramesDrawn,
+    simulator: SocketAddr,
+    folder: tempfile::TempDir,
+}
+
+/// A recorded scenario.
+struct Recorded {
+    id: String,
+    frames: u64,
+    pictures: u64,
+    seconds: f64,
+    blocks: serde_json::Value,
+}
+
+impl Recording {
+    async fn start(
+        size_px: (u32, u32),
+        most_frames_per_s: Option<f64>,
+        lag: usize,
+    ) -> Result<Self, Box<dyn Error>> {
+        let window_px = (size_px.0 + 2 * MARGIN_PX, size_px.1 + 2 * MARGIN_PX);
+        let xvfb = Xvfb::start(&format!("{}x{}x24", window_px.0, window_px.1));
+        let window = X11Window::open(Some(xvfb.display()), window_px)?;
+        let window: Arc<dyn DisplayWindow> = Arc::new(window);
+        let frames = FramesDrawn::default();
+        let simulator = serving(ServerOptions {
+            generation: Generation::XPlane12,
+            link: LinkServer::Plugin(PluginOptions {
+                most_frames_per_s,
+                scene_behind: Some(SceneBehind::Constant(lag)),
+                frames_drawn: frames.clone(),
+                ..testkit_simulator::plugin::options(window_px)
+            }),
+            stage: Some(window.clone()),
+            ..quiet()
+        })
+        .await;
+        Ok(Self {
+            size_px,
+            screen: Arc::new(FfmpegScreen::of_display(xvfb.display())),
+            xvfb,
+            window,
+            frames,
+            simulator,
+            folder: tempfile::tempdir()?,
+        })
+    }
+
+    /// Records two scenarios of each weather from a distance, and returns the second ones: before the first one, a trial compares blocks
+    /// with settled pictures.
+    async fn record(&self, dtd_nm: f64) -> Result<Vec<Recorded>, Box<dyn Error>> {
+        let toml = SmallSweep {
+            name: "blocks",
+            seed: 0,
+            weathers: &["clear", "stormy"],
+            repeats: 2,
+            size_px: self.size_px,
+            frame_rate: "30/1",
+            tables: &TABLES.replace("DTD_NM", &format!("{dtd_nm:.1}")),
+        }
+        .toml();
+        let sweep = Sweep::parse(
+            Path::new("blocks.toml"),
+            &repository().join("tests/data"),
+            toml,
+        )?;
+        let options = GenerateOptions {
+            simulators: SimulatorTarget::Address(self.simulator).into(),
+            local_udp: LocalUdp::default(),
+            stand_in_program: PathBuf::from("unused"),
+            pixels: PixelChoice::Auto,
+            encoder: None,
+            screen: self.screen.clone(),
+            only: Vec::new(),
+            shard: Shard::WHOLE,
+            patience: Patience::default(),
+            restart: None,
+            remote: None,
+        };
+        let (mut from, mut to) = (0, 0);
+        let mut began = Instant::now();
+        let mut recorded = Vec::new();
+        let mut listen = |event: Event<'_>| match event {
+            Event::Flown { .. } => {
+                from = self.frames.get();
+                began = Instant::now();
+            }
+            Event::Captured { .. } => to = self.frames.get(),
+            Event::Committed { id, ticks, .. } => recorded.push(Recorded {
+                id: id.to_owned(),
+                frames: to - from,
+                pictures: 2 * u64::from(ticks),
+                seconds: began.elapsed().as_secs_f64(),
+                blocks: json!(null),
+            }),
+            _ => {}
+        };
+        let folder = self.folder.path();
+        let outcome = generate(&sweep, folder, &options, &Cancel::new(), &mut listen).await?;
+        if !outcome.failed.is_empty() {
+            return Err(format!("{:?}", outcome.failed).into());
+        }
+        let corpus = Corpus::open(folder)?;
+        recorded.retain(|recorded| recorded.id.ends_with("r2"));
+        for recorded in &mut recorded {
+            let record = corpus.scenario(&recorded.id).open()?.record()?;
+            recorded.blocks = serde_json::to_value(record.blocks)?;
+        }
+        Ok(recorded)
+    }
+}
