@@ -6,13 +6,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::camera::CameraPose;
-use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::frame_rate::FrameRate;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::pose::FlightState;
 use mock_xplane::server::{FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions};
 use mock_xplane::window::{DisplayWindow, X11Window};
-use testkit::changi_02l;
+use testkit::short_flight::{camera_beside_runway, down_the_glide_path, noon, runway};
 use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
@@ -65,78 +63,9 @@ fn plugin(scene_behind: SceneBehind) -> PluginOptions {
     }
 }
 
-fn runway() -> Runway {
-    Runway {
-        course_magnetic_deg: Some(23.0),
-        ..changi_02l()
-    }
-}
-
-fn noon(visibility_m: f64) -> Conditions {
-    Conditions {
-        time_of_day: "12:00".into(),
-        clock: Clock {
-            day_of_year: 172,
-            zulu_time_s: 4.0 * 3_600.0,
-        },
-        weather_name: "clear".into(),
-        weather: Weather {
-            visibility_m,
-            clouds: Vec::new(),
-            rain_ratio: 0.0,
-            wind_speed_mps: 0.0,
-            wind_from_true_deg: 0.0,
-            turbulence_ratio: 0.0,
-        },
-    }
-}
-
 /// Two cameras beside the runway that look up the approach.
 fn camera(view: u32) -> CameraPose {
-    let side_m = if view == 0 { -60.0 } else { 60.0 };
-    let at = runway().point_on_approach(-1_000.0, side_m);
-    CameraPose {
-        pose: Pose {
-            latitude_deg: at.latitude_deg,
-            longitude_deg: at.longitude_deg,
-            altitude_msl_m: 16.0,
-            heading_true_deg: 203.02,
-            pitch_deg: 2.0,
-            roll_deg: 0.0,
-        },
-        hfov_deg: 14.0,
-    }
-}
-
-/// Down the glide path from a distance, metres.
-fn approach(from_m: f64, ticks: u32) -> Vec<FlightState> {
-    (0..ticks)
-        .map(|tick| {
-            let time_s = RATE.time_of_tick(tick).seconds();
-            let to_go_m = from_m - 72.0 * time_s;
-            let at = runway().point_on_approach(to_go_m, 0.0);
-            FlightState {
-                time_s,
-                pose: Pose {
-                    latitude_deg: at.latitude_deg,
-                    longitude_deg: at.longitude_deg,
-                    altitude_msl_m: 7.0 + to_go_m * 0.0524,
-                    heading_true_deg: 23.02,
-                    pitch_deg: 3.0,
-                    roll_deg: 0.0,
-                },
-                velocity_north_mps: 66.0,
-                velocity_east_mps: 28.0,
-                velocity_down_mps: 3.8,
-                true_airspeed_mps: 72.0,
-                controls: Controls {
-                    flap_ratio: 0.5,
-                    gear_ratio: 1.0,
-                },
-                on_ground: false,
-            }
-        })
-        .collect()
+    camera_beside_runway(if view == 0 { -60.0 } else { 60.0 })
 }
 
 async fn block(
@@ -194,7 +123,7 @@ async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
     assert!(simulator.can_record_blocks());
     simulator.set_conditions(&noon(30_000.0)).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
-    let states = approach(1_200.0, 120);
+    let states = down_the_glide_path(1_200.0, 120, RATE);
     let mut moved = Vec::new();
     let before = drawn.get();
     for view in 0..2 {
@@ -266,7 +195,7 @@ async fn a_camera_that_is_taken_away_costs_frames_and_no_picture() {
     .await;
     simulator.set_conditions(&noon(30_000.0)).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
-    let states = approach(1_200.0, 90);
+    let states = down_the_glide_path(1_200.0, 90, RATE);
     let (frames, report) = block(&mut simulator, &states, 0).await;
     println!("{report:?}");
     for tick in (0..90).step_by(9) {
@@ -284,7 +213,7 @@ async fn in_fog_without_a_known_lag_every_tick_is_held_and_right() {
     } = shown(plugin(SceneBehind::Constant(4))).await;
     simulator.set_conditions(&noon(1_500.0)).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
-    let states = approach(12_000.0, 20);
+    let states = down_the_glide_path(12_000.0, 20, RATE);
     let (frames, report) = block(&mut simulator, &states, 0).await;
     assert_eq!((report.held, report.frames_behind), (20, None));
     assert_eq!(frames.len(), 20);

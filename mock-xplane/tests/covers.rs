@@ -4,15 +4,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::camera::CameraPose;
-use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::frame_rate::FrameRate;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
 use mock_xplane::quirks::{Quirk, Quirks};
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, WindowCovers, WindowForm};
 use mock_xplane::window::{CoverWindow, DisplayWindow, X11Window};
-use testkit::changi_02l;
+use testkit::short_flight::{camera_beside_runway, down_the_glide_path, noon, runway};
 use testkit_simulator::{Xvfb, plugin, quiet, serving};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelError, Rectangle, Screen};
@@ -172,7 +168,7 @@ async fn a_cover_that_comes_for_a_second_while_a_block_is_recorded_is_in_none_of
     let mut shown = OnScreen::start_with(window_px).await;
     shown.register().await.unwrap();
     let simulator = &mut shown.simulator;
-    simulator.set_conditions(&noon()).await.unwrap();
+    simulator.set_conditions(&noon(30_000.0)).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let (expected, _) = block(simulator).await;
     for (number, form) in [
@@ -195,80 +191,20 @@ async fn a_cover_that_comes_for_a_second_while_a_block_is_recorded_is_in_none_of
     }
 }
 
-fn runway() -> Runway {
-    Runway {
-        course_magnetic_deg: Some(23.0),
-        ..changi_02l()
-    }
-}
-
-fn noon() -> Conditions {
-    Conditions {
-        time_of_day: "12:00".into(),
-        clock: Clock {
-            day_of_year: 172,
-            zulu_time_s: 4.0 * 3_600.0,
-        },
-        weather_name: "clear".into(),
-        weather: Weather {
-            visibility_m: 30_000.0,
-            clouds: Vec::new(),
-            rain_ratio: 0.0,
-            wind_speed_mps: 0.0,
-            wind_from_true_deg: 0.0,
-            turbulence_ratio: 0.0,
-        },
-    }
-}
-
 /// The pictures of 150 ticks down the glide path, from beside the runway, and how many were taken again.
 async fn block(simulator: &mut Simulator) -> (Vec<Vec<u8>>, u32) {
     let frame_rate = FrameRate {
         numerator: 10,
         denominator: 1,
     };
-    let states: Vec<FlightState> = (0..150)
-        .map(|tick| {
-            let time_s = frame_rate.time_of_tick(tick).seconds();
-            let to_go_m = 3_500.0 - 72.0 * time_s;
-            let at = runway().point_on_approach(to_go_m, 0.0);
-            FlightState {
-                time_s,
-                pose: Pose {
-                    latitude_deg: at.latitude_deg,
-                    longitude_deg: at.longitude_deg,
-                    altitude_msl_m: 7.0 + to_go_m * 0.0524,
-                    heading_true_deg: 23.02,
-                    pitch_deg: 3.0,
-                    roll_deg: 0.0,
-                },
-                velocity_north_mps: 66.0,
-                velocity_east_mps: 28.0,
-                velocity_down_mps: 3.8,
-                true_airspeed_mps: 72.0,
-                controls: Controls::default(),
-                on_ground: false,
-            }
-        })
-        .collect();
-    let at = runway().point_on_approach(-1_000.0, -300.0);
+    let states = down_the_glide_path(3_500.0, 150, frame_rate);
     let mut recording = simulator
         .begin_block(BlockOfTicks {
             first_tick: 0,
             states: &states,
             frame_rate,
             view: 0,
-            camera: CameraPose {
-                pose: Pose {
-                    latitude_deg: at.latitude_deg,
-                    longitude_deg: at.longitude_deg,
-                    altitude_msl_m: 16.0,
-                    heading_true_deg: 203.02,
-                    pitch_deg: 2.0,
-                    roll_deg: 0.0,
-                },
-                hfov_deg: 14.0,
-            },
+            camera: camera_beside_runway(-300.0),
             size_px: SIZE_PX,
         })
         .unwrap();

@@ -8,16 +8,14 @@ use std::time::Duration;
 
 use dataset::approach_profile::ApproachProfile;
 use dataset::camera::CameraPose;
-use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::distortion::Distortion;
 use dataset::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::imaging::{Degradation, Imaging, Sensor};
 use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
 #[cfg(target_os = "linux")]
 use mock_xplane::window::X11Window;
-use testkit::changi_02l;
+use testkit::short_flight::{noon, runway};
 #[cfg(target_os = "linux")]
 use testkit_simulator::Xvfb;
 use testkit_simulator::{quiet, serving};
@@ -89,7 +87,7 @@ async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
     until_read(&mut watch, &found).await;
     for _ in 0..2 {
         let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
-        simulator.set_conditions(&noon()).await.unwrap();
+        simulator.set_conditions(&noon(30_000.0)).await.unwrap();
         simulator.freeze(&runway()).await.unwrap();
         let drawn = CaptureRequest {
             deliver: Deliver::Drawn,
@@ -103,32 +101,6 @@ async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
         until_read(&mut watch, &found).await;
     }
     watch.end().await;
-}
-
-fn runway() -> Runway {
-    Runway {
-        course_magnetic_deg: Some(23.0),
-        ..changi_02l()
-    }
-}
-
-fn noon() -> Conditions {
-    Conditions {
-        time_of_day: "12:00".into(),
-        clock: Clock {
-            day_of_year: 172,
-            zulu_time_s: 4.0 * 3_600.0,
-        },
-        weather_name: "clear".into(),
-        weather: Weather {
-            visibility_m: 30_000.0,
-            clouds: Vec::new(),
-            rain_ratio: 0.0,
-            wind_speed_mps: 0.0,
-            wind_from_true_deg: 0.0,
-            turbulence_ratio: 0.0,
-        },
-    }
 }
 
 /// An aircraft in another attitude each tick, seen large from a camera that is turned and rolled as well.
@@ -175,7 +147,7 @@ fn capture(tick: u32) -> CaptureRequest {
 }
 
 async fn pictures(simulator: &mut Simulator) -> Vec<CapturedFrame> {
-    simulator.set_conditions(&noon()).await.unwrap();
+    simulator.set_conditions(&noon(30_000.0)).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let mut frames = Vec::new();
     let deliver = simulator.deliver();
@@ -225,7 +197,7 @@ async fn picture(simulator: &mut Simulator) -> Vec<u8> {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() {
     let mut simulator = connected(Generation::XPlane11, LinkServer::BuiltIn).await;
-    simulator.set_conditions(&noon()).await.unwrap();
+    simulator.set_conditions(&noon(30_000.0)).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let ideal = picture(&mut simulator).await;
     simulator
@@ -361,7 +333,7 @@ fn assert_like(found: &[CapturedFrame], wanted: &[CapturedFrame]) {
 #[tokio::test(flavor = "multi_thread")]
 async fn screenshots_of_another_view_than_the_cameras_are_refused() {
     let mut simulator = taking_screenshots("cockpit_view,screenshot_without_camera").await;
-    simulator.set_conditions(&noon()).await.unwrap();
+    simulator.set_conditions(&noon(30_000.0)).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let capture = CaptureRequest {
         deliver: simulator.deliver(),
@@ -563,7 +535,7 @@ async fn a_live_approach_through_the_plugin_lands_where_the_built_in_one_does() 
     let mut flown = Vec::new();
     for link in [LinkServer::BuiltIn, LinkServer::Plugin(coarse)] {
         let mut simulator = connected(Generation::XPlane12, link).await;
-        simulator.set_conditions(&noon()).await.unwrap();
+        simulator.set_conditions(&noon(30_000.0)).await.unwrap();
         let states = simulator.fly(&request).await.unwrap();
         assert!(states.last().unwrap().on_ground);
         simulator.release().await.unwrap();

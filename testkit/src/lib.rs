@@ -18,6 +18,7 @@ pub mod rig;
 mod runway;
 pub mod scenario;
 pub mod short_corpus;
+pub mod short_flight;
 mod skip;
 pub mod sweep;
 pub mod synthetic;
