@@ -9,7 +9,7 @@ use crate::calibration::Calibration;
 use crate::corpus::ScenarioFolder;
 use crate::scenario::ScenarioRecord;
 use crate::sealed::Sealed;
-use crate::video::VideoReader;
+use crate::video::{TimeBase, VideoReader};
 
 /// Checks all videos of a scenario, in parallel; returns how many pictures were decoded, and the evidence.
 pub(super) fn check(
@@ -70,7 +70,8 @@ pub(super) fn check(
 #[derive(Default)]
 struct Decoded<'a> {
     size_px: Option<(u32, u32)>,
-    time_base: Option<(u32, u32)>,
+    time_base: Option<TimeBase>,
+    /// Timestamps, in units of the time base.
     pts: Vec<i64>,
     /// Why decoding stopped before the end.
     fault: Option<String>,
@@ -127,17 +128,6 @@ fn judge(
             format!("pictures have {width}x{height} pixels, calibration.json says {expected}"),
         );
     }
-    let expected = (1, record.frame_rate.time_scale());
-    if let Some(found) = decoded.time_base.filter(|found| *found != expected) {
-        faults.view(
-            file,
-            view,
-            format!(
-                "time base is {}/{}, expected {}/{}",
-                found.0, found.1, expected.0, expected.1
-            ),
-        );
-    }
     if decoded.fault.is_none() && decoded.pts.len() != record.ticks as usize {
         faults.view(
             file,
@@ -149,15 +139,17 @@ fn judge(
             ),
         );
     }
+    let unit = TimeBase::of_ticks(record.frame_rate);
+    let time_base = decoded.time_base.unwrap_or(unit);
     for (tick, pts) in decoded.pts.iter().enumerate() {
         let expected = record.frame_rate.pts_of_tick(tick as u32);
-        if *pts != expected {
+        if time_base.convert(*pts, unit) != Some(expected) {
             faults.view_row(
                 view,
                 file,
                 tick,
                 "timestamp",
-                format!("is {pts}, expected {expected}"),
+                format!("is {pts} in units of {time_base}, expected {expected} in units of {unit}"),
             );
         }
     }
