@@ -1,5 +1,6 @@
 //! COCO (Lin et al. 2014): `images/`, `annotations.json`, the same by side of the split in `annotations/instances_<side>.json`, where
-//! trainers and converters look for it, and `detections.json` in the form of COCO's results if a model's detections stand beside true boxes.
+//! trainers and converters look for it, and `detections.json` in the form of COCO's results if a model's detections stand beside true
+//! boxes.
 //!
 //! An aircraft that nobody can be expected to find (beyond the visibility, perhaps behind a cloud, or mostly outside the picture) is a
 //! crowd (`iscrowd` 1), which COCO's judges neither ask for nor count as false. Boxes are `[left, top, width, height]` in pixels from the
