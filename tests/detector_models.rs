@@ -344,13 +344,12 @@ fn the_heads_of_ultralytics_families_are_read_without_settings() {
     };
     for (family, strides, head, is_end_to_end) in families {
         let boxes = candidates(strides);
-        let answer = match is_end_to_end {
-            true => {
-                // As many as there may be, or as there are.
-                let kept: Vec<_> = boxes.iter().take(300).map(|one| by_corners(*one)).collect();
-                rows_of(&kept, |k| best_of(k, 1).to_vec())
-            }
-            false => columns_of("output0", &boxes, 3, 1),
+        let answer = if is_end_to_end {
+            // As many as there may be, or as there are.
+            let kept: Vec<_> = boxes.iter().take(300).map(|one| by_corners(*one)).collect();
+            rows_of(&kept, |k| best_of(k, 1).to_vec())
+        } else {
+            columns_of("output0", &boxes, 3, 1)
         };
         let metadata = of(head, if is_end_to_end { "True" } else { "False" });
         assert_reads(family, Model::of(vec![answer]).with_metadata(&metadata));

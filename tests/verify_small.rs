@@ -1,5 +1,5 @@
-//! `dtd verify` in small corpora: single pictures that are frozen, exchanged or noise are faults wherever they differ from the truth by more
-//! than their box, and untouched corpora have none. The corpora are windows of 4 to 28 ticks, cut out of a few recorded flights.
+//! `dtd verify` in small corpora: single pictures that are frozen, exchanged or noise are faults wherever they differ from the truth by
+//! more than their box, and untouched corpora have none. The corpora are windows of 4 to 28 ticks, cut out of a few recorded flights.
 
 use std::fs;
 use std::path::Path;
@@ -279,9 +279,10 @@ impl Window<'_> {
                     }
                     _ => false,
                 };
-                match is_elsewhere {
-                    true => wrong.push((name.clone(), tick as u64)),
-                    false => others += 1,
+                if is_elsewhere {
+                    wrong.push((name.clone(), tick as u64));
+                } else {
+                    others += 1;
                 }
             }
         }

@@ -149,9 +149,10 @@ fn print_not_filled(report: &VerifyReport) {
         let ticks: Vec<String> = (view.not_filled.iter().take(MOST_TICKS_LISTED))
             .map(u32::to_string)
             .collect();
-        let more = match view.not_filled.len() > ticks.len() {
-            true => ", ...",
-            false => "",
+        let more = if view.not_filled.len() > ticks.len() {
+            ", ..."
+        } else {
+            ""
         };
         println!(
             "  not seen in {} view {}: ticks {}{more}",

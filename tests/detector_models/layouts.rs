@@ -131,9 +131,10 @@ pub(crate) fn columns_of(
 
 /// Score and number of the best class of a candidate; other candidates are of another one.
 pub(crate) fn best_of(candidate: usize, class: usize) -> [f32; 2] {
-    match candidate == AT {
-        true => [SCORE, class as f32],
-        false => [LOW, class as f32 + 1.0],
+    if candidate == AT {
+        [SCORE, class as f32]
+    } else {
+        [LOW, class as f32 + 1.0]
     }
 }
 

@@ -344,9 +344,10 @@ impl Decoding {
         let rows = || numbers.chunks_exact(7);
         // Classes are whole numbers, and scores hardly ever: YOLO-NAS has them in the other order.
         let is_whole = |field: usize| rows().all(|row| row[field].fract() == 0.0);
-        let (class, score) = match is_whole(6) && !is_whole(5) {
-            true => (6, 5),
-            false => (5, 6),
+        let (class, score) = if is_whole(6) && !is_whole(5) {
+            (6, 5)
+        } else {
+            (5, 6)
         };
         for row in rows() {
             let window = row[0];

@@ -65,9 +65,10 @@ impl Meaning {
             Layout::Corners if !boxes.all.is_empty() && !boxes.are_ordered() => BoxForm::CenterSize,
             _ => judged.form,
         };
-        let unit = match boxes.are_normalized() {
-            true => BoxUnit::Normalized,
-            false => judged.unit,
+        let unit = if boxes.are_normalized() {
+            BoxUnit::Normalized
+        } else {
+            judged.unit
         };
         let scores = match judged.layout {
             Layout::BoxesAndScores if has_logits(answer) => ScoreForm::Logit,
@@ -138,9 +139,10 @@ fn layout_by_numbers(
     if layout == Layout::Yolox && is_decoded(answer, columns, window_px) {
         // YOLOv6 has no objectness, and writes 1 in its place.
         let mut rows = answer.numbers().chunks_exact(columns);
-        return match rows.all(|row| row[4] == 1.0 || row[..4] == [0.0; 4]) {
-            true => Layout::AnchorRows,
-            false => Layout::YoloxDecoded,
+        return if rows.all(|row| row[4] == 1.0 || row[..4] == [0.0; 4]) {
+            Layout::AnchorRows
+        } else {
+            Layout::YoloxDecoded
         };
     }
     layout

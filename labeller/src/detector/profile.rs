@@ -189,12 +189,14 @@ impl ModelProfile {
     }
 
     fn check(&self) -> std::result::Result<(), BadSetting> {
-        let positive = |key, number: f32| match number.is_finite() && number > 0.0 {
-            true => Ok(()),
-            false => Err(BadSetting {
+        let positive = |key, number: f32| {
+            if number.is_finite() && number > 0.0 {
+                return Ok(());
+            }
+            Err(BadSetting {
                 key,
                 message: format!("{key} = {number}, expected a finite number above zero"),
-            }),
+            })
         };
         self.input
             .scale
