@@ -14,8 +14,9 @@ use std::sync::OnceLock;
 use dataset::corpus::Corpus;
 use dataset::detections::{self, Detection};
 use layouts::{
-    CORNERS, HIDDEN, PICTURE_PX, SCORE, cells, columns_with, efficient_nms, final_rows,
-    objects_row, of_any_size, rows_with,
+    CORNERS, HIDDEN, PICTURE_PX, SCORE, best_of, by_corners, candidates, cells, columns_of,
+    columns_with, efficient_nms, final_rows, normalized, objects_row, of_any_size, rows_of,
+    rows_with, scores_of,
 };
 use model::{Answer, Model, open, windows_of};
 use onnx_graph::proto::Dimension;
@@ -281,6 +282,269 @@ fn every_layout_of_a_wide_model_gives_the_aircraft_at_its_place() {
         let output = model.with_input(input).detect_in(folder.path(), &[]);
         assert_found(case, &output, &folder.path().join("corpus"), middle);
     }
+}
+
+/// Detects with a model of wide windows, and expects the hidden box in every picture.
+fn assert_reads(case: &str, model: Model<'_>) {
+    let [width, height] = PICTURE_PX.map(|side_px| Dimension::Fixed(side_px as i64));
+    let folder = tempfile::tempdir().unwrap();
+    let input = [Dimension::Fixed(1), Dimension::Fixed(3), height, width];
+    let output = model.with_input(input).detect_in(folder.path(), &[]);
+    assert_found(case, &output, &folder.path().join("corpus"), [40.0, 30.0]);
+}
+
+/// Strides of the families of Ultralytics' models for boxes, and what of their heads shows in an export.
+const P3: &[usize] = &[8, 16, 32];
+const P2: &[usize] = &[4, 8, 16, 32];
+const P6: &[usize] = &[8, 16, 32, 64];
+const TINY: &[usize] = &[16, 32];
+
+#[test]
+fn the_heads_of_ultralytics_families_are_read_without_settings() {
+    let families: [(&str, &[usize], &str, bool); 25] = [
+        ("yolov3", P3, "Detect", false),
+        ("yolov3-spp", P3, "Detect", false),
+        ("yolov3-tiny", TINY, "Detect", false),
+        ("yolov5", P3, "Detect", false),
+        ("yolov5-p6", P6, "Detect", false),
+        ("yolov6", P3, "Detect", false),
+        ("yolov8", P3, "Detect", false),
+        ("yolov8-p2", P2, "Detect", false),
+        ("yolov8-p6", P6, "Detect", false),
+        ("yolov8-ghost", P3, "Detect", false),
+        ("yolov8-ghost-p2", P2, "Detect", false),
+        ("yolov8-ghost-p6", P6, "Detect", false),
+        ("yolov8-world", P3, "WorldDetect", false),
+        ("yoloe-v8", P3, "YOLOEDetect", false),
+        ("yolov9", P3, "Detect", false),
+        ("yolov10", P3, "v10Detect", true),
+        (
+            "yolov10 without its one-to-one head",
+            P3,
+            "v10Detect",
+            false,
+        ),
+        ("yolo11", P3, "Detect", false),
+        ("yoloe-11", P3, "YOLOEDetect", false),
+        ("yolo12", P3, "Detect", false),
+        ("yolo26", P3, "Detect", true),
+        ("yolo26 with nms=None", P3, "Detect", false),
+        ("yolo26-p2", P2, "Detect", true),
+        ("yolo26-p6", P6, "Detect", true),
+        ("yoloe-26", P3, "YOLOEDetect", true),
+    ];
+    let of = |head, end2end| {
+        [
+            ("task", "detect"),
+            ("stride", "32"),
+            ("names", "{0: 'drone', 1: 'airplane', 2: 'bird'}"),
+            ("head", head),
+            ("end2end", end2end),
+        ]
+    };
+    for (family, strides, head, is_end_to_end) in families {
+        let boxes = candidates(strides);
+        let answer = if is_end_to_end {
+            // As many as there may be, or as there are.
+            let kept: Vec<_> = boxes.iter().take(300).map(|one| by_corners(*one)).collect();
+            rows_of(&kept, |k| best_of(k, 1).to_vec())
+        } else {
+            columns_of("output0", &boxes, 3, 1)
+        };
+        let metadata = of(head, if is_end_to_end { "True" } else { "False" });
+        assert_reads(family, Model::of(vec![answer]).with_metadata(&metadata));
+    }
+    let queries: Vec<_> = candidates(P2)
+        .into_iter()
+        .map(normalized)
+        .take(300)
+        .collect();
+    let rt_detr = of("RTDETRDecoder", "False");
+    for (case, answer) in [
+        ("rtdetr", rows_of(&queries, |k| best_of(k, 1).to_vec())),
+        (
+            "rtdetr of earlier versions",
+            rows_of(&queries, |k| scores_of(k, 3, 1)),
+        ),
+    ] {
+        assert_reads(case, Model::of(vec![answer]).with_metadata(&rt_detr));
+    }
+}
+
+#[test]
+fn shapes_with_several_meanings_are_read_by_their_numbers_without_settings() {
+    let boxes = candidates(P3);
+    let corners: Vec<_> = boxes.iter().map(|one| by_corners(*one)).collect();
+    let parts: Vec<_> = boxes.iter().map(|one| normalized(*one)).collect();
+    let best = |k| best_of(k, 4).to_vec();
+    let with = |objectness: f32, k| [&[objectness][..], &scores_of(k, 80, 4)].concat();
+    let undecoded: Vec<_> = {
+        let cells = P3.iter().flat_map(|stride| {
+            let [columns, rows] = PICTURE_PX.map(|side_px| side_px / stride);
+            (0..columns * rows).map(move |cell| (*stride as f32, cell % columns, cell / columns))
+        });
+        let relative =
+            |([x, y, width, height], (stride, column, line)): (&[f32; 4], (f32, usize, usize))| {
+                [
+                    x / stride - column as f32,
+                    y / stride - line as f32,
+                    (width / stride).ln(),
+                    (height / stride).ln(),
+                ]
+            };
+        boxes.iter().zip(cells).map(relative).collect()
+    };
+    let of_nas = {
+        let row = |class: f32| [&[0.0][..], &CORNERS, &[SCORE, class]].concat();
+        Answer::floats("flat_predictions", &[2, 7], [row(4.0), row(0.0)].concat())
+    };
+    let of_anchors = corners.repeat(3);
+    for (case, answer) in [
+        (
+            "RT-DETR without metadata",
+            rows_of(
+                &candidates(P2)[..300]
+                    .iter()
+                    .map(|one| normalized(*one))
+                    .collect::<Vec<_>>(),
+                best,
+            ),
+        ),
+        ("DeepStream", rows_of(&corners, best)),
+        ("DeepStream of YOLOv5", rows_of(&of_anchors, best)),
+        ("YOLO-NAS flat", of_nas),
+        (
+            "columns in parts of the window",
+            columns_of("output0", &parts, 80, 4),
+        ),
+        (
+            "YOLOX",
+            rows_of(&undecoded, |k| with(if k == 9 { 1.0 } else { 0.1 }, k)),
+        ),
+        (
+            "YOLOX with its decoder",
+            rows_of(&boxes, |k| with(if k == 9 { 1.0 } else { 0.1 }, k)),
+        ),
+        ("YOLOv6", rows_of(&boxes, |k| with(1.0, k))),
+    ] {
+        assert_reads(case, Model::of(vec![answer]));
+    }
+}
+
+#[test]
+fn settings_name_output_and_layout_where_nothing_else_tells_them() {
+    let with = |k| [&[1.0][..], &scores_of(k, 80, 4)].concat();
+    let anchors = |strides| rows_of(&candidates(strides).repeat(3)[..3 * cells(strides)], with);
+    let boxes = candidates(P3);
+    let pair =
+        |names: [&'static str; 2], boxes: &[[f32; 4]], scores: &dyn Fn(usize) -> Vec<f32>| {
+            let count = boxes.len() as i64;
+            let scores: Vec<f32> = (0..boxes.len()).flat_map(scores).collect();
+            let classes = scores.len() as i64 / count;
+            vec![
+                Answer::floats(names[0], &[1, count, 4], boxes.concat()),
+                Answer::floats(names[1], &[1, count, classes], scores),
+            ]
+        };
+    let logit = |score: f32| (score / (1.0 - score)).ln();
+    let parts: Vec<_> = boxes.iter().map(|one| normalized(*one)).collect();
+    let corners: Vec<_> = boxes.iter().map(|one| by_corners(*one)).collect();
+    let of_rf_detr = pair(["dets", "labels"], &parts, &|k| {
+        scores_of(k, 91, 5).into_iter().map(logit).collect()
+    });
+    let both = vec![
+        columns_of("output0", &boxes, 80, 4),
+        columns_of("output1", &boxes, 80, 4),
+    ];
+    for (case, outputs, settings) in [
+        ("YOLOv5-P2", vec![anchors(P2)], "layout = 'anchor-rows'"),
+        ("YOLOv3-tiny", vec![anchors(TINY)], "layout = 'anchor-rows'"),
+        ("YOLOv9", both, "output = 'output0'"),
+        (
+            "RF-DETR",
+            of_rf_detr,
+            "layout = 'boxes-and-scores'\naircraft_class = 5\n[input]\nmean = [0.485, 0.456, 0.406]\nstd = [0.229, 0.224, 0.225]",
+        ),
+        (
+            "YOLO-NAS",
+            pair(["boxes", "scores"], &corners, &|k| scores_of(k, 80, 4)),
+            "layout = 'boxes-and-scores'",
+        ),
+        (
+            "a form that numbers would not show",
+            vec![columns_of("output0", &parts, 80, 4)],
+            "box_unit = 'normalized'\nbox_form = 'center-size'",
+        ),
+    ] {
+        assert_reads(case, Model::of(outputs).with_settings(settings));
+    }
+}
+
+#[test]
+fn models_with_a_second_input_and_those_of_mmdeploy_are_refused_with_what_to_export() {
+    let pair = || {
+        vec![
+            Answer::constant(&[1, 10, 4], 0.0),
+            Answer::floats("scores", &[1, 10, 80], vec![0.0; 800]),
+        ]
+    };
+    let of_mmdeploy = || {
+        vec![
+            Answer::floats("dets", &[1, 10, 5], vec![0.0; 50]),
+            Answer::integers("labels", &[1, 10], vec![0; 10]),
+        ]
+    };
+    let both = || {
+        vec![
+            columns_with(84, 80, 4),
+            Answer::floats("output1", &[1, 84, 84], vec![0.0; 84 * 84]),
+        ]
+    };
+    let cases: [(Model<'_>, &[&str]); 5] = [
+        (
+            Model::of(pair()).with_second_input("orig_target_sizes"),
+            &[
+                "2 inputs (pictures, orig_target_sizes)",
+                "boxes-and-scores",
+                "postprocessor",
+            ],
+        ),
+        (
+            Model::of(of_mmdeploy()),
+            &["mmdeploy", "num_dets, boxes, scores and labels"],
+        ),
+        (Model::of(pair()), &["layout = \"boxes-and-scores\" reads"]),
+        (
+            Model::of(both()),
+            &["output0, output1", "output = \"output0\""],
+        ),
+        (
+            Model::of(both()).with_settings("output = 'boxes'"),
+            &["output = \"boxes\"", "output0, output1"],
+        ),
+    ];
+    for (model, words) in cases {
+        assert_refused(&model, words);
+    }
+}
+
+#[test]
+fn a_model_whose_boxes_are_all_below_a_pixel_is_doubted_aloud() {
+    let parts: Vec<_> = candidates(P3).into_iter().map(normalized).collect();
+    let model = |settings| {
+        let [width, height] = PICTURE_PX.map(|side_px| Dimension::Fixed(side_px as i64));
+        let input = [Dimension::Fixed(1), Dimension::Fixed(3), height, width];
+        let answer = columns_of("output0", &parts, 80, 4);
+        Model::of(vec![answer])
+            .with_input(input)
+            .with_settings(settings)
+    };
+    let words = "smaller than a pixel or outside its window";
+    let wrong = model("box_unit = 'pixels'").detect();
+    assert_eq!(wrong.status.code(), Some(0), "{}", said(&wrong));
+    assert!(said(&wrong).contains(words), "{}", said(&wrong));
+    let right = model("").detect();
+    assert!(!said(&right).contains(words), "{}", said(&right));
 }
 
 #[test]

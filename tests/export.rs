@@ -10,11 +10,14 @@ use std::process::Command;
 
 use dataset::corpus::Corpus;
 use dataset::detections::models_of;
-use dataset::splits::Side;
+use dataset::frame_rate::FrameRate;
+use dataset::splits::{Assignment, Side, Splits};
+use dataset::video::{CodedPicture, PacketReader};
 use serde_json::Value;
 use testkit::command::{Dtd, said};
 use testkit::files::contents;
 use testkit::files::copy_folder;
+use testkit::short_corpus;
 use testkit::sweep::THREE_VIEWS;
 use testkit::{program_of_venv, python_with_torch, repository};
 use tiny::{MODEL, Tiny};
@@ -198,6 +201,123 @@ fn label_files_of_yolo_hold_the_true_boxes_by_side_of_the_split() {
         "  0: aircraft",
     ] {
         assert!(yaml.lines().any(|found| found == line), "{yaml}");
+    }
+}
+
+/// A corpus whose five scenarios are on these sides, without videos that matter.
+fn on_sides(folder: &Path, sides: &[Side]) -> Corpus {
+    let ids: Vec<String> = (0..sides.len()).map(|n| format!("{n:04}-a")).collect();
+    let names: Vec<&str> = ids.iter().map(String::as_str).collect();
+    let paint = |_: &str, _: u32, rgb: &mut [u8]| rgb.fill(90);
+    let corpus =
+        short_corpus::write_with_videos(&folder.join("corpus"), &names, 64, 64, Some(&paint));
+    let assigned = ids.iter().zip(sides).map(|(id, side)| {
+        let assignment = Assignment {
+            trajectory: id.clone(),
+            side: *side,
+        };
+        (id.clone(), assignment)
+    });
+    let splits = Splits::new(assigned.collect()).unwrap();
+    splits.write(&corpus.splits_path()).unwrap();
+    labeller::label_corpus(&corpus, &|_| {}).unwrap();
+    corpus
+}
+
+#[test]
+fn data_yaml_names_a_side_by_its_own_pictures_only_and_says_where_val_repeats_train() {
+    use Side::{Test, Train, Validation};
+    let repeats = "there is no validation side, so `val` of data.yaml repeats `train`";
+    let has_no_train = "there is no training side, so data.yaml has no `train`";
+    for (sides, expected, remark) in [
+        (
+            &[Train, Validation, Test][..],
+            &[
+                "train: images/train",
+                "val: images/val",
+                "test: images/test",
+            ][..],
+            None,
+        ),
+        (
+            &[Train, Test],
+            &[
+                "train: images/train",
+                "val: images/train",
+                "test: images/test",
+            ],
+            Some(repeats),
+        ),
+        (
+            &[Train],
+            &["train: images/train", "val: images/train"],
+            Some(repeats),
+        ),
+        (
+            &[Validation, Test],
+            &["val: images/val", "test: images/test"],
+            Some(has_no_train),
+        ),
+        (&[Test], &["test: images/test"], Some(has_no_train)),
+        (&[Validation], &["val: images/val"], Some(has_no_train)),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        on_sides(folder.path(), sides);
+        let export = ["export", "corpus", "--to", "yolo", "--out", "yolo"];
+        let run = |more: &[&str]| {
+            let mut command = DTD.command(&[&export[..], more].concat());
+            let output = command.current_dir(folder.path()).output().unwrap();
+            assert!(output.status.success(), "{}", said(&output));
+            output
+        };
+        let printed = said(&run(&[]));
+        let yaml = fs::read_to_string(folder.path().join("yolo/data.yaml")).unwrap();
+        let named: Vec<&str> = yaml
+            .lines()
+            .filter(|line| line.contains("images/"))
+            .collect();
+        assert_eq!(named, expected, "{sides:?}");
+        for text in [&printed, &yaml] {
+            for words in [repeats, has_no_train] {
+                assert_eq!(text.contains(words), remark == Some(words), "{text}");
+            }
+        }
+        let again = testkit::command::json(&run(&["--json"]));
+        assert_eq!(again["remark"].as_str(), remark);
+    }
+}
+
+#[test]
+fn coco_has_the_annotations_of_each_side_beside_those_of_all() {
+    let tiny = Tiny::made().copy();
+    json_of(
+        &tiny,
+        &[
+            "export", "corpus", "--to", "coco", "--out", "coco", "--json",
+        ],
+    );
+    let read = |name: &str| -> Value {
+        serde_json::from_slice(&fs::read(tiny.path("coco").join(name)).unwrap()).unwrap()
+    };
+    let all = read("annotations.json");
+    let items = |of: &Value, list: &str| of[list].as_array().unwrap().clone();
+    let mut seen = BTreeMap::from([("images", Vec::new()), ("annotations", Vec::new())]);
+    for (side, name) in [("train", "train"), ("validation", "val"), ("test", "test")] {
+        let of_side = read(&format!("annotations/instances_{name}.json"));
+        assert_eq!(of_side["categories"], all["categories"]);
+        let images = items(&of_side, "images");
+        assert!(!images.is_empty() && images.iter().all(|image| image["side"] == side));
+        for annotation in items(&of_side, "annotations") {
+            let of_image = |image: &&Value| image["id"] == annotation["image_id"];
+            assert!(images.iter().any(|image| of_image(&image)), "{annotation}");
+        }
+        for (list, seen) in &mut seen {
+            seen.extend(items(&of_side, list));
+        }
+    }
+    for (list, mut seen) in seen {
+        seen.sort_by_key(|item| item["id"].as_u64());
+        assert_eq!(seen, items(&all, list), "{list}");
     }
 }
 
@@ -660,6 +780,16 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     }
 }
 
+/// The coded pictures of a video, with their times in units of the frame rate.
+fn coded_pictures(path: &Path, rate: FrameRate) -> Vec<CodedPicture> {
+    let mut packets = PacketReader::open(path, rate).unwrap().unwrap();
+    let mut all = Vec::new();
+    while let Some(picture) = packets.next_picture().unwrap() {
+        all.push(picture);
+    }
+    all
+}
+
 /// Judges a LeRobot dataset by the published layout, and by the library itself: every `step`th frame has the state of its tick, and
 /// pictures like those of its tick. Returns the dataset's rate and number of frames, and the furthest that a frame's time is from its
 /// tick's, seconds.
@@ -766,7 +896,9 @@ fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_vide
         for view in ["lens", "mast", "tower_2"] {
             let key = format!("observation.images.{view}");
             let copy = path("whole/videos").join(format!("{key}/chunk-000/file-{episode:03}.mp4"));
-            assert!(fs::read(copy).unwrap() == fs::read(scenario.video_path(view)).unwrap());
+            let rate = scenario.open().unwrap().record().unwrap().frame_rate;
+            let recorded = coded_pictures(&scenario.video_path(view), rate);
+            assert!(coded_pictures(&copy, rate) == recorded, "{view}");
         }
     }
     let described = judged("croissant_records.py", &[&path("whole")]);
@@ -791,6 +923,50 @@ fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_vide
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         assert!(said(&output).contains(words), "{}", said(&output));
         assert!(!path("none").exists() && !path("none.partial").exists());
+    }
+}
+
+#[test]
+fn lerobot_merges_our_datasets_with_a_picture_for_every_frame() {
+    let folder = recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30"));
+    let path = |name: &str| folder.path().join(name);
+    let corpus = Corpus::open(&path("corpus")).unwrap();
+    let ids: Vec<String> = (corpus.scenarios().unwrap().iter())
+        .map(|scenario| scenario.id())
+        .collect();
+    let mut frames = 0;
+    // Three parts: the first two files could be joined even with a coarse unit of time.
+    let parts: [(&str, &str, &[&str]); 3] = [
+        ("one", &ids[0], &[]),
+        ("two", &ids[1], &[]),
+        ("three", &ids[0], &["--every", "1"]),
+    ];
+    for (out, only, more) in parts {
+        let common = [
+            "export", "corpus", "--to", "lerobot", "--out", out, "--only", only, "--json",
+        ];
+        let mut command = DTD.command(&[&common[..], more].concat());
+        let output = command.current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        frames += testkit::command::json(&output)["pictures"]
+            .as_u64()
+            .unwrap()
+            / 3;
+    }
+    let output = Command::new(python_with_torch())
+        .arg(repository().join("tests/judges/lerobot_merge.py"))
+        .args(["merged", "one", "two", "three"].map(path))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let merged = testkit::command::json(&output);
+    assert_eq!(
+        (&merged["episodes"], &merged["frames"]),
+        (&3.into(), &frames.into())
+    );
+    for (camera, found) in merged["cameras"].as_object().unwrap() {
+        assert_eq!(found["pictures"], frames, "{camera}");
+        assert_eq!(found["frames_with_picture"], frames, "{camera}");
     }
 }
 

@@ -14,7 +14,7 @@ use crate::pose::{Controls, Pose};
 pub struct ViewStamp {
     /// The simulator's frame counter when the picture was taken, counted from the scenario's first picture.
     pub sim_frame: u64,
-    /// Presentation timestamp of the picture in the view's video, in units of the video's time base.
+    /// Presentation timestamp of the picture in the view's video, in units of 1 / the frame rate's numerator seconds.
     pub pts: i64,
     /// The pose of the aircraft that the simulator reports as drawn.
     pub echoed_pose: Pose,

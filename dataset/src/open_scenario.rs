@@ -251,12 +251,12 @@ impl OpenScenario {
             .collect()
     }
 
-    /// Opens a view's video after reading all of it and checking it against the seal.
+    /// Opens a view's video after reading all of it and checking it against the seal. Timestamps are in the unit of the tables' `pts`.
     ///
     /// # Errors
     /// There is none, it does not match the seal, or it cannot be decoded.
     pub fn open_video(&self, view: &str) -> Result<VideoReader> {
-        VideoReader::open(&self.video_path(view)?)
+        VideoReader::open_ticks(&self.video_path(view)?, self.record()?.frame_rate)
     }
 
     /// The file of a view's video, after reading all of it and checking it against the seal.
@@ -272,7 +272,7 @@ impl OpenScenario {
     /// # Errors
     /// There is none, it does not match the seal, or it cannot be read.
     pub fn open_packets(&self, view: &str) -> Result<Option<PacketReader>> {
-        PacketReader::open(&self.video_path(view)?)
+        PacketReader::open(&self.video_path(view)?, self.record()?.frame_rate)
     }
 
     /// Copies a view's video, and checks the copy against the seal.

@@ -19,6 +19,14 @@ pub(crate) fn split_of(side: Option<Side>) -> &'static str {
     }
 }
 
+/// The same in the formats that abbreviate it.
+pub(crate) fn short_split_of(side: Option<Side>) -> &'static str {
+    match side {
+        Some(Side::Validation) => "val",
+        side => split_of(side),
+    }
+}
+
 /// The corpus as a whole.
 #[derive(Debug, Clone)]
 pub(crate) struct About {

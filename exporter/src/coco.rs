@@ -1,12 +1,15 @@
-//! COCO (Lin et al. 2014): `images/`, `annotations.json`, and `detections.json` in the form of COCO's results if a model's detections
-//! stand beside true boxes.
+//! COCO (Lin et al. 2014): `images/`, `annotations.json`, the same by side of the split in `annotations/instances_<side>.json`, where
+//! trainers and converters look for it, and `detections.json` in the form of COCO's results if a model's detections stand beside true
+//! boxes.
 //!
 //! An aircraft that nobody can be expected to find (beyond the visibility, perhaps behind a cloud, or mostly outside the picture) is a
 //! crowd (`iscrowd` 1), which COCO's judges neither ask for nor count as false. Boxes are `[left, top, width, height]` in pixels from the
 //! outer corner of the top-left pixel.
 
-use std::fs::File;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File};
 use std::io::{BufWriter, Write};
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use dataset::calibration::CameraEntry;
@@ -14,6 +17,7 @@ use dataset::splits::Side;
 use serde::Serialize;
 use serde_json::json;
 
+use crate::about::short_split_of;
 use crate::columns_text::Kind;
 use crate::croissant::{Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path};
 use crate::error::Result;
@@ -67,14 +71,16 @@ struct Found {
     score: f64,
 }
 
-/// Writes the files besides the pictures, part by part: together they may be larger than the memory.
+/// Writes the files besides the pictures, part by part: together they may be larger than the memory. `sides`: those that the scenarios
+/// are on.
 pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
     folder: &Path,
     boxes: BoxSource,
+    sides: &BTreeSet<Side>,
     parts: impl Fn() -> P,
 ) -> Result<Contents> {
-    let mut all = ListWriter::create(&folder.join(ANNOTATIONS))?;
-    all.write(
+    let mut files = AnnotationFiles::create(folder, sides)?;
+    files.write(
         json!({
             "description": "Approaches recorded by dtd",
             "version": env!("CARGO_PKG_VERSION"),
@@ -82,13 +88,13 @@ pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
         }),
         "{\"info\":",
     )?;
-    all.write(
+    files.write(
         json!([{"id": AIRCRAFT, "name": "aircraft", "supercategory": "vehicle"}]),
         ",\"categories\":",
     )?;
-    all.begin(",\"images\":[")?;
+    files.begin(",\"images\":[")?;
     each_picture(parts(), |part, view, picture, id| {
-        all.item(&Image {
+        let image = Image {
             id,
             file_name: file_name(&picture.file),
             width: view.camera.width_px,
@@ -102,18 +108,19 @@ pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
             time_of_day: &part.time_of_day,
             side: part.side,
             calibration: &view.camera,
-        })
+        };
+        files.item(part.side, &image)
     })?;
-    all.begin("],\"annotations\":[")?;
+    files.begin("],\"annotations\":[")?;
     let mut count = 0;
-    each_picture(parts(), |_, _, picture, image_id| {
+    each_picture(parts(), |part, _, picture, image_id| {
         for labelled in &picture.boxes {
             count += 1;
-            all.item(&annotation(count, image_id, labelled))?;
+            files.item(part.side, &annotation(count, image_id, labelled))?;
         }
         Ok(())
     })?;
-    all.end("]}")?;
+    files.end("]}")?;
 
     let mut results = None;
     each_picture(parts(), |_, _, picture, image_id| {
@@ -135,6 +142,9 @@ pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
         Ok(())
     })?;
     let mut contents = contents(boxes);
+    let of_sides = sides.iter().map(|side| annotations_of(*side));
+    let of_sides = of_sides.map(|name| ListedFile::new(name, JSON));
+    contents.files.extend(of_sides);
     if let Some(results) = results {
         results.end("]")?;
         contents.files.push(ListedFile::new(DETECTIONS, JSON));
@@ -272,6 +282,56 @@ fn each_picture(
         }
     }
     Ok(())
+}
+
+/// The annotations of a side, relative to the export.
+fn annotations_of(side: Side) -> String {
+    format!("annotations/instances_{}.json", short_split_of(Some(side)))
+}
+
+/// The annotations of all pictures, and by side. An image has the same number in each.
+struct AnnotationFiles {
+    all: ListWriter,
+    sides: BTreeMap<Side, ListWriter>,
+}
+
+impl AnnotationFiles {
+    fn create(folder: &Path, sides: &BTreeSet<Side>) -> Result<Self> {
+        let by_side = folder.join("annotations");
+        fs::create_dir_all(&by_side).map_err(dataset::Error::io("create", &by_side))?;
+        let of_side = |side: &Side| {
+            let file = ListWriter::create(&folder.join(annotations_of(*side)))?;
+            Ok((*side, file))
+        };
+        Ok(Self {
+            all: ListWriter::create(&folder.join(ANNOTATIONS))?,
+            sides: sides.iter().map(of_side).collect::<Result<_>>()?,
+        })
+    }
+
+    fn each(&mut self) -> impl Iterator<Item = &mut ListWriter> {
+        iter::once(&mut self.all).chain(self.sides.values_mut())
+    }
+
+    fn write(&mut self, value: impl Serialize, before: &str) -> Result<()> {
+        self.each().try_for_each(|file| file.write(&value, before))
+    }
+
+    fn begin(&mut self, text: &str) -> Result<()> {
+        self.each().try_for_each(|file| file.begin(text))
+    }
+
+    /// What has no side is for training.
+    fn item(&mut self, side: Option<Side>, item: &impl Serialize) -> Result<()> {
+        self.all.item(item)?;
+        let of_side = self.sides.get_mut(&side.unwrap_or(Side::Train));
+        of_side.map_or(Ok(()), |file| file.item(item))
+    }
+
+    fn end(self, text: &str) -> Result<()> {
+        self.all.end(text)?;
+        self.sides.into_values().try_for_each(|file| file.end(text))
+    }
 }
 
 /// A JSON file with long lists, written item by item.

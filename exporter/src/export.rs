@@ -1,5 +1,6 @@
 //! Makes an export: views are decoded in parallel, scenarios noted as they are done, and the whole sealed at the end.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::thread;
@@ -7,6 +8,7 @@ use std::thread;
 use dataset::corpus::Corpus;
 use dataset::detections::{NoChoice, choose};
 use dataset::plan::Plan;
+use dataset::splits::Side;
 use dataset::video::VideoSettings;
 use dataset::workers;
 use serde::Serialize;
@@ -46,6 +48,9 @@ pub struct ExportOutcome {
     pub bytes: u64,
     /// Whether this very export was there already.
     pub unchanged: bool,
+    /// What the dataset lacks for training in its format, as a sentence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remark: Option<&'static str>,
 }
 
 /// What is exported, checked against the corpus.
@@ -54,6 +59,8 @@ struct Job<'a> {
     /// Name of the detections that are wanted, or stand beside the true boxes.
     model: Option<String>,
     scenarios: Vec<Planned>,
+    /// Sides of the split that they are on; what has no side is for training.
+    sides: BTreeSet<Side>,
     runs: Vec<Predictions>,
     about: About,
     /// How videos are encoded, if they are.
@@ -97,6 +104,7 @@ pub fn export(
         request,
         model: model_of(&selection, request)?,
         scenarios: Vec::new(),
+        sides: BTreeSet::new(),
         runs: read_runs(request)?,
         about: About::new(corpus, request.license.clone())?,
         video: plan.map_or_else(VideoSettings::default, |plan| plan.common.video),
@@ -128,6 +136,7 @@ pub fn export(
         source.hash(&mut hasher);
         job.about.add(&source.record, source.selected.side);
         job.about.models.extend(source.model.clone());
+        job.sides.insert(selected.side.unwrap_or(Side::Train));
         job.scenarios.push(Planned {
             selected,
             pictures: counts.pictures - before,
@@ -139,6 +148,9 @@ pub fn export(
             run: run.run().to_owned(),
             known: some_of(run.scenarios()),
         });
+    }
+    if request.format == Format::Yolo {
+        counts.remark = yolo::remark_on(&job.sides);
     }
     let place = match Place::take(out, hasher.finalize().to_hex().as_str())? {
         Found::Complete { bytes } => {
@@ -278,8 +290,8 @@ impl Job<'_> {
         };
         let sources = self.scenarios.iter().map(|scenario| self.open(scenario));
         let contents = match self.request.format {
-            Format::Coco => coco::finish(&folder, self.request.boxes, parts)?,
-            Format::Yolo => yolo::finish(&folder, parts())?,
+            Format::Coco => coco::finish(&folder, self.request.boxes, &self.sides, parts)?,
+            Format::Yolo => yolo::finish(&folder, &self.sides, parts())?,
             Format::HuggingFace => {
                 let boxes = self.request.boxes;
                 huggingface::finish(&folder, &self.about, sources, boxes, &self.runs)?

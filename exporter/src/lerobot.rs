@@ -11,7 +11,8 @@
 //! ```
 //!
 //! The format finds the picture of a row by its time, `frame_index / fps`, so its rate is a whole number. If all ticks are asked for,
-//! videos are those of the corpus, byte for byte; otherwise the chosen pictures are encoded again with the corpus's settings.
+//! videos have the coded pictures of the corpus; otherwise the chosen pictures are encoded again with the corpus's settings. In both cases
+//! their unit of time is a fine one, because the library joins videos without encoding them (`merge_datasets`).
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -22,7 +23,7 @@ use dataset::columns::{TableParts, TableWriter};
 use dataset::frame_rate::FrameRate;
 use dataset::frames::{TickLabels, TickRow};
 use dataset::json_file::{write_json_unsynced, write_unsynced};
-use dataset::video::{VideoReader, VideoSettings, VideoWriter};
+use dataset::video::{VideoReader, VideoSettings, VideoWriter, refine_time_base};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
@@ -233,6 +234,7 @@ pub(crate) fn write_scenario(
                 pictures_done,
             )?;
         }
+        refine_time_base(&path)?;
         parts.push(sample(&path)?);
     }
     Ok(parts)

@@ -1,5 +1,8 @@
 //! The dataset format of Ultralytics' YOLO: `images/<side>/`, `labels/<side>/` with a line `class cx cy width height` per box, in parts of
 //! the picture's sides, and `data.yaml`. Pictures without a box are negatives: they have an empty file.
+//!
+//! `data.yaml` names a side only by its own pictures, so the test side is never trained on or validated with. The one exception is `val`
+//! of a dataset that has a training side and no validation side: Ultralytics requires it, and it repeats `train`.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -9,6 +12,7 @@ use std::path::Path;
 use dataset::json_file::write_unsynced;
 use dataset::splits::Side;
 
+use crate::about::short_split_of;
 use crate::columns_text::Kind;
 use crate::croissant::{Contents, Field, FileSet, ListedFile, RecordSet, content_of, part_of_path};
 use crate::error::Result;
@@ -19,25 +23,18 @@ const LABELS: &str = "labels";
 
 /// Where the pictures of a side go, relative to the export.
 pub(crate) fn pictures(side: Option<Side>) -> String {
-    format!("images/{}", folder_of(side))
+    format!("images/{}", short_split_of(side))
 }
 
-/// As in `data.yaml`; what has no side is for training.
-fn folder_of(side: Option<Side>) -> &'static str {
-    match side {
-        None | Some(Side::Train) => "train",
-        Some(Side::Validation) => "val",
-        Some(Side::Test) => "test",
-    }
-}
-
-/// Writes the files besides the pictures.
-pub(crate) fn finish(folder: &Path, parts: impl Iterator<Item = Result<Part>>) -> Result<Contents> {
-    let mut sides = BTreeSet::new();
+/// Writes the files besides the pictures. `sides`: those that the scenarios are on.
+pub(crate) fn finish(
+    folder: &Path,
+    sides: &BTreeSet<Side>,
+    parts: impl Iterator<Item = Result<Part>>,
+) -> Result<Contents> {
     for part in parts {
         let part = part?;
-        let side = folder_of(part.side);
-        sides.insert(side);
+        let side = short_split_of(part.side);
         let labels = folder.join(LABELS).join(side);
         fs::create_dir_all(&labels).map_err(dataset::Error::io("create", &labels))?;
         for view in &part.views {
@@ -51,19 +48,35 @@ pub(crate) fn finish(folder: &Path, parts: impl Iterator<Item = Result<Part>>) -
             }
         }
     }
+    write_unsynced(&folder.join(DATA), data_yaml(sides).as_bytes())?;
+    Ok(contents())
+}
+
+/// What `data.yaml` lacks for training, as a sentence.
+pub(crate) fn remark_on(sides: &BTreeSet<Side>) -> Option<&'static str> {
+    if !sides.contains(&Side::Train) {
+        Some("there is no training side, so data.yaml has no `train`")
+    } else if !sides.contains(&Side::Validation) {
+        Some("there is no validation side, so `val` of data.yaml repeats `train`")
+    } else {
+        None
+    }
+}
+
+fn data_yaml(sides: &BTreeSet<Side>) -> String {
     let mut yaml = String::from("# Made by dtd export. Boxes in parts of the picture's sides.\n");
-    // Both are required, even if one is empty: the other stands in.
-    let first = sides.first().copied().unwrap_or("train");
-    for side in ["train", "val", "test"] {
-        match (sides.contains(side), side) {
-            (true, _) => drop(writeln!(yaml, "{side}: images/{side}")),
-            (false, "test") => {}
-            (false, _) => drop(writeln!(yaml, "{side}: images/{first}")),
+    if let Some(remark) = remark_on(sides) {
+        let _ = writeln!(yaml, "# Note: {remark}.");
+    }
+    for side in sides {
+        let name = short_split_of(Some(*side));
+        let _ = writeln!(yaml, "{name}: images/{name}");
+        if *side == Side::Train && !sides.contains(&Side::Validation) {
+            yaml.push_str("val: images/train\n");
         }
     }
     yaml.push_str("names:\n  0: aircraft\n");
-    write_unsynced(&folder.join(DATA), yaml.as_bytes())?;
-    Ok(contents())
+    yaml
 }
 
 fn contents() -> Contents {

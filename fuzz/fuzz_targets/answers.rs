@@ -30,24 +30,31 @@ fuzz_target!(|made: Made| detector::decode(&made));
 #[allow(dead_code, reason = "only the decoders are called")]
 mod detector {
     mod answer;
+    mod boxes_and_scores;
     mod efficient_nms;
     mod layout;
+    mod meaning;
     mod model_file;
     mod profile;
     mod suppression;
 
     use super::Made;
     use answer::{Answer, numbers_of};
+    use boxes_and_scores::PairAnswer;
     use efficient_nms::NmsAnswer;
     use layout::{Decoding, Layout};
-    use profile::BoxOrigin;
+    use meaning::{Known, Meaning};
+    use profile::{BoxOrigin, ModelProfile};
 
     /// More would be slow and teach nothing.
     const MOST_NUMBERS: usize = 1 << 16;
-    const LAYOUTS: [Layout; 7] = [
+    const LAYOUTS: [Layout; 10] = [
         Layout::Rows,
         Layout::AnchorRows,
         Layout::Yolox,
+        Layout::YoloxDecoded,
+        Layout::ClassRows,
+        Layout::BoxesAndScores,
         Layout::Columns,
         Layout::Corners,
         Layout::BatchCorners,
@@ -85,6 +92,13 @@ mod detector {
             if let Ok((shape, joined)) = nms.joined() {
                 assert_eq!(shape.iter().product::<usize>(), joined.len());
             }
+            let pair = PairAnswer {
+                boxes: corners,
+                scores: corners,
+            };
+            if let Ok((shape, joined)) = pair.joined() {
+                assert_eq!(shape.iter().product::<usize>(), joined.len());
+            }
         }
     }
 
@@ -92,7 +106,7 @@ mod detector {
         let shape: Vec<usize> = made.shape.iter().map(|side| usize::from(*side)).collect();
         let window_px = made.window_px.map(u32::from);
         let said = LAYOUTS.get(usize::from(made.layout)).copied();
-        let Some(layout) = said.or_else(|| Layout::of_shape(&shape, window_px, made.corner))
+        let Some(layout) = said.or_else(|| Layout::of_shape(&shape, window_px, made.corner, None))
         else {
             return;
         };
@@ -105,12 +119,22 @@ mod detector {
         let Ok(answer) = Answer::new(&shape, &numbers) else {
             return;
         };
+        let known = Known {
+            window_px,
+            profile: &ModelProfile {
+                layout: said,
+                ..ModelProfile::default()
+            },
+            head: None,
+            named: None,
+        };
+        let meaning = Meaning::of_probe(layout, answer, &known);
         let decoding = Decoding {
-            layout,
+            meaning,
             class: made.class.into(),
             origin: match made.corner {
                 true => BoxOrigin::PixelCorner,
-                false => layout.usual_origin(),
+                false => meaning.layout.usual_origin(),
             },
             window_px,
             score_floor: f64::from(made.floor) / 255.0,

@@ -176,7 +176,7 @@ impl Model {
     fn of(file: &ModelFile) -> Self {
         Self {
             identity: file.identity(),
-            profile: file.profile.filter(|profile| profile.blake3().is_some()),
+            profile: (file.profile.clone()).filter(|profile| profile.blake3().is_some()),
         }
     }
 

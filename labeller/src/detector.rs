@@ -5,10 +5,12 @@
 
 mod aircraft_class;
 mod answer;
+mod boxes_and_scores;
 mod device;
 mod efficient_nms;
 mod input;
 mod layout;
+mod meaning;
 mod metadata;
 mod model_file;
 mod number_model;
@@ -16,6 +18,7 @@ mod onnx_runtime;
 mod ort_detector;
 mod ort_output;
 mod outputs;
+mod plausibility;
 mod profile;
 mod sessions;
 mod suppression;
@@ -30,7 +33,7 @@ pub use model_file::ModelFile;
 pub use number_model::{NumberInput, run_numbers};
 pub use onnx_runtime::{LibraryError, NO_TELEMETRY_VARIABLE};
 pub use ort_detector::{OrtDetector, OrtOptions};
-pub use profile::{BoxOrigin, ChannelOrder, ModelProfile};
+pub use profile::{BoxForm, BoxOrigin, BoxUnit, ChannelOrder, ModelProfile, ScoreForm};
 pub use suppression::keep_best;
 pub use window::{PictureView, Window};
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -26,17 +27,22 @@ class Video:
     Reading in order decodes each picture once; a jump decodes from the key frame before it.
     """
 
-    def __init__(self, path: Path, timestamps: npt.ArrayLike) -> None:
-        """`timestamps`: the `pts` of every tick."""
+    def __init__(self, path: Path, timestamps: npt.ArrayLike, unit_s: Fraction | None = None) -> None:
+        """`timestamps`: the `pts` of every tick, in units of `unit_s` seconds; without it, in units of the file."""
         self.path = path
-        self._pts = np.asarray(timestamps, np.int64)
-        self._tick_of = {int(pts): tick for tick, pts in enumerate(self._pts)}
         with _named(path):
             self._container = av.open(str(path))
         if not self._container.streams.video:
             raise damaged(path, "it has no video")
         self._stream = self._container.streams.video[0]
         self._stream.thread_type = "AUTO"
+        # The file may count in other units; the times are the same.
+        ratio = Fraction(1) if unit_s is None else unit_s / Fraction(self._stream.time_base or unit_s)
+        self._pts = np.asarray(timestamps, np.int64) * ratio.numerator
+        if (self._pts % ratio.denominator).any():
+            raise damaged(path, f"its unit of time, {self._stream.time_base} s, cannot express the times of the ticks, in {unit_s} s")
+        self._pts //= ratio.denominator
+        self._tick_of = {int(pts): tick for tick, pts in enumerate(self._pts)}
         self._reformatter = VideoReformatter()
         self._decoder: Iterator[VideoFrame] | None = None
         self._next_tick = 0

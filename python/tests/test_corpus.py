@@ -6,15 +6,18 @@ import shutil
 import tempfile
 import unittest
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import polars as pl
 from blake3 import blake3
 
 from dtd import Corpus, CorpusError
 from dtd.camera import ecef_m
+from dtd.video import Video
 
 PATH = Path(os.environ["DTD_CORPUS"])
 EXPECTED = json.loads(Path(os.environ["DTD_EXPECTED"]).read_text())
@@ -214,6 +217,26 @@ class Pictures(unittest.TestCase):
         with self.corpus.video(SCENARIO, "mast") as video:
             for tick in [EXPECTED["tick"], 3, 4, EXPECTED["ticks"] - 1, 0]:
                 np.testing.assert_array_equal(video[tick], in_order[tick])
+
+    def test_a_video_that_counts_in_another_unit_has_the_same_picture_at_the_same_time(self) -> None:
+        path, timestamps, unit = self.corpus.video_source(SCENARIO, "mast")
+        with tempfile.TemporaryDirectory() as folder:
+            for scale, can_tell in [(60_000, True), (30_000, True), (1_000, False)]:
+                copy = Path(folder) / f"{scale}.mp4"
+                with av.open(str(path)) as video, av.open(str(copy), "w", options={"video_track_timescale": str(scale)}) as other:
+                    stream = other.add_stream_from_template(video.streams.video[0])
+                    stream.time_base = Fraction(1, scale)
+                    for packet in video.demux(video=0):
+                        if packet.dts is not None:
+                            packet.stream = stream
+                            other.mux(packet)
+                if not can_tell:
+                    with self.assertRaisesRegex(CorpusError, "cannot express the times of the ticks"):
+                        Video(copy, timestamps, unit)
+                    continue
+                with Video(copy, timestamps, unit) as video:
+                    for tick in [EXPECTED["tick"], 0]:
+                        np.testing.assert_array_equal(video[tick], self.corpus.frame(SCENARIO, "mast", tick))
 
 
 if __name__ == "__main__":

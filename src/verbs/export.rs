@@ -100,6 +100,9 @@ fn print_summary(outcome: &ExportOutcome) {
             ""
         },
     );
+    if let Some(remark) = outcome.remark {
+        println!("note: {remark}");
+    }
     if outcome.left_out > 0 {
         println!(
             "left out: {} whose aircraft may be hidden by a cloud or is mostly outside, which the format cannot say",

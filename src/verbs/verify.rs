@@ -21,6 +21,10 @@ use crate::args::VerifyArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 
+/// Views whose empty boxes are listed, and ticks of each.
+const MOST_VIEWS_LISTED: usize = 8;
+const MOST_TICKS_LISTED: usize = 12;
+
 /// How long a store may be away.
 const STORE_PATIENCE: Duration = Duration::from_secs(300);
 
@@ -123,6 +127,7 @@ fn print_proof(report: &VerifyReport) {
         println!(
             "the aircraft is in {filled} of {clear} true boxes that are clear enough to show it"
         );
+        print_not_filled(report);
     }
     match report.missing.as_slice() {
         [] => {}
@@ -131,6 +136,34 @@ fn print_proof(report: &VerifyReport) {
             "{} planned scenarios are missing: {id} ...",
             report.missing.len()
         ),
+    }
+}
+
+/// The clear boxes in which nothing stands out, by view.
+fn print_not_filled(report: &VerifyReport) {
+    let mut views = report
+        .views
+        .iter()
+        .filter(|view| !view.not_filled.is_empty());
+    for view in views.by_ref().take(MOST_VIEWS_LISTED) {
+        let ticks: Vec<String> = (view.not_filled.iter().take(MOST_TICKS_LISTED))
+            .map(u32::to_string)
+            .collect();
+        let more = if view.not_filled.len() > ticks.len() {
+            ", ..."
+        } else {
+            ""
+        };
+        println!(
+            "  not seen in {} view {}: ticks {}{more}",
+            view.scenario,
+            view.view,
+            ticks.join(", ")
+        );
+    }
+    match views.count() {
+        0 => {}
+        more => println!("  nor in some of {more} more views (--json lists all)"),
     }
 }
 

@@ -64,6 +64,80 @@ pub(crate) fn efficient_nms() -> Vec<Answer> {
     ]
 }
 
+/// Score of all other candidates.
+const LOW: f32 = 0.01;
+/// Number of the candidate with the hidden box.
+const AT: usize = 9;
+
+/// Candidates in the middle of each cell, as a decoder leaves them: centre and size. One of them is the hidden box.
+pub(crate) fn candidates(strides: &[usize]) -> Vec<[f32; 4]> {
+    let of_stride = |&stride: &usize| {
+        let [columns, rows] = PICTURE_PX.map(|side_px| side_px / stride);
+        (0..columns * rows).map(move |cell| {
+            let middle = |at: usize| (at as f32 + 0.5) * stride as f32;
+            let size = 2.0 * stride as f32;
+            [middle(cell % columns), middle(cell / columns), size, size]
+        })
+    };
+    let mut all: Vec<_> = strides.iter().flat_map(of_stride).collect();
+    all[AT] = HIDDEN;
+    all
+}
+
+pub(crate) fn by_corners([x, y, width, height]: [f32; 4]) -> [f32; 4] {
+    let [right, down] = [width / 2.0, height / 2.0];
+    [x - right, y - down, x + right, y + down]
+}
+
+/// In parts of the window.
+pub(crate) fn normalized([a, b, c, d]: [f32; 4]) -> [f32; 4] {
+    let [width, height] = PICTURE_PX.map(|side_px| side_px as f32);
+    [a / width, b / height, c / width, d / height]
+}
+
+/// The class scores of a candidate: that of the aircraft, if it is the hidden box.
+pub(crate) fn scores_of(candidate: usize, classes: usize, class: usize) -> Vec<f32> {
+    let mut scores = vec![LOW; classes];
+    if candidate == AT {
+        scores[class] = SCORE;
+    }
+    scores
+}
+
+/// Rows of a box and what follows it.
+pub(crate) fn rows_of(boxes: &[[f32; 4]], rest: impl Fn(usize) -> Vec<f32>) -> Answer {
+    let rows = boxes.iter().enumerate();
+    let numbers: Vec<f32> = rows
+        .flat_map(|(k, numbers)| [&numbers[..], &rest(k)].concat())
+        .collect();
+    let columns = numbers.len() / boxes.len();
+    Answer::floats("output0", &[1, boxes.len() as i64, columns as i64], numbers)
+}
+
+/// Columns of a box and its class scores.
+pub(crate) fn columns_of(
+    name: &'static str,
+    boxes: &[[f32; 4]],
+    classes: usize,
+    class: usize,
+) -> Answer {
+    let count = boxes.len();
+    let fields = (0..4).flat_map(|field| boxes.iter().map(move |numbers| numbers[field]));
+    let scores =
+        (0..classes).flat_map(|of| (0..count).map(move |k| scores_of(k, classes, class)[of]));
+    let numbers: Vec<f32> = fields.chain(scores).collect();
+    Answer::floats(name, &[1, 4 + classes as i64, count as i64], numbers)
+}
+
+/// Score and number of the best class of a candidate; other candidates are of another one.
+pub(crate) fn best_of(candidate: usize, class: usize) -> [f32; 2] {
+    if candidate == AT {
+        [SCORE, class as f32]
+    } else {
+        [LOW, class as f32 + 1.0]
+    }
+}
+
 /// A model of windows of any size: a convolution that answers each cell of 8 px with the box.
 pub(crate) fn of_any_size() -> Vec<u8> {
     let fields = [HIDDEN[0], HIDDEN[1], HIDDEN[2], HIDDEN[3], SCORE];

@@ -37,6 +37,8 @@ pub(crate) struct Model<'a> {
     input: [Dimension; 4],
     outputs: Vec<Answer>,
     metadata: &'a [(&'a str, &'a str)],
+    /// Name of a further input.
+    second_input: Option<&'a str>,
     /// The settings beside it.
     settings: Option<&'a str>,
 }
@@ -130,6 +132,7 @@ impl<'a> Model<'a> {
             input: windows_of(64),
             outputs,
             metadata: &[],
+            second_input: None,
             settings: None,
         }
     }
@@ -141,6 +144,13 @@ impl<'a> Model<'a> {
     pub(crate) fn with_settings(self, settings: &'a str) -> Self {
         Self {
             settings: Some(settings),
+            ..self
+        }
+    }
+
+    pub(crate) fn with_second_input(self, name: &'a str) -> Self {
+        Self {
+            second_input: Some(name),
             ..self
         }
     }
@@ -158,11 +168,16 @@ impl<'a> Model<'a> {
         nodes.extend(self.outputs.iter().map(Answer::node));
         let mut initializer = vec![TensorProto::floats("zero", &[1], &[0.0])];
         initializer.extend(self.outputs.iter().map(Answer::initializer));
+        let mut input = vec![ValueInfoProto::floats("pictures", &self.input)];
+        let second = self.second_input.iter();
+        input.extend(
+            second.map(|name| ValueInfoProto::floats(name, &[open("batch"), open("sides")])),
+        );
         let graph = GraphProto {
             name: "constant".into(),
             node: nodes,
             initializer,
-            input: vec![ValueInfoProto::floats("pictures", &self.input)],
+            input,
             output: self.outputs.iter().map(Answer::declared).collect(),
         };
         encoded(graph, self.metadata)

@@ -53,7 +53,7 @@ pub(crate) struct Pictures {
 impl Pictures {
     pub(crate) fn open(path: &Path, frame_rate: FrameRate) -> Result<Self> {
         Ok(Self {
-            reader: VideoReader::open(path)?,
+            reader: VideoReader::open_ticks(path, frame_rate)?,
             frame_rate,
             next_tick: 0,
             rgb: Vec::new(),

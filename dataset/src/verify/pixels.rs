@@ -8,11 +8,16 @@
 //! - **In step**: what stands out is in the centre of the box, except for an offset proportional to its size. A part of the offset
 //!   that is proportional to the speed in the picture is a time shift: pictures of other ticks.
 //! - **Moving**: a picture that equals an earlier one is frozen if the aircraft moved by a pixel in between.
+//! - **Not elsewhere**: a picture with an empty box that shows the aircraft where another tick or view has it is of that one
+//!   ([`elsewhere`]).
+//! - **Of one scene**: a picture is neither much rougher nor much smoother than the others of its view ([`texture`]).
 //!
 //! A box is clear enough if it is complete, above the ground, below all clouds, in front of a smooth background, and has at least a
 //! transmission of [`LEAST_TRANSMISSION`]: there an aircraft is visible in any weather.
 
+mod elsewhere;
 mod sight;
+mod texture;
 mod timing;
 
 use serde::Serialize;
@@ -21,6 +26,7 @@ use super::Faults;
 use crate::frames::Frames;
 use crate::pixel_box::{PixelBox, TruthBox};
 use crate::scenario::ScenarioRecord;
+use elsewhere::{Other, Suspect};
 use sight::{DecodedPicture, Sight, change_between, look};
 
 /// Minimum transmission. With 50 grey levels of scene contrast this leaves 10, twice that of the noisiest background that counts as
@@ -30,7 +36,7 @@ const LEAST_TRANSMISSION: f64 = 0.2;
 const LEAST_VISIBLE: f64 = 0.99;
 /// Below this height over the target the aircraft is in front of ground, buildings and lights, metres.
 const LEAST_HEIGHT_M: f64 = 30.0;
-/// With fewer clear boxes than this no conclusion about a view is possible.
+/// With fewer clear boxes than this the share of filled ones says nothing about a view; single pictures are judged all the same.
 const LEAST_BOXES: usize = 5;
 /// At least this part of the clear boxes is filled in the pictures of the right view; sometimes paint and sky have the same grey,
 /// in the worst of the measured scenarios (clouds at noon) in 37 of 100 boxes. In swapped views a tenth was filled.
@@ -64,6 +70,8 @@ pub struct ViewProof {
     pub clear_boxes: usize,
     /// Those with something that stands out.
     pub filled_boxes: usize,
+    /// Ticks of the others.
+    pub not_filled: Vec<u32>,
     /// Median distance between the centre of what stands out and the centre of the box, pixels.
     pub offset_px: Option<f64>,
     /// Ticks by which the pictures lag the tables.
@@ -81,6 +89,10 @@ pub(super) struct Watcher<'a> {
     /// The same for the other views.
     others: Vec<(&'a str, Vec<Option<PixelBox>>)>,
     seen: Vec<Seen>,
+    /// Roughness of the pictures.
+    roughness: Vec<f64>,
+    /// Pictures that seem to be of another tick or view.
+    suspects: Vec<Suspect>,
     /// The reference picture for the following ones, until the aircraft has moved by [`MOVED_PX`].
     anchor: Option<Anchor>,
 }
@@ -141,6 +153,8 @@ impl<'a> Watcher<'a> {
                 .map(|other| (other.as_str(), only_boxes(of(other))))
                 .collect(),
             seen: Vec::new(),
+            roughness: Vec::new(),
+            suspects: Vec::new(),
             anchor: None,
         }
     }
@@ -161,9 +175,17 @@ impl<'a> Watcher<'a> {
             .flatten()
             .map(|(_, truth)| truth.pixel_box);
         let mut seen = Seen::default();
+        self.roughness.push(texture::roughness(&picture));
         if let Some(own) = own {
             seen.sight = look(&picture, &own);
             seen.repeats = self.repeats(tick, &picture, &own, seen.sight);
+            let is_empty = seen.sight.is_some_and(|sight| {
+                sight.is_empty() && (sight.is_before_smooth() || self.is_above_ground(tick))
+            });
+            if is_empty && seen.repeats.is_none() && self.would_be_seen(tick) {
+                let suspect = Suspect::find(&picture, tick, &own, self.other_places(tick));
+                self.suspects.extend(suspect);
+            }
         }
         for (_, boxes) in &self.others {
             let other = boxes.get(tick).copied().flatten();
@@ -172,6 +194,38 @@ impl<'a> Watcher<'a> {
             seen.others.push(filled.map(|sight| sight.is_filled()));
         }
         self.seen.push(seen);
+    }
+
+    /// Where an aircraft is in pictures of other ticks and views.
+    fn other_places(&self, tick: usize) -> impl Iterator<Item = (Other, PixelBox)> {
+        let ticks = Suspect::ticks_near(tick, self.boxes.len()).filter_map(|other| {
+            let (_, truth) = self.boxes[other]?;
+            (truth.truncation == 0.0).then_some((Other::Tick(other), truth.pixel_box))
+        });
+        let views = self.others.iter().filter_map(move |(view, boxes)| {
+            let place = boxes.get(tick).copied().flatten()?;
+            Some((Other::View((*view).to_owned()), place))
+        });
+        ticks.chain(views)
+    }
+
+    /// Whether some pictures have to be compared with all others.
+    pub(super) fn wants_second_look(&self) -> bool {
+        !self.suspects.is_empty()
+    }
+
+    /// Compares the suspects with a picture, in a second pass over the video.
+    pub(super) fn see_again(&mut self, tick: usize, rgb: &[u8], width_px: u32, height_px: u32) {
+        let Some((_, own)) = self.boxes.get(tick).copied().flatten() else {
+            return;
+        };
+        let sight = self.seen.get(tick).and_then(|seen| seen.sight);
+        if sight.is_some_and(|sight| sight.is_filled()) {
+            let picture = DecodedPicture::new(rgb, width_px, height_px);
+            for suspect in &mut self.suspects {
+                suspect.compare(&picture, tick, &own.pixel_box);
+            }
+        }
     }
 
     /// The earlier picture that this one repeats, if the aircraft moved far enough since then for motion to be visible.
@@ -232,9 +286,13 @@ impl<'a> Watcher<'a> {
             pictures: self.seen.len() as u64,
             clear_boxes: clear.len(),
             filled_boxes: filled.len(),
+            not_filled: (clear.iter().filter(|found| !found.sight.is_filled()))
+                .map(|found| found.tick as u32)
+                .collect(),
             ..ViewProof::default()
         };
         self.check_moving(file, faults);
+        texture::judge(&self.roughness, file, self.view, faults);
         let enough = clear.len() >= LEAST_BOXES;
         if enough && (filled.len() as f64) < LEAST_FILLED * clear.len() as f64 {
             let message = format!(
@@ -246,8 +304,15 @@ impl<'a> Watcher<'a> {
             faults.view(file, self.view, message);
             return proof;
         }
+        let elsewhere: Vec<usize> = (self.suspects.iter())
+            .filter(|suspect| suspect.judge(file, self.view, faults))
+            .map(|suspect| suspect.tick)
+            .collect();
         if enough {
-            self.check_filled(&clear, &filled, file, faults);
+            let others: Vec<&ClearBox> = (clear.iter())
+                .filter(|found| !elsewhere.contains(&found.tick))
+                .collect();
+            self.check_filled(&others, &filled, file, faults);
         }
         let points: Vec<timing::Point> = filled
             .iter()
@@ -260,27 +325,39 @@ impl<'a> Watcher<'a> {
         proof
     }
 
+    /// Whether the box of a tick is complete, and neither air nor clouds hide the aircraft.
+    fn would_be_seen(&self, tick: usize) -> bool {
+        let truth = self.boxes.get(tick).copied().flatten();
+        let (Some((_, truth)), Some(altitude_m)) = (truth, self.altitude_msl_m(tick)) else {
+            return false;
+        };
+        let weather = &self.scenario.record.conditions.weather;
+        truth.truncation == 0.0
+            && truth.visible_fraction >= LEAST_VISIBLE
+            && truth.transmission >= LEAST_TRANSMISSION
+            && (weather.clouds.iter()).all(|layer| altitude_m < layer.base_msl_m)
+    }
+
+    /// Whether the background is the sky.
+    fn is_above_ground(&self, tick: usize) -> bool {
+        let target_m = self.scenario.record.touchdown.altitude_msl_m;
+        let altitude_m = self.altitude_msl_m(tick);
+        altitude_m.is_some_and(|altitude_m| altitude_m - target_m >= LEAST_HEIGHT_M)
+    }
+
+    fn altitude_msl_m(&self, tick: usize) -> Option<f64> {
+        let row = self.scenario.frames?.rows.get(tick)?;
+        Some(row.pose.altitude_msl_m)
+    }
+
     fn clear_boxes(&self) -> Vec<ClearBox<'a>> {
-        let record = self.scenario.record;
-        let lowest_cloud_m = record
-            .conditions
-            .weather
-            .clouds
-            .iter()
-            .map(|layer| layer.base_msl_m)
-            .fold(f64::INFINITY, f64::min);
         let boxes = self.boxes.iter().zip(&self.seen).enumerate();
         boxes
+            .filter(|(tick, _)| self.would_be_seen(*tick) && self.is_above_ground(*tick))
             .filter_map(|(tick, (found, seen))| {
                 let (row, truth) = (*found)?;
                 let sight = seen.sight.filter(|sight| sight.is_before_smooth())?;
-                let altitude_m = self.scenario.frames?.rows.get(tick)?.pose.altitude_msl_m;
-                let clear = truth.truncation == 0.0
-                    && truth.visible_fraction >= LEAST_VISIBLE
-                    && truth.transmission >= LEAST_TRANSMISSION
-                    && altitude_m - record.touchdown.altitude_msl_m >= LEAST_HEIGHT_M
-                    && altitude_m < lowest_cloud_m;
-                clear.then_some(ClearBox {
+                Some(ClearBox {
                     tick,
                     row,
                     truth,
@@ -307,7 +384,7 @@ impl<'a> Watcher<'a> {
     /// A clear box is filled if the other boxes and the air imply that the aircraft must be visible in it.
     fn check_filled(
         &self,
-        clear: &[ClearBox],
+        clear: &[&ClearBox],
         filled: &[&ClearBox],
         file: &str,
         faults: &mut Faults,

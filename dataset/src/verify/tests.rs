@@ -18,7 +18,7 @@ use crate::runway::RunwayCoordinates;
 use crate::runway::tests::changi_02l as runway;
 use crate::scenario::{Flight, PINHOLE_SCHEMA_VERSION, Versions};
 use crate::splits::{Assignment, Side, Splits};
-use crate::video::{VideoSettings, VideoWriter};
+use crate::video::{VideoSettings, VideoWriter, refine_time_base};
 
 const SIZE_PX: u32 = 64;
 const TICKS: u32 = 5;
@@ -162,8 +162,12 @@ fn record(id: &str) -> ScenarioRecord {
 }
 
 fn write_video(path: &Path, ticks: u32) {
+    write_video_at(path, ticks, RATE);
+}
+
+fn write_video_at(path: &Path, ticks: u32, rate: FrameRate) {
     let mut writer =
-        VideoWriter::create(path, &VideoSettings::default(), SIZE_PX, SIZE_PX, RATE).unwrap();
+        VideoWriter::create(path, &VideoSettings::default(), SIZE_PX, SIZE_PX, rate).unwrap();
     for tick in 0..ticks {
         writer
             .write(&vec![40 * tick as u8; (SIZE_PX * SIZE_PX * 3) as usize])
@@ -491,6 +495,26 @@ fn a_dropped_picture_and_a_truncated_video_are_found() {
         fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     });
     assert_found(&findings, "views/left.mp4");
+}
+
+#[test]
+fn times_of_a_video_are_compared_whatever_its_unit_of_time() {
+    let findings = Example::with(|example| {
+        refine_time_base(&example.path("views/left.mp4")).unwrap();
+    });
+    assert_eq!(findings, "");
+    let findings = Example::with(|example| {
+        let path = example.path("views/left.mp4");
+        let twice_as_fast = FrameRate {
+            numerator: 1,
+            denominator: 1,
+        };
+        write_video_at(&path, TICKS, twice_as_fast);
+    });
+    assert_found(
+        &findings,
+        "row 1 view left: timestamp: is 1 in units of 1/1 s, expected 2 in units of 1/1 s",
+    );
 }
 
 #[test]

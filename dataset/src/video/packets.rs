@@ -9,8 +9,9 @@ use std::path::{Path, PathBuf};
 
 use ffmpeg_next::{Packet, codec, format, media};
 
-use super::{fault, ffmpeg_path, start_ffmpeg};
+use super::{TimeBase, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
+use crate::frame_rate::FrameRate;
 use crate::outside_file::{self, FileKind};
 
 const START_CODE: [u8; 4] = [0, 0, 0, 1];
@@ -29,7 +30,7 @@ pub enum PacketCodec {
 /// A coded picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CodedPicture {
-    /// Its timestamp, in the time base of the video.
+    /// Its timestamp, in units of the `pts` of tables.
     pub pts: i64,
     /// Whether decoding can begin here.
     pub is_key: bool,
@@ -42,6 +43,9 @@ pub struct PacketReader {
     path: PathBuf,
     input: format::context::Input,
     stream: usize,
+    /// Unit of the file's timestamps, and of those that are returned.
+    time_base: TimeBase,
+    unit: TimeBase,
     codec: PacketCodec,
     framing: Framing,
 }
@@ -56,11 +60,11 @@ struct Framing {
 }
 
 impl PacketReader {
-    /// Opens a video file; `None` if its codec has no packets that stand alone here (FFV1).
+    /// Opens the video of a scenario; `None` if its codec has no packets that stand alone here (FFV1).
     ///
     /// # Errors
     /// It cannot be read, or has no video.
-    pub fn open(path: &Path) -> Result<Option<Self>> {
+    pub fn open(path: &Path, frame_rate: FrameRate) -> Result<Option<Self>> {
         start_ffmpeg();
         let name = ffmpeg_path(path)?;
         outside_file::open(path, FileKind::VIDEO)?;
@@ -69,6 +73,8 @@ impl PacketReader {
             .streams()
             .best(media::Type::Video)
             .ok_or_else(|| fault(path, "read it", "there is no video stream in it"))?;
+        let time_base = TimeBase::of_fraction(stream.time_base())
+            .ok_or_else(|| fault(path, "read it", "its time base is no positive fraction"))?;
         let parameters = stream.parameters();
         let header = header_of(&parameters);
         let (codec, framing) = match parameters.id() {
@@ -81,6 +87,8 @@ impl PacketReader {
             .ok_or_else(|| fault(path, "read its parameter sets", "the header is damaged"))?;
         Ok(Some(Self {
             stream: stream.index(),
+            time_base,
+            unit: TimeBase::of_ticks(frame_rate),
             path: path.to_owned(),
             codec,
             framing,
@@ -109,7 +117,8 @@ impl PacketReader {
             }
         };
         let pts = packet.pts();
-        let pts = pts.ok_or_else(|| self.fault("place a picture", "it has no timestamp"))?;
+        let pts = pts.and_then(|pts| self.time_base.convert(pts, self.unit));
+        let pts = pts.ok_or_else(|| self.fault("place a picture", "its time is between ticks"))?;
         let mut data = Vec::new();
         if packet.is_key() {
             data.extend_from_slice(&self.framing.parameter_sets);

@@ -6,8 +6,9 @@ use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::{Packet, decoder, format, frame, media};
 
 use super::conversion::{self, Conversion, PicturePart};
-use super::{BYTES_PER_PIXEL, fault, ffmpeg_path, start_ffmpeg};
+use super::{BYTES_PER_PIXEL, TimeBase, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
+use crate::frame_rate::FrameRate;
 use crate::limits::PICTURE_SIDE_PX;
 use crate::memory;
 use crate::outside_file::{self, FileKind};
@@ -26,7 +27,10 @@ pub struct VideoReader {
     /// The picture that was decoded last.
     coded: frame::Video,
     conversion: Conversion,
-    time_base: (u32, u32),
+    /// Unit of the file's timestamps.
+    time_base: TimeBase,
+    /// Unit of the timestamps that are returned.
+    unit: TimeBase,
     /// From the file's header; 0 if it has none.
     pub(super) frames_announced: u64,
     frames_read: u64,
@@ -35,7 +39,15 @@ pub struct VideoReader {
 }
 
 impl VideoReader {
-    /// Opens a video file and its first video stream.
+    /// Opens the video of a scenario: its timestamps are in the unit of the `pts` of its tables, whatever the unit of the file. A picture
+    /// between two such units belongs to no tick and is an error.
+    pub fn open_ticks(path: &Path, frame_rate: FrameRate) -> Result<Self> {
+        let mut reader = Self::open(path)?;
+        reader.unit = TimeBase::of_ticks(frame_rate);
+        Ok(reader)
+    }
+
+    /// Opens a video file and its first video stream. Timestamps are in the unit of the file.
     pub fn open(path: &Path) -> Result<Self> {
         start_ffmpeg();
         let name = ffmpeg_path(path)?;
@@ -47,17 +59,13 @@ impl VideoReader {
             .best(media::Type::Video)
             .ok_or_else(|| fault(path, "read it", "there is no video stream in it"))?;
         let rate = stream.time_base();
-        let time_base = u32::try_from(rate.numerator())
-            .ok()
-            .zip(u32::try_from(rate.denominator()).ok())
-            .filter(|(numerator, denominator)| *numerator > 0 && *denominator > 0)
-            .ok_or_else(|| {
-                fault(
-                    path,
-                    "read it",
-                    format!("its time base is {rate}, expected a positive fraction"),
-                )
-            })?;
+        let time_base = TimeBase::of_fraction(rate).ok_or_else(|| {
+            fault(
+                path,
+                "read it",
+                format!("its time base is {rate}, expected a positive fraction"),
+            )
+        })?;
         let frames_announced = u64::try_from(stream.frames()).unwrap_or(0);
         let index = stream.index();
         let mut context = codec::context::Context::from_parameters(stream.parameters())
@@ -94,6 +102,7 @@ impl VideoReader {
             coded: frame::Video::empty(),
             conversion: Conversion::default(),
             time_base,
+            unit: time_base,
             frames_announced,
             frames_read: 0,
             all_sent: false,
@@ -126,8 +135,8 @@ impl VideoReader {
         self.frames_announced = 0;
     }
 
-    /// Unit of the timestamps as a fraction of a second: numerator, denominator.
-    pub(crate) fn time_base(&self) -> (u32, u32) {
+    /// Unit of the file's timestamps.
+    pub(crate) fn time_base(&self) -> TimeBase {
         self.time_base
     }
 
@@ -149,7 +158,10 @@ impl VideoReader {
     /// Continues at a keyframe at or before the picture with this timestamp: the next ones lead to it. From then on the number of pictures
     /// is no longer compared with the header, and messages count from the keyframe.
     pub fn seek(&mut self, pts: i64) -> Result<()> {
-        let (numerator, denominator) = self.time_base;
+        let TimeBase {
+            numerator,
+            denominator,
+        } = self.unit;
         let seconds = pts as f64 * f64::from(numerator) / f64::from(denominator);
         let time = (seconds * f64::from(ffmpeg_next::ffi::AV_TIME_BASE)).round() as i64;
         self.input
@@ -210,6 +222,16 @@ impl VideoReader {
                         self.fault(
                             format!("place picture {}", self.frames_read),
                             "it has no timestamp",
+                        )
+                    })?;
+                    let in_units = self.time_base.convert(pts, self.unit);
+                    let pts = in_units.ok_or_else(|| {
+                        self.fault(
+                            format!("place picture {}", self.frames_read),
+                            format!(
+                                "its time is {pts} units of {}, expected a multiple of {}",
+                                self.time_base, self.unit
+                            ),
                         )
                     })?;
                     self.frames_read += 1;

@@ -89,7 +89,11 @@ fn every_timestamp_and_the_number_of_pictures_are_exact_at_any_rate() {
             let (_folder, path) = temporary();
             let written = record(&path, &VideoSettings::default(), rate, ticks);
             let mut reader = VideoReader::open(&path).unwrap();
-            assert_eq!(reader.time_base(), (1, numerator), "time base at {rate}");
+            assert_eq!(
+                reader.time_base(),
+                TimeBase::of_ticks(rate),
+                "time base at {rate}"
+            );
             assert_eq!(reader.frames_announced, u64::from(ticks));
             let mut rgb = Vec::new();
             let mut read = Vec::new();
@@ -101,6 +105,55 @@ fn every_timestamp_and_the_number_of_pictures_are_exact_at_any_rate() {
             assert_eq!(read, expected, "read at {rate}");
         }
     }
+}
+
+#[test]
+fn a_finer_unit_of_time_changes_neither_times_nor_coded_pictures() {
+    for (numerator, denominator, expected) in [
+        (30, 1, 15_360),
+        (1, 2, 16_384),
+        (60, 2, 15_360),
+        (30_000, 1_001, 30_000),
+    ] {
+        let rate = FrameRate {
+            numerator,
+            denominator,
+        };
+        let (_folder, path) = temporary();
+        record(&path, &VideoSettings::default(), rate, 65);
+        let of_ticks = |path: &Path| {
+            let mut packets = PacketReader::open(path, rate).unwrap().unwrap();
+            let mut all = Vec::new();
+            while let Some(picture) = packets.next_picture().unwrap() {
+                all.push(picture);
+            }
+            let mut reader = VideoReader::open_ticks(path, rate).unwrap();
+            let mut pts = Vec::new();
+            while let Some(time) = reader.skip_frame().unwrap() {
+                pts.push(time);
+            }
+            reader.seek(rate.pts_of_tick(60)).unwrap();
+            assert_eq!(reader.skip_frame().unwrap(), Some(rate.pts_of_tick(60)));
+            (all, pts)
+        };
+        let before = of_ticks(&path);
+        refine_time_base(&path).unwrap();
+        assert!(of_ticks(&path) == before, "{rate}");
+        let found = VideoReader::open(&path).unwrap().time_base();
+        assert_eq!((found.numerator, found.denominator), (1, expected));
+    }
+}
+
+#[test]
+fn a_picture_between_two_ticks_belongs_to_none() {
+    let (_folder, path) = temporary();
+    let rate = |hz| FrameRate::new(hz, 1).unwrap();
+    record(&path, &VideoSettings::default(), rate(30), 3);
+    let mut reader = VideoReader::open_ticks(&path, rate(20)).unwrap();
+    assert_eq!(reader.skip_frame().unwrap(), Some(0));
+    let message = reader.skip_frame().unwrap_err().to_string();
+    let words = "its time is 1 units of 1/30 s, expected a multiple of 1/20 s";
+    assert!(message.contains(words), "{message}");
 }
 
 #[test]
@@ -309,7 +362,11 @@ fn every_codec_keeps_timestamps_and_the_number_of_pictures_exactly() {
             let rate = FrameRate::new(numerator, denominator).unwrap();
             record(&path, &VideoSettings::of(codec), rate, ticks);
             let mut reader = VideoReader::open(&path).unwrap();
-            assert_eq!(reader.time_base(), (1, numerator), "{codec:?} at {rate}");
+            assert_eq!(
+                reader.time_base(),
+                TimeBase::of_ticks(rate),
+                "{codec:?} at {rate}"
+            );
             assert_eq!(
                 reader.frames_announced,
                 u64::from(ticks),

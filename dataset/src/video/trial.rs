@@ -10,7 +10,7 @@ mod chart;
 use std::path::Path;
 
 use self::chart::Chart;
-use super::{VideoEncoder, VideoReader, VideoSettings, VideoWriter};
+use super::{TimeBase, VideoEncoder, VideoReader, VideoSettings, VideoWriter};
 use crate::error::{Error, Result};
 use crate::frame_rate::FrameRate;
 
@@ -181,17 +181,15 @@ impl Trial {
         }
     }
 
-    fn fault(&self, place: u32, pts: i64, time_base: (u32, u32), rgb: &[u8]) -> Option<TrialFault> {
+    fn fault(&self, place: u32, pts: i64, time_base: TimeBase, rgb: &[u8]) -> Option<TrialFault> {
         let found = self.chart.number(rgb);
         if found != Some(place) {
             return Some(TrialFault::Order { place, found });
         }
-        let expected_base = (1, self.frame_rate.time_scale());
+        let expected_base = TimeBase::of_ticks(self.frame_rate);
         let expected_pts = self.frame_rate.pts_of_tick(place);
         if (pts, time_base) != (expected_pts, expected_base) {
-            let said = |pts: i64, (numerator, denominator)| {
-                format!("{pts} in units of {numerator}/{denominator} s")
-            };
+            let said = |pts: i64, unit: TimeBase| format!("{pts} in units of {unit}");
             return Some(TrialFault::Timestamp {
                 place,
                 found: said(pts, time_base),

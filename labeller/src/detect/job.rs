@@ -264,7 +264,7 @@ impl ScenarioJob {
             },
             None => DetectionRecord {
                 provenance,
-                profile: self.model.profile,
+                profile: self.model.profile.clone(),
                 detector: detector.unwrap_or_default(),
                 device: Some(self.device.to_string()),
                 searching: self.searching(),

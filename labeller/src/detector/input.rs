@@ -93,8 +93,11 @@ pub(super) struct Input {
 /// Why a model's input or output cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum InputFault {
-    #[error("has {found} inputs, expected one")]
-    Inputs { found: usize },
+    #[error(
+        "has {} inputs ({}), expected one; export it without the postprocessor that takes the size of pictures, so that its outputs are boxes \
+         and scores, and say layout = \"boxes-and-scores\" in its settings (docs/detectors.md)", names.len(), names.join(", ")
+    )]
+    Inputs { names: Vec<String> },
     #[error("input {name:?} is {found}, expected floats of the shape [batch, 3, height, width]")]
     Form { name: String, found: String },
     #[error(
@@ -136,8 +139,9 @@ impl Input {
         batch: usize,
     ) -> Result<Self, InputFault> {
         let [input] = session.inputs() else {
-            let found = session.inputs().len();
-            return Err(InputFault::Inputs { found });
+            let names = session.inputs().iter();
+            let names = names.map(|input| input.name().to_owned()).collect();
+            return Err(InputFault::Inputs { names });
         };
         for output in session.outputs() {
             if let ValueType::Tensor { shape, .. } = output.dtype() {

@@ -1,17 +1,21 @@
-//! The output layouts of detectors, recognised by their shapes, and how each becomes boxes.
+//! The output layouts of detectors, recognised by their shapes, and how each becomes boxes. Where a shape has several meanings, the numbers
+//! of an answer decide (`meaning.rs`).
 //!
 //! | layout | shape | a candidate |
 //! |---|---|---|
 //! | [`Layout::Rows`] | `[B, N, 6]`, any other N | cx, cy, w, h in px, objectness, class score: this project's own detector |
 //! | [`Layout::AnchorRows`] | `[B, 3 * cells, 5 + classes]` | the same with any classes: YOLOv5 and v7 exported with their grid |
 //! | [`Layout::Yolox`] | `[B, cells, 5 + classes]` | centre and size relative to the cell, undecoded: YOLOX |
+//! | [`Layout::YoloxDecoded`] | `[B, cells, 5 + classes]` | like `AnchorRows`: YOLOX exported with its decoder |
+//! | [`Layout::ClassRows`] | `[B, N, 4 + classes]` | cx, cy, w, h, class scores: earlier exports of RT-DETR |
+//! | [`Layout::BoxesAndScores`] | two outputs | `[B, N, 4]` and `[B, N, classes]`: DETR and its kin (`boxes_and_scores.rs`) |
 //! | [`Layout::Columns`] | `[B, 4 + classes, N]` | a column cx, cy, w, h in px, class scores: YOLOv8, v11 |
 //! | [`Layout::Corners`] | `[B, 300, 6]` | x0, y0, x1, y1 in px, score, class: YOLOv10, v26; others with their suppression |
-//! | [`Layout::BatchCorners`] | `[K, 7]` | window, x0, y0, x1, y1 in px, class, score: YOLOv7 end to end |
+//! | [`Layout::BatchCorners`] | `[K, 7]` | window, x0, y0, x1, y1 in px, class, score (YOLOv7 end to end) or score, class (YOLO-NAS) |
 //! | [`Layout::EfficientNms`] | four outputs | counts, corners in px, scores, classes: exports for TensorRT (`efficient_nms.rs`) |
 //!
-//! `cells` is the number of cells of the grids of strides 8, 16 and 32, and of 64 in YOLOv5 and v7 for large pictures. A model whose
-//! shape is misleading declares its layout in its [`ModelProfile`](super::ModelProfile). `docs/detectors.md` says more of each.
+//! `cells` is the number of cells of the grids of strides 8, 16 and 32, and of 64 in YOLOv5 and v7 for large pictures. A model that is
+//! read wrongly declares its layout in its [`ModelProfile`](super::ModelProfile). `docs/detectors.md` says more of each.
 
 use std::fmt;
 
@@ -19,12 +23,15 @@ use serde::{Deserialize, Serialize};
 
 use super::ScoredBox;
 use super::answer::{Answer, AnswerFault};
-use super::profile::BoxOrigin;
+use super::meaning::Meaning;
+use super::profile::{BoxForm, BoxOrigin, BoxUnit, ScoreForm};
 use dataset::pixel_box::PixelBox;
 
 const STRIDES: [usize; 3] = [8, 16, 32];
 /// Those of models for pictures of 1,280 pixels.
 const STRIDES_OF_LARGE: [usize; 4] = [8, 16, 32, 64];
+/// Those of further models with anchors, which settings name: for small objects, and small models.
+const STRIDES_OF_OTHERS: [&[usize]; 3] = [&[4, 8, 16, 32], &[4, 8, 16, 32, 64], &[16, 32]];
 /// The stride of this project's own detector.
 const OWN_STRIDE: usize = 8;
 /// Boxes that end-to-end YOLO models return per picture.
@@ -40,6 +47,12 @@ pub enum Layout {
     AnchorRows,
     /// Undecoded rows, one a cell: YOLOX.
     Yolox,
+    /// Decoded rows, one a cell: YOLOX with its decoder.
+    YoloxDecoded,
+    /// Decoded rows without objectness: RT-DETR.
+    ClassRows,
+    /// Boxes in one output, their class scores in another: DETR, YOLO-NAS without suppression.
+    BoxesAndScores,
     /// Decoded columns: YOLOv8, v11.
     Columns,
     /// Final boxes by corners: YOLOv10, v26.
@@ -53,13 +66,33 @@ pub enum Layout {
 /// What decoding needs besides the numbers.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Decoding {
-    pub(super) layout: Layout,
+    pub(super) meaning: Meaning,
     /// Number of the aircraft among the classes.
     pub(super) class: usize,
     pub(super) origin: BoxOrigin,
     /// Width and height.
     pub(super) window_px: [u32; 2],
     pub(super) score_floor: f64,
+}
+
+/// A cell of a grid.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cell {
+    pub(super) stride_px: f32,
+    pub(super) column: f32,
+    pub(super) line: f32,
+}
+
+/// All cells of a model with one candidate a cell, in the order of its rows.
+pub(super) fn cells_in_order(window_px: [u32; 2]) -> impl Iterator<Item = Cell> {
+    STRIDES.into_iter().flat_map(move |stride_px| {
+        let [columns, rows] = grid(window_px, stride_px);
+        (0..columns * rows).map(move |cell| Cell {
+            stride_px: stride_px as f32,
+            column: (cell % columns) as f32,
+            line: (cell / columns) as f32,
+        })
+    })
 }
 
 /// Columns and rows of the grid of a stride.
@@ -81,8 +114,13 @@ impl fmt::Display for Layout {
 
 impl Layout {
     /// The layout that the shape of a single output belongs to, if any, for windows of this width and height. `has_objectness` is
-    /// false if the candidates are known to have none.
-    pub fn of_shape(shape: &[usize], window_px: [u32; 2], has_objectness: bool) -> Option<Self> {
+    /// false if the candidates are known to have none; `named` is the number of classes that the model names.
+    pub fn of_shape(
+        shape: &[usize],
+        window_px: [u32; 2],
+        has_objectness: bool,
+        named: Option<usize>,
+    ) -> Option<Self> {
         let plain = cells(window_px, &STRIDES);
         let of_anchors = [STRIDES.as_slice(), &STRIDES_OF_LARGE];
         let of_anchors = of_anchors.map(|strides| 3 * cells(window_px, strides));
@@ -91,6 +129,12 @@ impl Layout {
             // As many as were found.
             [_, 0, 6] => Some(Self::Corners),
             [_, _, 6] if !has_objectness => Some(Self::Corners),
+            [_, rows, columns]
+                if !has_objectness
+                    && named.is_some_and(|named| columns == 4 + named && rows != 4 + named) =>
+            {
+                Some(Self::ClassRows)
+            }
             [_, rows, columns] if columns == plain && rows >= 5 => Some(Self::Columns),
             [_, rows, columns] if of_anchors.contains(&rows) && columns >= 6 => {
                 Some(Self::AnchorRows)
@@ -106,19 +150,23 @@ impl Layout {
 
     /// Whether an output of this shape can have this layout.
     pub(super) fn fits(self, shape: &[usize], window_px: [u32; 2]) -> bool {
-        let of_grids =
-            || [STRIDES.as_slice(), &STRIDES_OF_LARGE].map(|strides| cells(window_px, strides));
+        let of_grids = || {
+            let usual = [STRIDES.as_slice(), &STRIDES_OF_LARGE];
+            let all = usual.into_iter().chain(STRIDES_OF_OTHERS);
+            all.map(|strides| cells(window_px, strides))
+        };
         match (self, shape) {
             (Self::BatchCorners, &[_, columns]) => columns == 7,
             (Self::Rows, &[_, _, columns]) => columns >= 6,
-            // One a cell: YOLOX with its decoder, YOLOv6.
+            // One a cell: YOLOv6.
             (Self::AnchorRows, &[_, rows, columns]) => {
                 let is_grid = |cells| rows == cells || rows == 3 * cells;
-                columns >= 6 && (rows == 0 || of_grids().into_iter().any(is_grid))
+                columns >= 6 && (rows == 0 || of_grids().any(is_grid))
             }
-            (Self::Yolox, &[_, rows, columns]) => {
+            (Self::Yolox | Self::YoloxDecoded, &[_, rows, columns]) => {
                 rows == cells(window_px, &STRIDES) && columns >= 6
             }
+            (Self::ClassRows | Self::BoxesAndScores, &[_, _, columns]) => columns >= 5,
             (Self::Columns, &[_, rows, _]) => rows >= 5,
             (Self::Corners | Self::EfficientNms, &[_, _, columns]) => columns == 6,
             _ => false,
@@ -129,8 +177,16 @@ impl Layout {
     pub(super) fn shape(self) -> &'static str {
         match self {
             Self::Rows => "[batch, candidates, 5 + classes]",
-            Self::AnchorRows => "[batch, one or three a cell of strides 8, 16 and 32, 5 + classes]",
-            Self::Yolox => "[batch, cells of strides 8, 16 and 32, 5 + classes]",
+            Self::AnchorRows => {
+                "[batch, one or three a cell of strides 8, 16 and 32 (or 4 to 32, 4 to 64, 8 to 64, 16 and 32), 5 + classes]"
+            }
+            Self::Yolox | Self::YoloxDecoded => {
+                "[batch, cells of strides 8, 16 and 32, 5 + classes]"
+            }
+            Self::ClassRows => "[batch, candidates, 4 + classes]",
+            Self::BoxesAndScores => {
+                "two outputs: boxes [batch, candidates, 4] and scores [batch, candidates, classes]"
+            }
             Self::Columns => "[batch, 4 + classes, candidates]",
             Self::Corners => "[batch, boxes, 6]",
             Self::BatchCorners => "[boxes, 7]",
@@ -143,11 +199,26 @@ impl Layout {
     /// The number of classes that an output of this shape tells apart; `None` if it does not say.
     pub(super) fn classes(self, shape: &[usize]) -> Option<usize> {
         match (self, shape) {
-            (Self::Rows | Self::AnchorRows | Self::Yolox, &[_, _, columns]) => {
-                columns.checked_sub(5)
-            }
+            (
+                Self::Rows | Self::AnchorRows | Self::Yolox | Self::YoloxDecoded,
+                &[_, _, columns],
+            ) => columns.checked_sub(5),
+            (Self::ClassRows | Self::BoxesAndScores, &[_, _, columns]) => columns.checked_sub(4),
             (Self::Columns, &[_, rows, _]) => rows.checked_sub(4),
             _ => None,
+        }
+    }
+
+    /// Whether its models take pictures as YOLOX does.
+    pub(super) fn is_of_yolox(self) -> bool {
+        matches!(self, Self::Yolox | Self::YoloxDecoded)
+    }
+
+    /// The numbers of a box in models of this layout.
+    pub(super) fn usual_form(self) -> BoxForm {
+        match self {
+            Self::Corners | Self::BatchCorners | Self::EfficientNms => BoxForm::Corners,
+            _ => BoxForm::CenterSize,
         }
     }
 
@@ -167,17 +238,18 @@ impl Decoding {
         answer: Answer<'_>,
         windows: usize,
     ) -> Result<Vec<Vec<ScoredBox>>, AnswerFault> {
+        let layout = self.meaning.layout;
         let shape = answer.shape();
         let misfit = |expected| AnswerFault::Misfit {
             shape: shape.to_vec(),
             expected,
             windows,
-            layout: self.layout,
+            layout,
         };
-        if !self.layout.fits(shape, self.window_px) {
-            return Err(misfit(self.layout.shape()));
+        if !layout.fits(shape, self.window_px) {
+            return Err(misfit(layout.shape()));
         }
-        if self.layout == Layout::BatchCorners {
+        if layout == Layout::BatchCorners {
             return self.batch_corners(answer.numbers(), windows);
         }
         let &[batch, _, columns] = shape else {
@@ -186,7 +258,7 @@ impl Decoding {
         if batch < windows {
             return Err(misfit("an answer for each window"));
         }
-        if let Some(classes) = self.layout.classes(shape)
+        if let Some(classes) = layout.classes(shape)
             && self.class >= classes
         {
             return Err(AnswerFault::FewClasses {
@@ -194,10 +266,13 @@ impl Decoding {
                 class: self.class,
             });
         }
-        let boxes = |of_window: &[f32]| match self.layout {
+        let boxes = |of_window: &[f32]| match layout {
             Layout::Columns => self.columns(of_window, columns),
             Layout::Yolox => self.yolox(of_window, columns),
-            Layout::Rows | Layout::AnchorRows => self.rows(of_window, columns),
+            Layout::Rows | Layout::AnchorRows | Layout::YoloxDecoded => {
+                self.rows(of_window, columns)
+            }
+            Layout::ClassRows | Layout::BoxesAndScores => self.class_rows(of_window, columns),
             Layout::Corners | Layout::BatchCorners | Layout::EfficientNms => {
                 self.corners(of_window)
             }
@@ -206,44 +281,47 @@ impl Decoding {
     }
 
     fn rows(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
-        let score = |row: &[f32]| row[4] * row[5 + self.class];
-        let scored = |row: &[f32]| self.centred([row[0], row[1], row[2], row[3]], score(row));
+        let scored = |row: &[f32]| {
+            let score = self.score(row[4]) * self.score(row[5 + self.class]);
+            self.boxed([row[0], row[1], row[2], row[3]], score)
+        };
+        answer.chunks_exact(columns).filter_map(scored).collect()
+    }
+
+    fn class_rows(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
+        let scored = |row: &[f32]| {
+            let score = self.score(row[4 + self.class]);
+            self.boxed([row[0], row[1], row[2], row[3]], score)
+        };
         answer.chunks_exact(columns).filter_map(scored).collect()
     }
 
     fn columns(&self, answer: &[f32], candidates: usize) -> Vec<ScoredBox> {
         let value = |field: usize, candidate: usize| answer[field * candidates + candidate];
         let scored = |k: usize| {
-            self.centred(
-                [0, 1, 2, 3].map(|field| value(field, k)),
-                value(4 + self.class, k),
-            )
+            let score = self.score(value(4 + self.class, k));
+            self.boxed([0, 1, 2, 3].map(|field| value(field, k)), score)
         };
         (0..candidates).filter_map(scored).collect()
     }
 
     fn yolox(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
-        let places = STRIDES.into_iter().flat_map(|stride| {
-            let [columns, rows] = grid(self.window_px, stride);
-            (0..columns * rows).map(move |cell| {
-                (
-                    stride as f32,
-                    (cell % columns) as f32,
-                    (cell / columns) as f32,
-                )
-            })
-        });
-        let scored = |(row, (stride, column, line)): (&[f32], (f32, f32, f32))| {
+        let scored = |(row, cell): (&[f32], Cell)| {
+            let Cell {
+                stride_px: stride,
+                column,
+                line,
+            } = cell;
             let centre = [(row[0] + column) * stride, (row[1] + line) * stride];
             let size = [row[2].exp() * stride, row[3].exp() * stride];
             self.centred(
                 [centre[0], centre[1], size[0], size[1]],
-                row[4] * row[5 + self.class],
+                self.score(row[4]) * self.score(row[5 + self.class]),
             )
         };
         answer
             .chunks_exact(columns)
-            .zip(places)
+            .zip(cells_in_order(self.window_px))
             .filter_map(scored)
             .collect()
     }
@@ -251,7 +329,7 @@ impl Decoding {
     fn corners(&self, answer: &[f32]) -> Vec<ScoredBox> {
         let scored = |row: &[f32]| {
             (row[5] == self.class as f32)
-                .then(|| self.cornered(&row[..4], row[4]))
+                .then(|| self.boxed([row[0], row[1], row[2], row[3]], self.score(row[4])))
                 .flatten()
         };
         answer.chunks_exact(6).filter_map(scored).collect()
@@ -263,7 +341,15 @@ impl Decoding {
         windows: usize,
     ) -> Result<Vec<Vec<ScoredBox>>, AnswerFault> {
         let mut found = vec![Vec::new(); windows];
-        for row in numbers.chunks_exact(7) {
+        let rows = || numbers.chunks_exact(7);
+        // Classes are whole numbers, and scores hardly ever: YOLO-NAS has them in the other order.
+        let is_whole = |field: usize| rows().all(|row| row[field].fract() == 0.0);
+        let (class, score) = if is_whole(6) && !is_whole(5) {
+            (6, 5)
+        } else {
+            (5, 6)
+        };
+        for row in rows() {
             let window = row[0];
             if window < 0.0 || window.fract() != 0.0 {
                 let most = windows.saturating_sub(1);
@@ -274,17 +360,35 @@ impl Decoding {
             }
             // Windows beyond the requested ones only fill a fixed batch: they are empty.
             if let Some(boxes) = found.get_mut(window as usize)
-                && row[5] == self.class as f32
+                && row[class] == self.class as f32
             {
-                boxes.extend(self.cornered(&row[1..5], row[6]));
+                let score = self.score(row[score]);
+                boxes.extend(self.boxed([row[1], row[2], row[3], row[4]], score));
             }
         }
         Ok(found)
     }
 
-    fn cornered(&self, corners: &[f32], score: f32) -> Option<ScoredBox> {
-        let [x0, y0, x1, y1] = [corners[0], corners[1], corners[2], corners[3]];
-        self.centred([(x0 + x1) / 2.0, (y0 + y1) / 2.0, x1 - x0, y1 - y0], score)
+    fn score(&self, number: f32) -> f32 {
+        match self.meaning.scores {
+            ScoreForm::Probability => number,
+            ScoreForm::Logit => 1.0 / (1.0 + (-number).exp()),
+        }
+    }
+
+    /// A box from the four numbers of a candidate.
+    fn boxed(&self, numbers: [f32; 4], score: f32) -> Option<ScoredBox> {
+        let [width, height] = match self.meaning.unit {
+            BoxUnit::Pixels => [1.0; 2],
+            BoxUnit::Normalized => self.window_px.map(|side_px| side_px as f32),
+        };
+        let [a, b, c, d] = numbers;
+        let [a, b, c, d] = [a * width, b * height, c * width, d * height];
+        let centred = match self.meaning.form {
+            BoxForm::CenterSize => [a, b, c, d],
+            BoxForm::Corners => [(a + c) / 2.0, (b + d) / 2.0, c - a, d - b],
+        };
+        self.centred(centred, score)
     }
 
     /// A box from centre and size in the model's coordinates, unless its score is below the floor or it is invalid.

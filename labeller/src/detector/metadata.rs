@@ -24,6 +24,8 @@ pub(super) struct ModelMetadata {
     pub(super) names: Option<BTreeMap<usize, String>>,
     /// What the model is for, of a model by Ultralytics.
     pub(super) task: Option<String>,
+    /// Class of the last module of a model by Ultralytics: `Detect`, `RTDETRDecoder`, ...
+    pub(super) head: Option<String>,
     /// What the sides of its input must be multiples of, pixels.
     pub(super) stride_px: Option<u32>,
 }
@@ -42,6 +44,7 @@ impl ModelMetadata {
             profile: property(METADATA_KEY),
             names,
             task: property("task"),
+            head: property("head"),
             stride_px: property("stride")
                 .and_then(|text| text.trim().parse().ok())
                 .filter(|stride_px| (1..=MOST_STRIDE_PX).contains(stride_px)),
@@ -51,6 +54,11 @@ impl ModelMetadata {
     /// The task, if it is another one than boxing objects.
     pub(super) fn other_task(&self) -> Option<&str> {
         self.task.as_deref().filter(|task| *task != DETECTION)
+    }
+
+    /// Number of the named classes.
+    pub(super) fn named_classes(&self) -> Option<usize> {
+        Some(self.names.as_ref()?.last_key_value()?.0 + 1)
     }
 
     /// Whether Ultralytics exported it. Its models have no objectness, so rows of six numbers are final boxes.

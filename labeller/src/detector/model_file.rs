@@ -47,7 +47,7 @@ impl ModelFile {
         ModelIdentity {
             model: Some(file_name.to_string_lossy().into_owned()),
             model_blake3: blake3::hash(&self.onnx).to_string(),
-            profile_blake3: self.profile.and_then(|profile| profile.blake3()),
+            profile_blake3: self.profile.as_ref().and_then(ModelProfile::blake3),
         }
     }
 

@@ -9,10 +9,14 @@ use super::aircraft_class::Classes;
 use super::device::Device;
 use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
 use super::layout::{Decoding, Layout};
+use super::meaning::Meaning;
 use super::metadata::ModelMetadata;
 use super::model_file::ModelFile;
-use super::ort_output::{ReadFault, boxes_in, forms_of, inputs_in_words, outputs_in_words};
+use super::ort_output::{
+    ReadFault, boxes_in, forms_of, inputs_in_words, outputs_in_words, read_answer,
+};
 use super::outputs::{BoxOutputs, Expected};
+use super::plausibility::Plausibility;
 use super::profile::ModelProfile;
 use super::sessions::Sessions;
 use super::window::{PictureView, Window};
@@ -45,13 +49,14 @@ pub struct OrtDetector {
     output: Output,
     /// The windows of one run, reused.
     planes: Vec<f32>,
+    found: Plausibility,
 }
 
 /// How a model answers.
 #[derive(Debug, Clone, Copy)]
 struct Output {
     boxes: BoxOutputs,
-    layout: Layout,
+    meaning: Meaning,
     /// Number of the aircraft among the classes.
     class: usize,
 }
@@ -87,10 +92,11 @@ impl OrtDetector {
             input,
             output: Output {
                 boxes: BoxOutputs::One(0),
-                layout: Layout::Rows,
+                meaning: Meaning::usual(Layout::Rows),
                 class: 0,
             },
             planes: Vec::new(),
+            found: Plausibility::default(),
         };
         if let WindowSize::Any { multiple_px } = input.size {
             // Lengths may be open although the grid inside is not.
@@ -103,8 +109,8 @@ impl OrtDetector {
         Ok(detector)
     }
 
-    /// Runs the model on blank windows of a size, finds out how it answers (from the settings, else from names and shapes of its
-    /// outputs), and reads the answer, so that a mismatch shows before the first picture.
+    /// Runs the model on blank windows of a size, finds out how it answers (from the settings, else from names, shapes and numbers of
+    /// its outputs), and reads the answer, so that a mismatch shows before the first picture.
     fn probe(&mut self, size_px: [u32; 2]) -> Result<()> {
         let windows = match self.input.batch {
             Batch::Exactly(windows) => windows,
@@ -114,12 +120,13 @@ impl OrtDetector {
         let inputs = inputs_in_words(self.sessions.any());
         let expected = Expected {
             said: self.profile.layout,
+            output: self.profile.output.clone(),
+            named: self.metadata.named_classes(),
             window_px: size_px,
             has_objectness: !self.metadata.is_by_ultralytics(),
             settings: ModelFile::profile_path(&self.path).display().to_string(),
         };
-        let said = self.profile.aircraft_class;
-        let names = self.metadata.names.clone();
+        let (profile, metadata) = (self.profile.clone(), self.metadata.clone());
         self.output = self.run(windows, size_px, |outputs| {
             let forms = forms_of(outputs);
             let shapes = || format!("{inputs}; {}", outputs_in_words(outputs));
@@ -127,13 +134,13 @@ impl OrtDetector {
                 let shapes = shapes();
                 ReadFault::Outputs { fault, shapes }
             })?;
-            let count = match boxes {
-                BoxOutputs::One(index) => layout.classes(&forms[index].shape),
-                BoxOutputs::EfficientNms(_) => None,
-            };
+            let (meaning, count) = read_answer(outputs, boxes, |answer| {
+                let meaning = Meaning::of_probe(layout, answer, size_px, &profile, &metadata);
+                Ok((meaning, meaning.layout.classes(answer.shape())))
+            })?;
             let classes = Classes {
-                said,
-                names: names.as_ref(),
+                said: profile.aircraft_class,
+                names: metadata.names.as_ref(),
                 count,
             };
             let class = classes.aircraft().map_err(|fault| {
@@ -142,7 +149,7 @@ impl OrtDetector {
             })?;
             Ok(Output {
                 boxes,
-                layout,
+                meaning,
                 class,
             })
         })?;
@@ -161,13 +168,13 @@ impl OrtDetector {
     ) -> Result<Vec<Vec<ScoredBox>>> {
         let Output {
             boxes,
-            layout,
+            meaning,
             class,
         } = self.output;
         let decoding = Decoding {
-            layout,
+            meaning,
             class,
-            origin: self.profile.origin(layout),
+            origin: self.profile.origin(meaning.layout),
             window_px: size_px,
             score_floor,
         };
@@ -212,10 +219,8 @@ impl Detector for OrtDetector {
         windows: &[Window],
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>> {
-        let (order, scale) = (
-            self.profile.order(self.output.layout),
-            self.profile.scale(self.output.layout),
-        );
+        let layout = self.output.meaning.layout;
+        let (order, scale) = (self.profile.order(layout), self.profile.scale(layout));
         let mut found = Vec::with_capacity(windows.len());
         let size_of = |window: &Window| [window.width_px, window.height_px];
         for same in windows.chunk_by(|a, b| size_of(a) == size_of(b)) {
@@ -235,8 +240,12 @@ impl Detector for OrtDetector {
                 }
                 for (window, planes) in some.iter().zip(self.planes.chunks_exact_mut(numbers)) {
                     window.write_planes(picture, order, scale, planes);
+                    self.profile.input.standardize(planes);
                 }
                 let boxes = self.boxes_in(in_run, some.len(), size_px, score_floor)?;
+                for boxes in &boxes {
+                    self.found.add(boxes, size_px);
+                }
                 let in_picture = some.iter().zip(boxes).map(|(window, boxes)| {
                     let of_window = boxes.into_iter();
                     of_window.map(|found| window.to_picture(found)).collect()
@@ -248,8 +257,8 @@ impl Detector for OrtDetector {
     }
 
     fn description(&self) -> String {
-        let Output { layout, class, .. } = self.output;
-        format!("{layout}, class {class}, {}", self.input.size)
+        let Output { meaning, class, .. } = self.output;
+        format!("{meaning}, class {class}, {}", self.input.size)
     }
 }
 
@@ -286,7 +295,7 @@ mod tests {
         };
         let mut detector = OrtDetector::load(&path, &OPTIONS).unwrap();
         assert_eq!(
-            (detector.output.layout, detector.window_size()),
+            (detector.output.meaning.layout, detector.window_size()),
             (Layout::Yolox, WindowSize::square(416))
         );
         let rgb = vec![120; 900 * 500 * 3];

@@ -8,6 +8,7 @@ use ort::value::{TensorElementType, ValueType};
 use super::ScoredBox;
 use super::aircraft_class::ClassFault;
 use super::answer::{Answer, AnswerFault};
+use super::boxes_and_scores::PairAnswer;
 use super::efficient_nms::{NmsAnswer, OutputForm};
 use super::layout::Decoding;
 use super::outputs::{BoxOutputs, OutputsFault};
@@ -69,11 +70,31 @@ pub(super) fn boxes_in(
     decoding: &Decoding,
     windows: usize,
 ) -> Result<Vec<Vec<ScoredBox>>, ReadFault> {
+    read_answer(outputs, at, |answer| decoding.decode(answer, windows))
+}
+
+/// Reads the numbers of a run: those of one output, or of several as one.
+pub(super) fn read_answer<T>(
+    outputs: &SessionOutputs<'_>,
+    at: BoxOutputs,
+    read: impl FnOnce(Answer<'_>) -> Result<T, AnswerFault>,
+) -> Result<T, ReadFault> {
     match at {
         BoxOutputs::One(index) => {
             let output = Output::of(outputs, index)?;
-            let boxes = decoding.decode(output.answer()?, windows);
-            boxes.map_err(|fault| output.fault(fault))
+            read(output.answer()?).map_err(|fault| output.fault(fault))
+        }
+        BoxOutputs::BoxesAndScores(at) => {
+            let boxes = Output::of(outputs, at.boxes)?;
+            let scores = Output::of(outputs, at.scores)?;
+            let answer = PairAnswer {
+                boxes: boxes.answer()?,
+                scores: scores.answer()?,
+            };
+            let joined = answer.joined();
+            let (shape, numbers) = joined.map_err(|fault| boxes.fault(fault))?;
+            let answer = Answer::new(&shape, &numbers).and_then(read);
+            answer.map_err(|fault| boxes.fault(fault))
         }
         BoxOutputs::EfficientNms(at) => {
             let counts = Output::of(outputs, at.counts)?;
@@ -88,9 +109,8 @@ pub(super) fn boxes_in(
             };
             let joined = answer.joined();
             let (shape, numbers) = joined.map_err(|fault| counts.fault(fault))?;
-            let boxes =
-                Answer::new(&shape, &numbers).and_then(|answer| decoding.decode(answer, windows));
-            boxes.map_err(|fault| corners.fault(fault))
+            let answer = Answer::new(&shape, &numbers).and_then(read);
+            answer.map_err(|fault| corners.fault(fault))
         }
     }
 }

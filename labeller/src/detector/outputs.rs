@@ -1,5 +1,6 @@
 //! Which of a model's outputs hold the boxes, and in which layout: found out from the names, types and shapes of actual outputs.
 
+use super::boxes_and_scores::PairOutputs;
 use super::efficient_nms::{NmsOutputs, OutputForm};
 use super::layout::Layout;
 
@@ -15,6 +16,8 @@ pub(super) enum BoxOutputs {
     One(usize),
     /// Four that belong together.
     EfficientNms(NmsOutputs),
+    /// Two that belong together.
+    BoxesAndScores(PairOutputs),
 }
 
 /// Why no output can be read.
@@ -27,13 +30,16 @@ pub(super) enum OutputsFault {
         hint: &'static str,
         settings: String,
     },
+    #[error("its settings say output = {said:?}, but its outputs are {}", names.join(", "))]
+    NoSuchOutput { said: String, names: Vec<String> },
     #[error("its settings say layout = \"{said}\", which is {}, but no output is so for windows of {width_px}x{height_px} px", said.shape())]
     Contradiction {
         said: Layout,
         width_px: u32,
         height_px: u32,
     },
-    #[error("its outputs {} all have the layout {layout}, expected one; export it without the others", names.join(", "))]
+    #[error("its outputs {} all have the layout {layout}, expected one; name one in its settings, e.g. output = {:?}, or export it without \
+        the others", names.join(", "), names[0])]
     Several { names: Vec<String>, layout: Layout },
 }
 
@@ -41,6 +47,10 @@ pub(super) enum OutputsFault {
 pub(super) struct Expected {
     /// The settings' layout.
     pub(super) said: Option<Layout>,
+    /// The settings' name of the output with the boxes.
+    pub(super) output: Option<String>,
+    /// Number of classes that the metadata names.
+    pub(super) named: Option<usize>,
     /// Width and height.
     pub(super) window_px: [u32; 2],
     /// False if the candidates are known to have none.
@@ -59,9 +69,24 @@ impl BoxOutputs {
             said,
             window_px,
             has_objectness,
+            named,
             ..
         } = expected;
+        let named_output = expected.output.as_deref();
+        if let Some(name) = named_output
+            && outputs.iter().all(|output| output.name != name)
+        {
+            return Err(OutputsFault::NoSuchOutput {
+                said: name.to_owned(),
+                names: outputs.iter().map(|output| output.name.clone()).collect(),
+            });
+        }
         let is_said = |layout| said.is_none_or(|said| said == layout);
+        if said == Some(Layout::BoxesAndScores)
+            && let Some(found) = PairOutputs::of(outputs, named_output)
+        {
+            return Ok((Self::BoxesAndScores(found), Layout::BoxesAndScores));
+        }
         if is_said(Layout::EfficientNms)
             && let Some(found) = NmsOutputs::of(outputs)
         {
@@ -69,11 +94,13 @@ impl BoxOutputs {
         }
         let layout_of = |output: &OutputForm| {
             let layout = match said {
-                Some(Layout::EfficientNms) => None,
+                Some(Layout::EfficientNms | Layout::BoxesAndScores) => None,
                 Some(said) => said.fits(&output.shape, window_px).then_some(said),
-                None => Layout::of_shape(&output.shape, window_px, has_objectness),
+                None => Layout::of_shape(&output.shape, window_px, has_objectness, named),
             };
-            layout.filter(|_| !output.holds_integers)
+            layout
+                .filter(|_| !output.holds_integers)
+                .filter(|_| named_output.is_none_or(|name| output.name == name))
         };
         let found: Vec<_> = outputs
             .iter()
@@ -84,7 +111,9 @@ impl BoxOutputs {
         let is_other =
             |output: &OutputForm| output.shape.len() != HEAD_RANK && layout_of(output).is_none();
         match found[..] {
-            [(index, layout)] if said.is_some() || !outputs.iter().any(is_other) => {
+            [(index, layout)]
+                if said.is_some() || named_output.is_some() || !outputs.iter().any(is_other) =>
+            {
                 Ok((Self::One(index), layout))
             }
             [(_, layout), _, ..] => Err(OutputsFault::Several {
@@ -116,12 +145,26 @@ fn hint_of(outputs: &[OutputForm]) -> &'static str {
         [output] if output.shape.len() == 2 => {
             ", but a single row of numbers, as those of a classifier"
         }
+        _ if is_of_mmdeploy(outputs) => {
+            ", but boxes with their scores, and labels, as mmdeploy exports them: export the model with easydeploy of MMYOLO instead, whose \
+             outputs are num_dets, boxes, scores and labels"
+        }
+        _ if PairOutputs::of(outputs, None).is_some() => {
+            ", but boxes and scores apart, which layout = \"boxes-and-scores\" reads"
+        }
         _ if ranks().any(|rank| rank == HEAD_RANK) => ", but undecoded heads, one for each stride",
         _ if outputs.len() > 1 && ranks().any(|rank| rank == MASK_RANK) => {
             ", but masks or maps, as those of a model for segmentation"
         }
         _ => "",
     }
+}
+
+/// Whether they are edges and score of final boxes, and their classes.
+fn is_of_mmdeploy(outputs: &[OutputForm]) -> bool {
+    let has = |is_it: &dyn Fn(&OutputForm) -> bool| outputs.iter().any(is_it);
+    has(&|output| matches!(output.shape[..], [_, _, 5]))
+        && has(&|output| output.holds_integers && output.shape.len() == 2)
 }
 
 #[cfg(test)]
@@ -139,6 +182,8 @@ mod tests {
     fn found(said: Option<Layout>, outputs: &[OutputForm]) -> Result<(BoxOutputs, Layout), String> {
         let expected = Expected {
             said,
+            output: None,
+            named: None,
             window_px: [640, 640],
             has_objectness: true,
             settings: "net.onnx.toml".into(),

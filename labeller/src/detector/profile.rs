@@ -47,13 +47,55 @@ pub enum BoxOrigin {
     PixelCorner,
 }
 
-/// Optional declarations about a model. Missing ones follow from its shapes, its metadata and its layout.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+/// What the four numbers of a box are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoxForm {
+    /// Centre, width and height.
+    CenterSize,
+    /// Left, top, right and bottom edge.
+    Corners,
+}
+
+/// Unit of the numbers of a box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoxUnit {
+    /// Pixels of the window.
+    Pixels,
+    /// Parts of the window's width and height, from 0 to 1.
+    Normalized,
+}
+
+/// What a score is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ScoreForm {
+    /// A confidence from 0 to 1.
+    Probability,
+    /// A number of any size, which the logistic function turns into a confidence.
+    Logit,
+}
+
+/// Optional declarations about a model. Missing ones follow from its shapes, its metadata, its answer to a blank window and its layout.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelProfile {
-    /// The output; default [`Layout::of_shape`].
+    /// The layout of the output; default [`Layout::of_shape`], unless the numbers show another one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layout: Option<Layout>,
+    /// Name of the output with the boxes; default the only one with a known layout.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub output: Option<String>,
+    /// The numbers of a box; default by layout and numbers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub box_form: Option<BoxForm>,
+    /// Their unit; default by the numbers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub box_unit: Option<BoxUnit>,
+    /// The scores; default probabilities, for boxes and scores in two outputs by the numbers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub score_form: Option<ScoreForm>,
     /// Number of the aircraft among the model's classes, from 0; default by the names in the model's metadata, else 0 of 1 class or 4
     /// of COCO's 80.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -76,6 +118,12 @@ pub struct InputProfile {
     /// Factor on the 8-bit values; default 1/255, for YOLOX 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f32>,
+    /// What is subtracted from each channel afterwards, in their order; default 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mean: Option<[f32; 3]>,
+    /// What each channel is divided by at last; default 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub std: Option<[f32; 3]>,
     /// Window size, pixels, if the model leaves it open; default 640.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_px: Option<u32>,
@@ -84,6 +132,20 @@ pub struct InputProfile {
 impl InputProfile {
     fn is_empty(&self) -> bool {
         *self == Self::default()
+    }
+
+    /// Subtracts the means from the planes of a window, and divides them by the standard deviations.
+    pub(super) fn standardize(&self, planes: &mut [f32]) {
+        if self.mean.is_none() && self.std.is_none() {
+            return;
+        }
+        let (mean, std) = (self.mean.unwrap_or_default(), self.std.unwrap_or([1.0; 3]));
+        let each = planes.len() / mean.len();
+        for (plane, (mean, std)) in planes.chunks_exact_mut(each).zip(mean.into_iter().zip(std)) {
+            for value in plane {
+                *value = (*value - mean) / std;
+            }
+        }
     }
 }
 
@@ -108,8 +170,8 @@ impl ModelProfile {
 
     /// The settings of a model: from the file next to it, else from its metadata, else none.
     pub(super) fn find(file: &ModelFile, metadata: Option<&str>) -> Result<Self> {
-        if let Some(profile) = file.profile {
-            return Ok(profile);
+        if let Some(profile) = &file.profile {
+            return Ok(profile.clone());
         }
         let Some(text) = metadata else {
             return Ok(Self::default());
@@ -127,13 +189,28 @@ impl ModelProfile {
     }
 
     fn check(&self) -> std::result::Result<(), BadSetting> {
-        match self.input.scale {
-            // Not a number, too.
-            Some(scale) if !(scale.is_finite() && scale > 0.0) => Err(BadSetting {
-                key: "input.scale",
-                message: format!("input.scale = {scale}, expected a finite number above zero"),
+        let positive = |key, number: f32| {
+            if number.is_finite() && number > 0.0 {
+                return Ok(());
+            }
+            Err(BadSetting {
+                key,
+                message: format!("{key} = {number}, expected a finite number above zero"),
+            })
+        };
+        self.input
+            .scale
+            .map_or(Ok(()), |scale| positive("input.scale", scale))?;
+        for std in self.input.std.into_iter().flatten() {
+            positive("input.std", std)?;
+        }
+        let means = self.input.mean.into_iter().flatten();
+        match means.into_iter().find(|mean| !mean.is_finite()) {
+            None => Ok(()),
+            Some(mean) => Err(BadSetting {
+                key: "input.mean",
+                message: format!("input.mean = {mean}, expected finite numbers"),
             }),
-            _ => Ok(()),
         }
     }
 
@@ -147,7 +224,7 @@ impl ModelProfile {
 
     /// Order of the channels for a layout.
     pub(super) fn order(&self, layout: Layout) -> ChannelOrder {
-        self.input.order.unwrap_or(if layout == Layout::Yolox {
+        self.input.order.unwrap_or(if layout.is_of_yolox() {
             ChannelOrder::Bgr
         } else {
             ChannelOrder::Rgb
@@ -156,7 +233,7 @@ impl ModelProfile {
 
     /// Factor on the 8-bit values for a layout.
     pub(super) fn scale(&self, layout: Layout) -> f32 {
-        self.input.scale.unwrap_or(if layout == Layout::Yolox {
+        self.input.scale.unwrap_or(if layout.is_of_yolox() {
             1.0
         } else {
             1.0 / 255.0

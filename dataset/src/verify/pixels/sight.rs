@@ -92,6 +92,13 @@ impl<'a> DecodedPicture<'a> {
         0.2126 * red + 0.7152 * green + 0.0722 * blue
     }
 
+    /// Pairs of neighbouring pixels in a row, every `step`th of them in every `step`th row.
+    pub(super) fn neighbours(&self, step: usize) -> impl Iterator<Item = (f64, f64)> {
+        let columns = move || (0..self.width - 1).step_by(step);
+        let rows = (0..self.height).step_by(step);
+        rows.flat_map(move |y| columns().map(move |x| (self.grey(x, y), self.grey(x + 1, y))))
+    }
+
     /// Whole pixels of a box that are in the picture.
     fn pixels(&self, within: &PixelBox, margin_px: f64) -> impl Iterator<Item = (i64, i64)> {
         let [left, top, right, bottom] = within.edges();

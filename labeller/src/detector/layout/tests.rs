@@ -18,7 +18,7 @@ struct Said {
 
 fn decoding(layout: Layout, class: usize) -> Decoding {
     Decoding {
-        layout,
+        meaning: Meaning::usual(layout),
         class,
         origin: layout.usual_origin(),
         window_px: WINDOW_PX,
@@ -27,7 +27,7 @@ fn decoding(layout: Layout, class: usize) -> Decoding {
 }
 
 fn decode(shape: &[usize], data: &[f32], windows: usize, said: Said) -> Vec<Vec<ScoredBox>> {
-    let of_shape = Layout::of_shape(shape, WINDOW_PX, true);
+    let of_shape = Layout::of_shape(shape, WINDOW_PX, true, None);
     let layout = said.layout.or(of_shape).unwrap();
     let class = match layout.classes(shape) {
         Some(1) => 0,
@@ -96,10 +96,10 @@ fn layouts_are_told_apart_by_rank_and_sizes_whatever_the_window() {
         (&[1, 300, 6], [160, 120], Some(Layout::Rows)),
     ];
     for (shape, window_px, layout) in cases {
-        let found = Layout::of_shape(shape, window_px, true);
+        let found = Layout::of_shape(shape, window_px, true, None);
         assert_eq!(found, layout, "{shape:?} {window_px:?}");
     }
-    let without_objectness = |shape: &[usize]| Layout::of_shape(shape, square, false);
+    let without_objectness = |shape: &[usize]| Layout::of_shape(shape, square, false, None);
     for shape in [&[1, 100, 6][..], &[1, 8_400, 6], &[1, 300, 6]] {
         assert_eq!(
             without_objectness(shape),

@@ -1,0 +1,80 @@
+//! The two outputs of models that keep boxes and class scores apart: `[B, N, 4]` and `[B, N, classes]`, such as RF-DETR, D-FINE without its
+//! postprocessor and YOLO-NAS without suppression.
+
+use super::answer::{Answer, AnswerFault};
+use super::efficient_nms::OutputForm;
+use super::layout::Layout;
+
+/// Numbers of a box.
+const BOX: usize = 4;
+
+/// Where the two outputs are among a model's outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct PairOutputs {
+    pub(super) boxes: usize,
+    pub(super) scores: usize,
+}
+
+impl PairOutputs {
+    /// If a model has exactly these, besides outputs of other shapes. `named`: the settings' name of the output with the boxes; without it
+    /// the one whose name says so is taken among two with four numbers.
+    pub(super) fn of(outputs: &[OutputForm], named: Option<&str>) -> Option<Self> {
+        let is_row = |output: &OutputForm| !output.holds_integers && output.shape.len() == 3;
+        let mut boxes: Vec<usize> = (0..outputs.len())
+            .filter(|&index| is_row(&outputs[index]) && outputs[index].shape[2] == BOX)
+            .filter(|&index| named.is_none_or(|name| outputs[index].name == name))
+            .collect();
+        if boxes.len() > 1 {
+            boxes.retain(|&index| outputs[index].name.to_lowercase().contains("box"));
+        }
+        let &[boxes] = &boxes[..] else {
+            return None;
+        };
+        let mut scores = (0..outputs.len()).filter(|&index| {
+            index != boxes
+                && is_row(&outputs[index])
+                && outputs[index].shape[..2] == outputs[boxes].shape[..2]
+        });
+        let found = scores.next()?;
+        scores.next().is_none().then_some(Self {
+            boxes,
+            scores: found,
+        })
+    }
+}
+
+/// The numbers of the two outputs.
+pub(super) struct PairAnswer<'a> {
+    pub(super) boxes: Answer<'a>,
+    pub(super) scores: Answer<'a>,
+}
+
+impl PairAnswer<'_> {
+    /// The same as rows of box and class scores, with their shape.
+    pub(super) fn joined(&self) -> Result<([usize; 3], Vec<f32>), AnswerFault> {
+        let (&[batch, candidates, BOX], &[windows, others, classes]) =
+            (self.boxes.shape(), self.scores.shape())
+        else {
+            return Err(self.misfit());
+        };
+        if (batch, candidates) != (windows, others) || classes == 0 {
+            return Err(self.misfit());
+        }
+        let mut joined = Vec::with_capacity(batch * candidates * (BOX + classes));
+        let boxes = self.boxes.numbers().chunks_exact(BOX);
+        for (numbers, scores) in boxes.zip(self.scores.numbers().chunks_exact(classes)) {
+            joined.extend_from_slice(numbers);
+            joined.extend_from_slice(scores);
+        }
+        Ok(([batch, candidates, BOX + classes], joined))
+    }
+
+    fn misfit(&self) -> AnswerFault {
+        AnswerFault::Misfit {
+            shape: self.boxes.shape().to_vec(),
+            expected: Layout::BoxesAndScores.shape(),
+            windows: self.scores.shape().first().copied().unwrap_or(0),
+            layout: Layout::BoxesAndScores,
+        }
+    }
+}

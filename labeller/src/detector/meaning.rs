@@ -1,0 +1,246 @@
+//! What the numbers of an answer mean, where shapes have several meanings.
+//!
+//! Input: the answer to a blank window, and what settings and metadata say. A detector answers that with candidates of low scores all over
+//! the window, or with no box at all; then the shape alone decides. The same shape is told apart by
+//!
+//! - **Classes by number**: in a row of six, the last number of final boxes is whole; that of candidates is a score.
+//! - **Edges**: the third and fourth number exceed the first two in corners, but hardly ever in centres and sizes.
+//! - **Unit**: no number of a box in parts of the window is far above 1; in pixels most are.
+//! - **Cells**: the centre of a decoded candidate is near its cell; an undecoded one is near 0.
+
+use std::fmt;
+
+use super::answer::Answer;
+use super::layout::{Cell, Layout, cells_in_order};
+use super::metadata::ModelMetadata;
+use super::profile::{BoxForm, BoxUnit, ModelProfile, ScoreForm};
+
+/// Last module of RT-DETR as Ultralytics exports it: rows of centre and size in parts of the window, score, class.
+const RT_DETR: &str = "RTDETRDecoder";
+/// Numbers of a box in parts of the window, whose parts may lie outside.
+const NORMALIZED: std::ops::RangeInclusive<f32> = -0.5..=1.5;
+/// Part of the boxes by corners whose edges are in order. Single ones of low score are turned inside out.
+const LEAST_ORDERED: f64 = 0.75;
+
+/// How the numbers of an answer are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Meaning {
+    pub(super) layout: Layout,
+    pub(super) form: BoxForm,
+    pub(super) unit: BoxUnit,
+    pub(super) scores: ScoreForm,
+}
+
+impl Meaning {
+    /// What models of a layout usually mean.
+    pub(super) fn usual(layout: Layout) -> Self {
+        Self {
+            layout,
+            form: layout.usual_form(),
+            unit: BoxUnit::Pixels,
+            scores: ScoreForm::Probability,
+        }
+    }
+
+    /// Of the answer to a blank window whose shape has this layout.
+    pub(super) fn of_probe(
+        layout: Layout,
+        answer: Answer<'_>,
+        window_px: [u32; 2],
+        profile: &ModelProfile,
+        metadata: &ModelMetadata,
+    ) -> Self {
+        let judged = match profile.layout {
+            Some(said) => Self::usual(said),
+            None if is_by_rt_detr(layout, answer, metadata) => Self {
+                form: BoxForm::CenterSize,
+                unit: BoxUnit::Normalized,
+                ..Self::usual(layout)
+            },
+            None => Self::usual(layout_by_numbers(layout, answer, window_px, metadata)),
+        };
+        let boxes = Boxes::of(judged.layout, answer);
+        let form = match judged.layout {
+            Layout::BoxesAndScores if boxes.are_ordered() => BoxForm::Corners,
+            Layout::Corners if !boxes.all.is_empty() && !boxes.are_ordered() => BoxForm::CenterSize,
+            _ => judged.form,
+        };
+        let unit = if boxes.are_normalized() {
+            BoxUnit::Normalized
+        } else {
+            judged.unit
+        };
+        let scores = match judged.layout {
+            Layout::BoxesAndScores if has_logits(answer) => ScoreForm::Logit,
+            _ => judged.scores,
+        };
+        Self {
+            layout: judged.layout,
+            form: profile.box_form.unwrap_or(form),
+            unit: profile.box_unit.unwrap_or(unit),
+            scores: profile.score_form.unwrap_or(scores),
+        }
+    }
+}
+
+impl fmt::Display for Meaning {
+    /// The layout, and what is unusual in it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let usual = Self::usual(self.layout);
+        write!(f, "{}", self.layout)?;
+        if self.form != usual.form {
+            f.write_str(match self.form {
+                BoxForm::CenterSize => " by centre and size",
+                BoxForm::Corners => " by corners",
+            })?;
+        }
+        if self.unit == BoxUnit::Normalized {
+            f.write_str(" in parts of the window")?;
+        }
+        if self.scores == ScoreForm::Logit {
+            f.write_str(", logits")?;
+        }
+        Ok(())
+    }
+}
+
+fn is_by_rt_detr(layout: Layout, answer: Answer<'_>, metadata: &ModelMetadata) -> bool {
+    let is_row_of_six = matches!(answer.shape(), [_, _, 6]) && layout == Layout::Corners;
+    metadata.head.as_deref() == Some(RT_DETR) && (is_row_of_six || layout == Layout::ClassRows)
+}
+
+/// The layout of this shape that the numbers have.
+fn layout_by_numbers(
+    layout: Layout,
+    answer: Answer<'_>,
+    window_px: [u32; 2],
+    metadata: &ModelMetadata,
+) -> Layout {
+    let &[_, _, columns] = answer.shape() else {
+        return layout;
+    };
+    let is_of_rows = matches!(
+        layout,
+        Layout::Rows | Layout::AnchorRows | Layout::Yolox | Layout::Corners
+    );
+    let boxes = Boxes::of(Layout::Corners, answer);
+    if is_of_rows && columns == 6 && !boxes.all.is_empty() {
+        let has_classes = answer
+            .numbers()
+            .chunks_exact(6)
+            .all(|row| (0.0..=1.0).contains(&row[4]) && row[5] >= 0.0 && row[5].fract() == 0.0);
+        if has_classes && (boxes.are_ordered() || boxes.are_normalized()) {
+            return Layout::Corners;
+        }
+        if layout == Layout::Corners && !has_classes && metadata.named_classes() == Some(2) {
+            return Layout::ClassRows;
+        }
+    }
+    if layout == Layout::Yolox && is_decoded(answer, columns, window_px) {
+        // YOLOv6 has no objectness, and writes 1 in its place.
+        let mut rows = answer.numbers().chunks_exact(columns);
+        return if rows.all(|row| row[4] == 1.0 || row[..4] == [0.0; 4]) {
+            Layout::AnchorRows
+        } else {
+            Layout::YoloxDecoded
+        };
+    }
+    layout
+}
+
+/// Whether the candidates of cells are nearer to their cells than to 0.
+fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
+    let (mut from_cell, mut from_zero) = (Vec::new(), Vec::new());
+    for of_window in answer.of_windows(1) {
+        for (row, cell) in of_window
+            .chunks_exact(columns)
+            .zip(cells_in_order(window_px))
+        {
+            if row[..4] == [0.0; 4] {
+                continue;
+            }
+            let Cell {
+                stride_px,
+                column,
+                line,
+            } = cell;
+            let apart = |x: f32, y: f32| (x - 0.5).abs() + (y - 0.5).abs();
+            from_cell.push(apart(
+                row[0] / stride_px - column,
+                row[1] / stride_px - line,
+            ));
+            from_zero.push(apart(row[0], row[1]));
+        }
+    }
+    let median = |distances: &mut Vec<f32>| {
+        let middle = distances.len() / 2;
+        (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f32::total_cmp).1)
+    };
+    matches!((median(&mut from_cell), median(&mut from_zero)), (Some(cell), Some(zero)) if cell < zero)
+}
+
+/// Whether scores are outside the range of probabilities.
+fn has_logits(answer: Answer<'_>) -> bool {
+    let columns = answer.shape().last().copied().unwrap_or(0).max(1);
+    let mut scores = answer
+        .numbers()
+        .chunks_exact(columns)
+        .flat_map(|row| row.iter().skip(4));
+    scores.any(|score| !(0.0..=1.0).contains(score))
+}
+
+/// The boxes of the first window, without those of zeros, which fill places that no box takes.
+struct Boxes {
+    all: Vec<[f32; 4]>,
+}
+
+impl Boxes {
+    fn of(layout: Layout, answer: Answer<'_>) -> Self {
+        let of_rows = |numbers: &[f32], columns: usize, first: usize| {
+            let rows = numbers.chunks_exact(columns.max(first + 4));
+            rows.map(|row| [0, 1, 2, 3].map(|field| row[first + field]))
+                .collect()
+        };
+        let mut all: Vec<[f32; 4]> = match (layout, answer.shape()) {
+            // Not boxes yet.
+            (Layout::Yolox, _) => Vec::new(),
+            (_, &[_, columns]) => of_rows(answer.numbers(), columns, 1),
+            (Layout::Columns, &[batch, rows, candidates]) if batch > 0 && rows >= 4 => {
+                let value = |field: usize, k: usize| answer.numbers()[field * candidates + k];
+                (0..candidates)
+                    .map(|k| [0, 1, 2, 3].map(|field| value(field, k)))
+                    .collect()
+            }
+            (Layout::EfficientNms, &[_, _, columns]) => {
+                // A place past the number of boxes has no class.
+                let rows = answer.numbers().chunks_exact(columns.max(6));
+                let counted = rows.filter(|row| row[5] >= 0.0);
+                counted
+                    .map(|row| [row[0], row[1], row[2], row[3]])
+                    .collect()
+            }
+            (_, &[batch, _, columns]) if batch > 0 => of_rows(answer.of_windows(1)[0], columns, 0),
+            _ => Vec::new(),
+        };
+        all.retain(|numbers| *numbers != [0.0; 4]);
+        Self { all }
+    }
+
+    /// Whether they are corners, by the order of their edges.
+    fn are_ordered(&self) -> bool {
+        let ordered = self.all.iter().filter(|[a, b, c, d]| c > a && d > b);
+        !self.all.is_empty() && ordered.count() as f64 >= LEAST_ORDERED * self.all.len() as f64
+    }
+
+    fn are_normalized(&self) -> bool {
+        !self.all.is_empty()
+            && self
+                .all
+                .iter()
+                .flatten()
+                .all(|number| NORMALIZED.contains(number))
+    }
+}
+
+#[cfg(test)]
+mod tests;
