@@ -35,6 +35,11 @@ use crate::outside_file::{self, FileKind};
 const MOST_COLUMNS: usize = 2_048;
 /// Identifiers of views and the like are file names.
 const MOST_TEXT_BYTES: usize = 255;
+/// Tables that need more memory than [`UNSUSPICIOUS_BYTES`] are larger on disk than this part of it: measured numbers hardly compress. One
+/// value that is repeated millions of times takes thousands of times its size.
+const MOST_EXPANSION: u64 = 200;
+/// Memory that any table may need.
+const UNSUSPICIOUS_BYTES: u64 = 64 << 20;
 /// Rows decoded at once.
 const BATCH_ROWS: usize = 1_024;
 
@@ -396,6 +401,18 @@ impl Table {
         }
         let schema = readable(metadata.schema()).map_err(|message| Error::table(path, message))?;
         let needed = rows.saturating_mul(schema.fields().iter().map(bytes_of).sum());
+        let size = bytes.len() as u64;
+        if needed > UNSUSPICIOUS_BYTES.max(size.saturating_mul(MOST_EXPANSION)) {
+            return Err(Error::table(
+                path,
+                format!(
+                    "has {} on disk and would take about {} of memory, expected at most {MOST_EXPANSION} times its size: it was made to fill \
+                     the memory, and is not read",
+                    memory::Bytes(size),
+                    memory::Bytes(needed)
+                ),
+            ));
+        }
         memory::check(format!("table {}", path.display()), needed)?;
         let options = ArrowReaderOptions::new().with_schema(schema.clone());
         let reader = ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options)
@@ -692,6 +709,27 @@ mod tests {
             message.contains("has 3000000 rows, expected at most 1000"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn a_small_file_that_would_fill_the_memory_is_refused_and_measured_numbers_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("predictions.parquet");
+        let most_rows = (UNSUSPICIOUS_BYTES / 64) as usize;
+        bomb(&path, most_rows);
+        assert!(Table::read(&path, u64::MAX).is_ok());
+        bomb(&path, most_rows + 1);
+        let message = Table::read(&path, u64::MAX).err().unwrap().to_string();
+        assert!(
+            message.contains("64.0 MiB of memory, expected at most 200 times its size"),
+            "{message}"
+        );
+        // As many numbers as measurements have: they take more than 64 MiB as well.
+        let measured = (0..3_000_000).map(|row| f64::from(row).sqrt());
+        let names = std::iter::repeat_n("approach", 3_000_000);
+        let table = TableWriter::new().text("scenario", names);
+        table.f64("dtd_m", measured).write(&path).unwrap();
+        assert!(Table::read(&path, u64::MAX).is_ok());
     }
 
     #[test]

@@ -1,0 +1,135 @@
+//! The connections of browsers: a few at a time, and none of them is held by a client that sends or reads nothing.
+//!
+//! A browser opens about six. A program that opens many and is silent must not keep browsers out: its connections end soon, and those that
+//! come meanwhile wait in the system's queue.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+#[cfg(target_os = "linux")]
+use socket2::SockRef;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
+use tokio::time::sleep;
+
+use crate::error::ViewError;
+
+/// Maximum connections.
+pub(crate) const MOST_CONNECTIONS: usize = 64;
+/// Timeout of a request, from the beginning of its connection or the end of the previous one.
+const REQUEST_WITHIN: Duration = Duration::from_secs(10);
+/// How long a client may leave data unread: a browser whose video is paused asks again for the rest.
+#[cfg(target_os = "linux")]
+const READ_WITHIN: Duration = Duration::from_secs(60);
+/// Delay after a connection could not be accepted: others must first release descriptors.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Serves until dropped; its connections end with it.
+pub(crate) async fn serve(listener: TcpListener, router: Router) -> Result<(), ViewError> {
+    let service = TowerToHyperService::new(router);
+    let room = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+    let mut connections = JoinSet::new();
+    loop {
+        while connections.try_join_next().is_some() {}
+        // The semaphore is never closed; without a permit the connection would only not be counted.
+        let permit = room.clone().acquire_owned().await.ok();
+        let (stream, from) = match listener.accept().await {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                tracing::debug!(%error, "no connection can be accepted now");
+                sleep(PAUSE).await;
+                continue;
+            }
+        };
+        end_if_unread(&stream);
+        let service = service.clone();
+        connections.spawn(async move {
+            let _permit = permit;
+            let served = http1::Builder::new()
+                .timer(TokioTimer::new())
+                .header_read_timeout(REQUEST_WITHIN)
+                .serve_connection(TokioIo::new(stream), service)
+                .await;
+            if let Err(error) = served {
+                tracing::debug!(%from, %error, "connection closed");
+            }
+        });
+    }
+}
+
+/// Lets the system close a connection whose client does not read. Elsewhere such clients are limited by their number alone.
+#[cfg(target_os = "linux")]
+fn end_if_unread(stream: &TcpStream) {
+    if let Err(error) = SockRef::from(stream).set_tcp_user_timeout(Some(READ_WITHIN)) {
+        tracing::debug!(%error, "a client may leave its answers unread");
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn end_if_unread(_stream: &TcpStream) {}
+
+#[cfg(test)]
+mod tests {
+    use axum::routing::get;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::time::Instant;
+
+    use super::*;
+
+    const REQUEST: &[u8] = b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
+
+    async fn served() -> std::net::SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        tokio::spawn(serve(listener, Router::new().route("/", get("here"))));
+        address
+    }
+
+    async fn answer(stream: &mut TcpStream) -> String {
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).await.unwrap();
+        answer
+    }
+
+    #[tokio::test]
+    async fn the_sixty_fourth_connection_is_served_at_once_and_the_next_one_when_one_has_ended() {
+        let address = served().await;
+        let mut silent = Vec::new();
+        for _ in 1..MOST_CONNECTIONS {
+            silent.push(TcpStream::connect(address).await.unwrap());
+        }
+        let mut last = TcpStream::connect(address).await.unwrap();
+        last.write_all(REQUEST).await.unwrap();
+        assert!(answer(&mut last).await.ends_with("here"));
+        silent.push(TcpStream::connect(address).await.unwrap());
+        let mut beyond = TcpStream::connect(address).await.unwrap();
+        beyond.write_all(REQUEST).await.unwrap();
+        let waiting = beyond.readable();
+        assert!(
+            tokio::time::timeout(Duration::from_millis(300), waiting)
+                .await
+                .is_err()
+        );
+        silent.pop();
+        assert!(answer(&mut beyond).await.ends_with("here"));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_request_that_is_not_complete_after_ten_seconds_ends_its_connection() {
+        let address = served().await;
+        let began = Instant::now();
+        let mut half = TcpStream::connect(address).await.unwrap();
+        half.write_all(b"GET / HTTP/1.1\r\nHo").await.unwrap();
+        assert_eq!(half.read(&mut [0; 64]).await.unwrap(), 0);
+        let took = began.elapsed();
+        assert!(
+            (REQUEST_WITHIN..2 * REQUEST_WITHIN).contains(&took),
+            "{took:?}"
+        );
+    }
+}
