@@ -229,8 +229,11 @@ async fn long_winded(bytes: Option<usize>) -> SocketAddr {
             while stream.read_line(&mut line).await.unwrap() > 2 {
                 line.clear();
             }
-            let length = bytes.map_or(String::new(), |bytes| format!("Content-Length: {bytes}\r\n"));
-            let head = format!("HTTP/1.1 200 OK\r\nConnection: close\r\n{length}\r\n{CAPABILITIES}");
+            let length = bytes.map_or(String::new(), |bytes| {
+                format!("Content-Length: {bytes}\r\n")
+            });
+            let head =
+                format!("HTTP/1.1 200 OK\r\nConnection: close\r\n{length}\r\n{CAPABILITIES}");
             stream.write_all(head.as_bytes()).await.unwrap();
             let mut left = bytes.map_or(usize::MAX, |bytes| bytes - CAPABILITIES.len());
             while left > 0 {

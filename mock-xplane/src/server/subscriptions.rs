@@ -98,8 +98,8 @@ impl Subscriptions {
         }
         if frequency_hz > 0 {
             let is_new = !self.positions.contains_key(&from);
-            let is_full = self.count() >= MAX_SUBSCRIPTIONS
-                || self.positions.len() >= MAX_POSITION_CLIENTS;
+            let is_full =
+                self.count() >= MAX_SUBSCRIPTIONS || self.positions.len() >= MAX_POSITION_CLIENTS;
             if is_new && is_full {
                 return false;
             }

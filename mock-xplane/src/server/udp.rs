@@ -127,7 +127,10 @@ impl Server {
             }
             ToSimulator::SubscribePosition(request) => {
                 let frequency_hz = request.frequency_hz;
-                if !self.subscriptions.subscribe_position(from, frequency_hz, now_s) {
+                if !self
+                    .subscriptions
+                    .subscribe_position(from, frequency_hz, now_s)
+                {
                     tracing::debug!(%from, "request lost: too many");
                 }
             }

@@ -209,14 +209,20 @@ mod tests {
         let changes: [(Change, &str); 3] = [
             (|state| state.pose.latitude_deg = f64::NAN, "latitude_deg"),
             (|state| state.pose.roll_deg = f64::INFINITY, "roll_deg"),
-            (|state| state.true_airspeed_mps = f64::NAN, "true_airspeed_mps"),
+            (
+                |state| state.true_airspeed_mps = f64::NAN,
+                "true_airspeed_mps",
+            ),
         ];
         for (change, column) in changes {
             let mut strange = states();
             change(&mut strange[1]);
             let error = decode_flight(&columns(), 3, &encode_flight(&strange)).unwrap_err();
             let said = error.to_string();
-            assert!(said.starts_with(&format!("{column} of state 1 is")), "{said}");
+            assert!(
+                said.starts_with(&format!("{column} of state 1 is")),
+                "{said}"
+            );
         }
     }
 }

@@ -191,7 +191,9 @@ mod tests {
         assert_eq!(keep("x".repeat(MAX_PROFILE_BYTES - around)), Ok(()));
         let beyond = keep("x".repeat(MAX_PROFILE_BYTES - around + 1)).unwrap_err();
         assert!(
-            beyond.to_string().contains("16385 bytes, expected at most 16384"),
+            beyond
+                .to_string()
+                .contains("16385 bytes, expected at most 16384"),
             "{beyond}"
         );
         assert!(keep("é".repeat(20_000)).is_err());

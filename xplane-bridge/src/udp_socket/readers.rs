@@ -159,7 +159,10 @@ mod tests {
         let mut readers = Readers::new();
         let (first, mut values) = readers.claim(1);
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let strange = DatarefValue { index: first, value };
+            let strange = DatarefValue {
+                index: first,
+                value,
+            };
             let unwanted = readers.hand_out([strange].into_iter());
             assert!(unwanted.is_empty() && values.try_recv().is_err(), "{value}");
         }
