@@ -213,10 +213,19 @@ impl Step {
         let elapsed = self.elapsed();
         if form == Form::Json {
             stderr::write_json(&self.line(&standing, elapsed));
-        } else {
-            let words = standing.words(self.unit, elapsed, true);
-            stderr::say(&format!("{}: {words}", self.name));
+            return;
         }
+        let words = standing.words(self.unit, elapsed, true);
+        let mut line = format!("{}: {words}", self.name);
+        if standing.is_complete() {
+            // Of many short steps of one kind, such as the networks of each view, the log has one.
+            let stage = standing.working_on.split(':').next().unwrap_or_default();
+            match repeats::admit(Source::Line(format!("{} is complete: {stage}", self.name))) {
+                Some(repeated) => line += &repeated.to_string(),
+                None => return,
+            }
+        }
+        stderr::say(&line);
     }
 
     fn line<'a>(&self, standing: &'a Standing, elapsed: Duration) -> ProgressLine<'a> {

@@ -400,7 +400,12 @@ impl Table {
             ));
         }
         let schema = readable(metadata.schema()).map_err(|message| Error::table(path, message))?;
-        let needed = rows.saturating_mul(schema.fields().iter().map(bytes_of).sum());
+        let of_rows = rows.saturating_mul(schema.fields().iter().map(bytes_of).sum());
+        // A few rows may have long texts.
+        let groups = metadata.metadata().row_groups().iter();
+        let unfolded =
+            groups.map(|group| u64::try_from(group.total_byte_size()).unwrap_or(u64::MAX));
+        let needed = unfolded.fold(0, u64::saturating_add).max(of_rows);
         let size = bytes.len() as u64;
         if needed > UNSUSPICIOUS_BYTES.max(size.saturating_mul(MOST_EXPANSION)) {
             return Err(Error::table(
@@ -724,6 +729,13 @@ mod tests {
             message.contains("64.0 MiB of memory, expected at most 200 times its size"),
             "{message}"
         );
+        let long = "x".repeat(UNSUSPICIOUS_BYTES as usize + 1);
+        TableWriter::new()
+            .text("view", [long])
+            .write(&path)
+            .unwrap();
+        let message = Table::read(&path, 1).err().unwrap().to_string();
+        assert!(message.contains("times its size"), "{message}");
         // As many numbers as measurements have: they take more than 64 MiB as well.
         let measured = (0..3_000_000).map(|row| f64::from(row).sqrt());
         let names = std::iter::repeat_n("approach", 3_000_000);

@@ -15,6 +15,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use crate::causes::with_causes;
+use crate::peer_text::beginning;
 use futures_util::future::BoxFuture;
 
 pub use flight::AirStart;
@@ -268,7 +269,7 @@ impl WebApi {
             address: self.address,
             doing: format!("reading {name}"),
             expected: "a number",
-            found: found.to_string(),
+            found: beginning(&found.to_string()).to_owned(),
         })
     }
 
@@ -437,7 +438,7 @@ async fn send<T: DeserializeOwned>(
         address,
         doing: doing.to_owned(),
         expected: "the form that X-Plane's Web API documents",
-        found: format!("{error} in {}", shortened(&text)),
+        found: format!("{error} in {}", beginning(&text)),
     })
 }
 
@@ -479,7 +480,7 @@ async fn answer(
                 address,
                 status: status.as_u16(),
                 doing: doing.to_owned(),
-                text: said.unwrap_or_else(|| shortened(&text).to_owned()),
+                text: beginning(said.as_ref().unwrap_or(&text)).to_owned(),
             })
         }
     }
@@ -492,13 +493,4 @@ fn not_reached(address: SocketAddr, doing: &str, source: reqwest::Error) -> WebA
         // The address is in the message already.
         source: source.without_url(),
     }
-}
-
-/// Enough of an answer to identify it.
-fn shortened(text: &str) -> &str {
-    let end = text
-        .char_indices()
-        .nth(200)
-        .map_or(text.len(), |(at, _)| at);
-    &text[..end]
 }
