@@ -43,6 +43,13 @@ fn every_line_of_a_log_has_its_date_and_time_and_the_last_progress_says_all_that
         .iter()
         .rfind(|line| line.contains(" ticks in ") && line.contains('/'));
     let progress = progress.unwrap_or_else(|| panic!("no progress in {lines:?}"));
+    let committed = lines
+        .iter()
+        .rposition(|line| line.contains("ticks in") && !line.contains('/'));
+    assert!(
+        committed < lines.iter().position(|line| line == progress),
+        "{lines:?}"
+    );
     for words in ["scenario 6 of 6", " written, ", " free"] {
         assert!(progress.contains(words), "{progress}");
     }

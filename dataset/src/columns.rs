@@ -4,6 +4,8 @@
 //! state what the file contains instead. Sizes that a file declares are checked before anything is decoded: a megabyte may
 //! decompress to gigabytes.
 
+mod page_sizes;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -402,10 +404,10 @@ impl Table {
         let schema = readable(metadata.schema()).map_err(|message| Error::table(path, message))?;
         let of_rows = rows.saturating_mul(schema.fields().iter().map(bytes_of).sum());
         // A few rows may have long texts.
-        let groups = metadata.metadata().row_groups().iter();
-        let unfolded =
-            groups.map(|group| u64::try_from(group.total_byte_size()).unwrap_or(u64::MAX));
-        let needed = unfolded.fold(0, u64::saturating_add).max(of_rows);
+        let of_pages = page_sizes::decompressed_bytes(&bytes, metadata.metadata());
+        let of_pages =
+            of_pages.ok_or_else(|| Error::table(path, "its pages do not fill its columns"))?;
+        let needed = of_rows.max(of_pages);
         let size = bytes.len() as u64;
         if needed > UNSUSPICIOUS_BYTES.max(size.saturating_mul(MOST_EXPANSION)) {
             return Err(Error::table(

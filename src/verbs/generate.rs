@@ -261,7 +261,14 @@ impl ShowEvents {
 
     fn show_done(&self) {
         let current: u64 = self.current.values().map(|current| current.done).sum();
-        self.bar.set_done(self.before + current);
+        let done = self.before + current;
+        // The last picture is not the end: its scenario is sealed and committed first.
+        let is_over = self.current.is_empty();
+        self.bar.set_done(if is_over {
+            done
+        } else {
+            done.min(self.total.saturating_sub(1))
+        });
     }
 
     /// A scenario that ended, with the ticks that count as done.
