@@ -57,7 +57,7 @@ pub(crate) struct Args {
     /// The default is what the machine, its container and `ulimit -v` leave.
     #[arg(long, global = true, value_name = "SIZE", display_order = 901)]
     pub(crate) max_memory: Option<Bytes>,
-    /// What stderr is for: `json` writes an object a line, see `dtd schema progress`
+    /// Form of stderr: `json` writes an object a line (`dtd schema progress`)
     #[arg(
         long,
         global = true,
@@ -72,7 +72,7 @@ pub(crate) struct Args {
     pub(crate) verb: Verb,
 }
 
-/// Who reads stderr.
+/// Forms of stderr.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProgressForm {
     /// Bars on a terminal, else lines with their times

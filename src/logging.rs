@@ -32,8 +32,7 @@ struct Lines;
 
 impl<S: Subscriber> Layer<S> for Lines {
     fn on_event(&self, event: &Event<'_>, _context: Context<'_, S>) {
-        let mut line = Line::default();
-        event.record(&mut line);
+        let line = Line::of(event);
         let about = event.metadata();
         let level = match *about.level() {
             tracing::Level::ERROR => Level::Error,
@@ -41,15 +40,14 @@ impl<S: Subscriber> Layer<S> for Lines {
             tracing::Level::INFO => Level::Info,
             _ => Level::Detail,
         };
-        let text = format!("{}{}", line.message, line.fields);
-        let text = one_line(&text);
-        // Who asks for every detail gets it.
+        let text = line.text();
+        // With -vv every detail is written.
         if level == Level::Detail {
             return stderr::log(level, &text);
         }
         let source = match line.from {
             Some(from) => Source::Peer(about.callsite(), from),
-            None => Source::Event(about.callsite(), text.clone().into_owned()),
+            None => Source::Event(about.callsite(), text.clone()),
         };
         if let Some(repeated) = repeats::admit(source) {
             stderr::log(level, &format!("{text}{repeated}"));
@@ -65,6 +63,18 @@ struct Line {
     fields: String,
     /// The peer that it is about.
     from: Option<IpAddr>,
+}
+
+impl Line {
+    fn of(event: &Event<'_>) -> Self {
+        let mut line = Self::default();
+        event.record(&mut line);
+        line
+    }
+
+    fn text(&self) -> String {
+        one_line(&format!("{}{}", self.message, self.fields)).into_owned()
+    }
 }
 
 impl Visit for Line {
@@ -90,32 +100,29 @@ mod tests {
     use super::*;
 
     /// Keeps the lines instead of writing them.
-    struct Kept(Arc<Mutex<Vec<(String, Option<IpAddr>)>>>);
+    #[derive(Clone, Default)]
+    struct Kept(Arc<Mutex<Vec<Line>>>);
 
     impl<S: Subscriber> Layer<S> for Kept {
         fn on_event(&self, event: &Event<'_>, _context: Context<'_, S>) {
-            let mut line = Line::default();
-            event.record(&mut line);
-            let text = format!("{}{}", line.message, line.fields);
-            self.0
-                .lock()
-                .unwrap()
-                .push((one_line(&text).into_owned(), line.from));
+            self.0.lock().unwrap().push(Line::of(event));
         }
     }
 
     #[test]
     fn an_event_is_one_line_without_control_characters_and_knows_its_peer() {
-        let kept = Arc::new(Mutex::new(Vec::new()));
+        let kept = Kept::default();
         let from: SocketAddr = ([127, 0, 0, 1], 7).into();
         let error = "\u{1b}[31mno\n2026-11-26T00:00:05Z ERROR all is lost\r\u{202e}";
-        tracing::subscriber::with_default(registry().with(Kept(kept.clone())), || {
+        tracing::subscriber::with_default(registry().with(kept.clone()), || {
             tracing::warn!(%from, %error, "datagram {}", "ignored");
             tracing::warn!(path = "a\u{7}b", "no peer");
         });
-        let kept = kept.lock().unwrap().clone();
+        let kept = kept.0.lock().unwrap();
         let text = "datagram ignored from=127.0.0.1:7 error=\\u{1b}[31mno\\n2026-11-26T00:00:05Z ERROR all is lost\\r\\u{202e}";
-        assert_eq!(kept[0], (text.to_owned(), Some([127, 0, 0, 1].into())));
-        assert_eq!(kept[1], ("no peer path=\"a\\u{7}b\"".to_owned(), None));
+        assert_eq!(kept[0].text(), text);
+        assert_eq!(kept[0].from, Some([127, 0, 0, 1].into()));
+        assert_eq!(kept[1].text(), "no peer path=\"a\\u{7}b\"");
+        assert_eq!(kept[1].from, None);
     }
 }

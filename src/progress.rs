@@ -47,7 +47,7 @@ pub(crate) struct Bar {
     bar: ProgressBar,
 }
 
-/// What a bar shows.
+/// The content of a bar.
 struct Step {
     name: &'static str,
     unit: &'static str,
@@ -88,13 +88,12 @@ impl Bar {
             standing: Mutex::new(standing),
             cadence: Mutex::default(),
         });
-        let bar = BARS.add(match total {
-            Some(total) => ProgressBar::new(total),
-            None => ProgressBar::no_length(),
-        });
-        bar.set_prefix(step.name);
-        let bar = Self { step, bar };
+        // Hidden until it has its style.
+        let hidden = ProgressBar::with_draw_target(total, ProgressDrawTarget::hidden());
+        hidden.set_prefix(step.name);
+        let bar = Self { step, bar: hidden };
         bar.set_style();
+        BARS.add(bar.bar.clone());
         if stderr::form() == Form::Terminal {
             bar.bar.enable_steady_tick(Duration::from_millis(200));
         } else {

@@ -16,7 +16,7 @@ const MOST_DIFFERENT: u64 = 60;
 /// Lines that are remembered.
 const MOST_REMEMBERED: usize = 1_024;
 
-/// What makes two lines the same.
+/// The identity of a line.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) enum Source {
     /// An event about a peer: whatever it says, by its place in the code and the peer's address.
@@ -27,7 +27,7 @@ pub(crate) enum Source {
     Line(String),
 }
 
-/// How often a line was not written since the last time that it was; nothing as text if it is new.
+/// Number of times that a line was left out since it was last written; as text, empty for none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Repeated(u64);
 
@@ -40,7 +40,7 @@ impl fmt::Display for Repeated {
     }
 }
 
-/// Whether a line may be written now, and how often it was not.
+/// Admits a line, unless the same one was written a moment ago.
 pub(crate) fn admit(source: Source) -> Option<Repeated> {
     static REPEATS: LazyLock<Mutex<Repeats>> = LazyLock::new(Mutex::default);
     let mut repeats = REPEATS.lock().unwrap_or_else(PoisonError::into_inner);

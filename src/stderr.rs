@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::plain::plain;
 use crate::progress::beside_bars;
 
-/// Who reads standard error.
+/// The readers of standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Form {
     /// A person at a terminal.
@@ -25,7 +25,7 @@ pub(crate) enum Form {
     Json,
 }
 
-/// How important a line is.
+/// The importance of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Level {
@@ -46,7 +46,7 @@ struct Message<'a> {
 
 static FORM: OnceLock<Form> = OnceLock::new();
 
-/// Sets the form to JSON; otherwise what standard error is decides.
+/// Sets the form to JSON. Without it, the form depends on standard error being a terminal.
 pub(crate) fn use_json() {
     let _ = FORM.set(Form::Json);
 }

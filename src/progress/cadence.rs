@@ -1,4 +1,5 @@
-//! When a line of progress is due in a log: neither so often that a log of a night is unreadable, nor so rarely that a run seems dead. Pure.
+//! The times at which a line of progress is due in a log: not so often that a night's log is unreadable, not so rarely that a run seems
+//! dead. Pure.
 
 use std::time::Duration;
 
@@ -15,7 +16,7 @@ const LONGEST: Duration = Duration::from_secs(290);
 /// How often it is looked whether a line is due although the work does not move.
 pub(super) const BEAT: Duration = Duration::from_secs(5);
 
-/// What was written of a step.
+/// The progress of a step that was written last.
 #[derive(Debug, Default)]
 pub(super) struct Cadence {
     part: u64,

@@ -1,4 +1,4 @@
-//! How far a step of the work is, and what follows from that. Pure.
+//! The state of a step of the work, and its pace. Pure.
 
 use std::time::Duration;
 
@@ -28,7 +28,7 @@ pub(crate) struct Disk {
     pub(crate) free: Option<u64>,
 }
 
-/// How far a step is.
+/// The state of a step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Standing {
     pub(crate) total: Option<u64>,

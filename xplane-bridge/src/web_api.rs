@@ -15,7 +15,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use crate::causes::with_causes;
-use crate::peer_text::beginning;
+use crate::peer_text::quoted;
 use futures_util::future::BoxFuture;
 
 pub use flight::AirStart;
@@ -269,7 +269,7 @@ impl WebApi {
             address: self.address,
             doing: format!("reading {name}"),
             expected: "a number",
-            found: beginning(&found.to_string()).to_owned(),
+            found: quoted(&found.to_string()),
         })
     }
 
@@ -438,7 +438,7 @@ async fn send<T: DeserializeOwned>(
         address,
         doing: doing.to_owned(),
         expected: "the form that X-Plane's Web API documents",
-        found: format!("{error} in {}", beginning(&text)),
+        found: quoted(&format!("{error} in {text}")),
     })
 }
 
@@ -480,7 +480,7 @@ async fn answer(
                 address,
                 status: status.as_u16(),
                 doing: doing.to_owned(),
-                text: beginning(said.as_ref().unwrap_or(&text)).to_owned(),
+                text: quoted(said.as_ref().unwrap_or(&text)),
             })
         }
     }

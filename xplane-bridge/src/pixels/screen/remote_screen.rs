@@ -15,7 +15,7 @@ use crate::link::{
     LinkError, ScreenAnswer, ScreenPart, ScreenRequest, exchange_greetings, read_header,
     read_payload, write_message,
 };
-use crate::peer_text::beginning;
+use crate::peer_text::quoted;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
 /// Timeout of opening or a grab: slightly less than the caller's, so that the thread ends first.
@@ -155,7 +155,7 @@ async fn ask(
     match answer.await {
         Ok((ScreenAnswer::Error { text }, _)) => Err(PixelError::RemoteRefused {
             link,
-            text: beginning(&text).to_owned(),
+            text: quoted(&text),
         }),
         Ok(answer) => Ok(answer),
         Err(source) => Err(PixelError::RemoteScreen { link, source }),
