@@ -253,7 +253,7 @@ impl Drop for Bar {
     }
 }
 
-/// Starts the thread that writes a line of the newest step when nothing else has for minutes.
+/// Starts the thread that writes a line of the newest step when there was none for minutes.
 fn beat() {
     static STARTED: Once = Once::new();
     STARTED.call_once(|| {

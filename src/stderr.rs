@@ -1,8 +1,8 @@
 //! Standard error: every line for people, in the form that suits its reader.
 //!
 //! On a terminal a line is as short as possible. Elsewhere it begins with its date and time, since a night's log is read in the morning.
-//! With `--progress json` it is an object of `schema/progress.schema.json`, for programs. Lines may contain text from a simulator, a client or a
-//! file, so control characters are shown by their numbers in all three.
+//! With `--progress json` it is an object of `schema/progress.schema.json`, for programs. Lines may contain text from a simulator, a client
+//! or a file, so control characters are shown by their numbers in all three.
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::OnceLock;
@@ -105,7 +105,7 @@ pub(crate) fn write_json(line: &impl Serialize) {
     }
 }
 
-/// If nobody reads it any more, nothing is lost.
+/// A reader that is gone is no failure.
 fn write_line(line: &str) {
     let _ = beside_bars(|| writeln!(io::stderr().lock(), "{line}"));
 }

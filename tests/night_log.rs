@@ -1,4 +1,4 @@
-//! What a night leaves on stderr: a log in which every line has its time, or objects for a program; and nothing that a peer wants there.
+//! The log of a night: every line has its time, or is an object for a program, and peers can neither fill nor forge it.
 
 use std::collections::BTreeSet;
 use std::fs;

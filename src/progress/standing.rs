@@ -22,9 +22,9 @@ pub(crate) struct Scenarios {
 /// The disk that a run writes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Disk {
-    /// What this run has written, bytes.
+    /// Bytes that this run has written.
     pub(crate) written: u64,
-    /// What is left, bytes; absent if the system does not report it.
+    /// Bytes that are left; absent if the system does not report it.
     pub(crate) free: Option<u64>,
 }
 

@@ -1,4 +1,4 @@
-//! The connections of browsers: a few at a time, and none of them is held by a client that sends or reads nothing.
+//! The connections of browsers: a few at a time, and none of them is held by a silent client.
 //!
 //! A browser opens about six. A program that opens many and is silent must not keep browsers out: its connections end soon, and those that
 //! come meanwhile wait in the system's queue.
