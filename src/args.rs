@@ -57,8 +57,28 @@ pub(crate) struct Args {
     /// The default is what the machine, its container and `ulimit -v` leave.
     #[arg(long, global = true, value_name = "SIZE", display_order = 901)]
     pub(crate) max_memory: Option<Bytes>,
+    /// Form of stderr: `json` writes an object a line (`dtd schema progress`)
+    #[arg(
+        long,
+        global = true,
+        value_name = "FORM",
+        default_value = "auto",
+        hide_default_value = true,
+        hide_possible_values = true,
+        display_order = 902
+    )]
+    pub(crate) progress: ProgressForm,
     #[command(subcommand)]
     pub(crate) verb: Verb,
+}
+
+/// Forms of stderr.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ProgressForm {
+    /// Bars on a terminal, else lines with their times
+    Auto,
+    /// Programs
+    Json,
 }
 
 impl Args {
@@ -81,7 +101,7 @@ pub(crate) enum Verb {
     /// Show a sweep's scenarios, their cost and what is new; records nothing
     #[command(after_help = help::PLAN)]
     Plan(PlanArgs),
-    /// Print the JSON Schema of sweep or training files, for editors and checkers
+    /// Print the JSON Schema of sweeps, training files or progress
     #[command(after_help = help::SCHEMA)]
     Schema {
         /// Which files
@@ -177,6 +197,8 @@ pub(crate) enum SchemaOf {
     Sweep,
     /// Settings of a training: TRAIN.toml of train
     Train,
+    /// Lines on stderr with --progress json
+    Progress,
 }
 
 #[derive(Debug, ClapArgs)]

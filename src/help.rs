@@ -167,7 +167,8 @@ Example:
 pub(crate) const SCHEMA: &str = "\
 Examples:
   dtd schema > sweep.schema.json              and in the sweep: #:schema ./sweep.schema.json
-  dtd schema train > train.schema.json";
+  dtd schema train > train.schema.json
+  dtd schema progress                         of generate ... --progress json";
 
 pub(crate) const COMPLETIONS: &str = "\
 Examples:

@@ -11,21 +11,26 @@ mod local_udp_args;
 mod logging;
 mod plain;
 mod progress;
+mod repeats;
 mod search_args;
 mod shard_arg;
 mod shipped;
 mod signals;
+mod stderr;
 mod telemetry;
 mod verbs;
 mod view_args;
 
 use std::process::ExitCode;
 
-use args::Args;
+use args::{Args, ProgressForm};
 
 fn main() -> ExitCode {
     telemetry::switch_off();
     let args = Args::of_process();
+    if args.progress == ProgressForm::Json {
+        stderr::use_json();
+    }
     logging::start(args.verbose);
     if let Some(limit) = args.max_memory {
         dataset::memory::set_limit(limit);

@@ -5,11 +5,20 @@ use std::borrow::Cow;
 /// Text that is safe for a terminal: lines and tabs stay; other control characters, and those that change the writing direction,
 /// are shown by their numbers.
 pub(crate) fn plain(words: &str) -> Cow<'_, str> {
-    let harmful = |c: char| {
-        (c.is_control() && c != '\n' && c != '\t')
-            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-    };
-    if !words.contains(harmful) {
+    without(words, |c| is_harmful(c) && c != '\n')
+}
+
+/// The same on one line: a line feed is shown as well, so that text of others cannot begin a line of ours.
+pub(crate) fn one_line(words: &str) -> Cow<'_, str> {
+    without(words, is_harmful)
+}
+
+fn is_harmful(c: char) -> bool {
+    (c.is_control() && c != '\t') || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+fn without(words: &str, harmful: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !words.contains(&harmful) {
         return Cow::Borrowed(words);
     }
     let mut shown = String::with_capacity(words.len() + 16);
@@ -34,5 +43,6 @@ mod tests {
             plain("\u{1b}]0;owned\u{7}\r\u{9b}2J\u{202e}cod\u{7f}"),
             "\\u{1b}]0;owned\\u{7}\\r\\u{9b}2J\\u{202e}cod\\u{7f}"
         );
+        assert_eq!(one_line("two\nlines\tüß"), "two\\nlines\tüß");
     }
 }

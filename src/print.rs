@@ -12,7 +12,7 @@ use std::process;
 
 use crate::failure::FAILED;
 use crate::plain::plain;
-use crate::progress::beside_bars;
+use crate::stderr;
 
 macro_rules! println {
     () => { $crate::print::to_stdout(format_args!("")) };
@@ -51,8 +51,7 @@ fn write_to_stdout(line: &str) {
     }
 }
 
-/// Writes a line for a person. If nobody reads it, nothing is lost.
+/// Writes a line for a person.
 pub(crate) fn to_stderr(line: Arguments<'_>) {
-    let line = line.to_string();
-    let _ = beside_bars(|| writeln!(io::stderr().lock(), "{}", plain(&line)));
+    stderr::say(&line.to_string());
 }

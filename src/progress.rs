@@ -1,27 +1,40 @@
-//! Progress on stderr: bars on a terminal; otherwise, as in a log file, a line per tenth of the work.
+//! Progress on stderr: bars on a terminal; otherwise lines, for people or for programs ([`crate::stderr`]).
 
-use std::fmt;
-use std::io::IsTerminal;
-use std::sync::LazyLock;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+mod cadence;
+mod standing;
 
-use indicatif::{
-    HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle,
-};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, Once, PoisonError, Weak};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
 
-use crate::plain::plain;
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use serde::Serialize;
 
-/// Number of log lines per step.
-const LOG_LINES: u64 = 10;
+use crate::plain::one_line;
+use crate::repeats::{self, Source};
+use crate::stderr::{self, Form};
+use cadence::{BEAT, Cadence};
+use standing::Standing;
+pub(crate) use standing::{Disk, Scenarios};
 
 /// All bars of the process. Without a terminal they are hidden.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(|| {
-    MultiProgress::with_draw_target(match std::io::stderr().is_terminal() {
-        true => ProgressDrawTarget::stderr(),
-        false => ProgressDrawTarget::hidden(),
+    MultiProgress::with_draw_target(match stderr::form() {
+        Form::Terminal => ProgressDrawTarget::stderr(),
+        Form::Log | Form::Json => ProgressDrawTarget::hidden(),
     })
 });
+
+/// The steps in work, the newest last, and when a line of progress was written last.
+static STEPS: Mutex<Steps> = Mutex::new(Steps {
+    in_work: Vec::new(),
+    last_line: None,
+});
+
+struct Steps {
+    in_work: Vec<Weak<Step>>,
+    last_line: Option<Instant>,
+}
 
 /// Writes to the terminal while no bar is in the way.
 pub(crate) fn beside_bars<T>(write: impl FnOnce() -> T) -> T {
@@ -30,98 +43,139 @@ pub(crate) fn beside_bars<T>(write: impl FnOnce() -> T) -> T {
 
 /// A bar that counts `unit`s of one step of the work.
 pub(crate) struct Bar {
+    step: Arc<Step>,
+    bar: ProgressBar,
+}
+
+/// The content of a bar.
+struct Step {
+    name: &'static str,
+    unit: &'static str,
+    began: Mutex<Instant>,
+    standing: Mutex<Standing>,
+    cadence: Mutex<Cadence>,
+}
+
+/// Progress as a program reads it.
+#[derive(Serialize)]
+struct ProgressLine<'a> {
+    time: String,
+    kind: &'static str,
     step: &'static str,
     unit: &'static str,
-    bar: ProgressBar,
-    /// Units that an earlier process did.
-    before: AtomicU64,
-    /// Parts of the work, of [`LOG_LINES`], that were logged.
-    logged: AtomicU64,
+    done: u64,
+    total: Option<u64>,
+    elapsed_s: f64,
+    per_s: Option<f64>,
+    left_s: Option<f64>,
+    working_on: Option<&'a str>,
+    scenarios: Option<Scenarios>,
+    bytes_written: Option<u64>,
+    bytes_free: Option<u64>,
 }
 
 impl Bar {
     /// A bar for `step`, with `total` units if that is known already.
     pub(crate) fn new(step: &'static str, unit: &'static str, total: Option<u64>) -> Self {
-        let bar = BARS.add(match total {
-            Some(total) => ProgressBar::new(total),
-            None => ProgressBar::no_length(),
-        });
-        let template =
-            format!("{{prefix:>9}} {{bar:32}} {{pos}}/{{len}} {unit} {{rate}} eta {{eta}} {{msg}}");
-        if let Ok(style) = ProgressStyle::with_template(&template) {
-            let style =
-                style.with_key("rate", |state: &ProgressState, out: &mut dyn fmt::Write| {
-                    // Nothing is lost with a rate that cannot be shown.
-                    let _ = out.write_str(&rate(state.per_sec()));
-                });
-            bar.set_style(style.progress_chars("=> "));
-        }
-        bar.set_prefix(step);
-        bar.enable_steady_tick(Duration::from_millis(200));
-        Self {
-            step,
+        let standing = Standing {
+            total,
+            ..Standing::default()
+        };
+        let step = Arc::new(Step {
+            name: step,
             unit,
-            bar,
-            before: AtomicU64::new(0),
-            logged: AtomicU64::new(0),
+            began: Mutex::new(Instant::now()),
+            standing: Mutex::new(standing),
+            cadence: Mutex::default(),
+        });
+        // Hidden until it has its style.
+        let hidden = ProgressBar::with_draw_target(total, ProgressDrawTarget::hidden());
+        hidden.set_prefix(step.name);
+        let bar = Self { step, bar: hidden };
+        bar.set_style();
+        BARS.add(bar.bar.clone());
+        if stderr::form() == Form::Terminal {
+            bar.bar.enable_steady_tick(Duration::from_millis(200));
+        } else {
+            beat();
+            lock(&STEPS).in_work.push(Arc::downgrade(&bar.step));
         }
+        bar
+    }
+
+    /// A bar where the end is known, else a sign of life.
+    fn set_style(&self) {
+        let template = match self.bar.length() {
+            Some(_) => "{prefix:>9.bold} {bar:32.cyan} {known}",
+            None => "{prefix:>9.bold} {spinner:.cyan} {known}",
+        };
+        let Ok(style) = ProgressStyle::with_template(template) else {
+            return;
+        };
+        let step = self.step.clone();
+        let known = move |_: &ProgressState, out: &mut dyn std::fmt::Write| {
+            let words = lock(&step.standing).words(step.unit, step.elapsed(), false);
+            // A bar that cannot be drawn is no loss.
+            let _ = out.write_str(&words);
+        };
+        self.bar
+            .set_style(style.with_key("known", known).progress_chars("=> "));
     }
 
     /// Sets the number of units.
     pub(crate) fn set_total(&self, total: u64) {
+        let had_none = lock(&self.step.standing).total.replace(total).is_none();
         self.bar.set_length(total);
+        if had_none {
+            self.set_style();
+        }
     }
 
     /// Sets the number of units that an earlier process finished, which say nothing about the pace of this one.
     pub(crate) fn resume(&self, done: u64) {
-        self.before.store(done, Ordering::Relaxed);
+        *lock(&self.step.began) = Instant::now();
+        {
+            let mut standing = lock(&self.step.standing);
+            (standing.before, standing.done) = (done, done);
+            lock(&self.step.cadence).resume(&standing);
+        }
         self.bar.set_position(done);
-        self.bar.reset_eta();
-        let total = self.bar.length().unwrap_or(0).max(1);
-        self.logged
-            .store(done * LOG_LINES / total, Ordering::Relaxed);
     }
 
     /// Sets the number of finished units.
     pub(crate) fn set_done(&self, done: u64) {
+        lock(&self.step.standing).done = done;
         self.bar.set_position(done);
-        let total = self.bar.length().unwrap_or(0);
-        if !self.bar.is_hidden() || total == 0 {
-            return;
-        }
-        let part = (done * LOG_LINES / total).min(LOG_LINES);
-        if part > self.logged.fetch_max(part, Ordering::Relaxed) {
-            eprintln!(
-                "{}: {done}/{total} {}{}{}; {}",
-                self.step,
-                self.unit,
-                pace(
-                    done,
-                    self.before.load(Ordering::Relaxed),
-                    total,
-                    self.bar.elapsed()
-                ),
-                match self.bar.message() {
-                    message if message.is_empty() => message,
-                    message => format!("; {message}"),
-                },
-                clock(SystemTime::now())
-            );
-        }
+        self.step.write_if_due();
     }
 
     /// Shows the current item.
     pub(crate) fn working_on(&self, what: &str) {
-        self.bar.set_message(plain(what).into_owned());
+        lock(&self.step.standing).working_on = one_line(what).into_owned();
     }
 
-    /// Prints a line that stays, above the bar or in the log.
+    /// Shows which scenario of how many is in work.
+    pub(crate) fn set_scenarios(&self, scenarios: Scenarios) {
+        lock(&self.step.standing).scenarios = Some(scenarios);
+    }
+
+    /// Shows what was written, and what is free.
+    pub(crate) fn set_disk(&self, disk: Disk) {
+        lock(&self.step.standing).disk = Some(disk);
+    }
+
+    /// Prints a line that stays, above the bar or in the log. The same line again within a minute is counted.
     pub(crate) fn say(&self, line: &str) {
-        if self.bar.is_hidden() {
-            eprintln!("{}: {line}", self.step);
-        } else {
+        let line = one_line(line);
+        let source = Source::Line(format!("{}: {line}", self.step.name));
+        let Some(repeated) = repeats::admit(source) else {
+            return;
+        };
+        if stderr::form() == Form::Terminal {
             self.bar
-                .println(format!("{:>9} {}", self.step, plain(line)));
+                .println(format!("{:>9} {line}{repeated}", self.step.name));
+        } else {
+            stderr::say(&format!("{}: {line}{repeated}", self.step.name));
         }
     }
 
@@ -132,32 +186,64 @@ impl Bar {
     }
 }
 
-/// The time of day, for who reads a log in the morning.
-fn clock(now: SystemTime) -> String {
-    let since = now.duration_since(UNIX_EPOCH).unwrap_or_default();
-    let minutes = since.as_secs() / 60;
-    format!("{:02}:{:02} UTC", minutes / 60 % 24, minutes % 60)
-}
-
-/// Time so far, rate and time left, as far as they say anything.
-fn pace(done: u64, before: u64, total: u64, elapsed: Duration) -> String {
-    let elapsed_s = elapsed.as_secs_f64();
-    if elapsed_s < 1.0 || done <= before {
-        return String::new();
+impl Step {
+    fn elapsed(&self) -> Duration {
+        lock(&self.began).elapsed()
     }
-    let per_s = (done - before) as f64 / elapsed_s;
-    let left = Duration::from_secs_f64(total.saturating_sub(done) as f64 / per_s);
-    let left = match done {
-        done if done >= total => String::new(),
-        _ => format!(", {} left", HumanDuration(left)),
-    };
-    format!(" in {}, {}{left}", HumanDuration(elapsed), rate(per_s))
-}
 
-fn rate(per_s: f64) -> String {
-    match per_s {
-        rate if rate >= 1.0 => format!("{rate:.1}/s"),
-        rate => format!("{:.1}/min", rate * 60.0),
+    /// Writes a line of progress, unless the terminal shows a bar or it is too early for one.
+    fn write_if_due(&self) {
+        let form = stderr::form();
+        if form == Form::Terminal {
+            return;
+        }
+        let standing = lock(&self.standing).clone();
+        let now = Instant::now();
+        {
+            let mut steps = lock(&STEPS);
+            let began = *lock(&self.began);
+            let last = steps.last_line.map_or(began, |last| last.max(began));
+            let since = now.saturating_duration_since(last);
+            if !lock(&self.cadence).is_due(&standing, since, form == Form::Json) {
+                return;
+            }
+            steps.last_line = Some(now);
+        }
+        let elapsed = self.elapsed();
+        if form == Form::Json {
+            stderr::write_json(&self.line(&standing, elapsed));
+            return;
+        }
+        let words = standing.words(self.unit, elapsed, true);
+        let mut line = format!("{}: {words}", self.name);
+        if standing.is_complete() {
+            // Of many short steps of one kind, such as the networks of each view, the log has one.
+            let stage = standing.working_on.split(':').next().unwrap_or_default();
+            match repeats::admit(Source::Line(format!("{} is complete: {stage}", self.name))) {
+                Some(repeated) => line += &repeated.to_string(),
+                None => return,
+            }
+        }
+        stderr::say(&line);
+    }
+
+    fn line<'a>(&self, standing: &'a Standing, elapsed: Duration) -> ProgressLine<'a> {
+        let working_on = standing.working_on.as_str();
+        ProgressLine {
+            time: stderr::utc(SystemTime::now()),
+            kind: "progress",
+            step: self.name,
+            unit: self.unit,
+            done: standing.done,
+            total: standing.total,
+            elapsed_s: elapsed.as_secs_f64(),
+            per_s: standing.per_s(elapsed),
+            left_s: standing.left(elapsed).map(|left| left.as_secs_f64()),
+            working_on: (!working_on.is_empty()).then_some(working_on),
+            scenarios: standing.scenarios,
+            bytes_written: standing.disk.map(|disk| disk.written),
+            bytes_free: standing.disk.and_then(|disk| disk.free),
+        }
     }
 }
 
@@ -167,26 +253,30 @@ impl Drop for Bar {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Starts the thread that writes a line of the newest step when there was none for minutes.
+fn beat() {
+    static STARTED: Once = Once::new();
+    STARTED.call_once(|| {
+        let beating = || {
+            loop {
+                thread::sleep(BEAT);
+                let newest = {
+                    let mut steps = lock(&STEPS);
+                    steps.in_work.retain(|step| step.strong_count() > 0);
+                    steps.in_work.last().and_then(Weak::upgrade)
+                };
+                if let Some(step) = newest {
+                    step.write_if_due();
+                }
+            }
+        };
+        // Without it there are the lines of progress itself.
+        let _ = thread::Builder::new()
+            .name("progress".into())
+            .spawn(beating);
+    });
+}
 
-    #[test]
-    fn a_log_line_says_when() {
-        let day: u64 = 86_400;
-        let at = |seconds: u64| clock(UNIX_EPOCH + Duration::from_secs(20_000 * day + seconds));
-        assert_eq!([at(0), at(day - 1)], ["00:00 UTC", "23:59 UTC"]);
-    }
-
-    #[test]
-    fn a_log_line_says_how_fast_and_how_long_still() {
-        let pace = |done, elapsed_s| pace(done, 0, 200, Duration::from_secs_f64(elapsed_s));
-        assert_eq!(pace(20, 0.1), "");
-        assert_eq!(pace(0, 10.0), "");
-        assert_eq!(pace(50, 10.0), " in 10 seconds, 5.0/s, 30 seconds left");
-        assert_eq!(pace(20, 7_200.0), " in 2 hours, 0.2/min, 18 hours left");
-        assert_eq!(pace(200, 20.0), " in 20 seconds, 10.0/s");
-        let resumed = super::pace(150, 100, 200, Duration::from_secs(10));
-        assert_eq!(resumed, " in 10 seconds, 5.0/s, 10 seconds left");
-    }
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -4,6 +4,8 @@
 //! state what the file contains instead. Sizes that a file declares are checked before anything is decoded: a megabyte may
 //! decompress to gigabytes.
 
+mod page_sizes;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -35,6 +37,11 @@ use crate::outside_file::{self, FileKind};
 const MOST_COLUMNS: usize = 2_048;
 /// Identifiers of views and the like are file names.
 const MOST_TEXT_BYTES: usize = 255;
+/// Tables that need more memory than [`UNSUSPICIOUS_BYTES`] are larger on disk than this part of it: measured numbers hardly compress. One
+/// value that is repeated millions of times takes thousands of times its size.
+const MOST_EXPANSION: u64 = 200;
+/// Memory that any table may need.
+const UNSUSPICIOUS_BYTES: u64 = 64 << 20;
 /// Rows decoded at once.
 const BATCH_ROWS: usize = 1_024;
 
@@ -395,7 +402,24 @@ impl Table {
             ));
         }
         let schema = readable(metadata.schema()).map_err(|message| Error::table(path, message))?;
-        let needed = rows.saturating_mul(schema.fields().iter().map(bytes_of).sum());
+        let of_rows = rows.saturating_mul(schema.fields().iter().map(bytes_of).sum());
+        // A few rows may have long texts.
+        let of_pages = page_sizes::decompressed_bytes(&bytes, metadata.metadata());
+        let of_pages =
+            of_pages.ok_or_else(|| Error::table(path, "its pages do not fill its columns"))?;
+        let needed = of_rows.max(of_pages);
+        let size = bytes.len() as u64;
+        if needed > UNSUSPICIOUS_BYTES.max(size.saturating_mul(MOST_EXPANSION)) {
+            return Err(Error::table(
+                path,
+                format!(
+                    "has {} on disk and would take about {} of memory, expected at most {MOST_EXPANSION} times its size: it was made to fill \
+                     the memory, and is not read",
+                    memory::Bytes(size),
+                    memory::Bytes(needed)
+                ),
+            ));
+        }
         memory::check(format!("table {}", path.display()), needed)?;
         let options = ArrowReaderOptions::new().with_schema(schema.clone());
         let reader = ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options)
@@ -692,6 +716,34 @@ mod tests {
             message.contains("has 3000000 rows, expected at most 1000"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn a_small_file_that_would_fill_the_memory_is_refused_and_measured_numbers_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("predictions.parquet");
+        let most_rows = (UNSUSPICIOUS_BYTES / 64) as usize;
+        bomb(&path, most_rows);
+        assert!(Table::read(&path, u64::MAX).is_ok());
+        bomb(&path, most_rows + 1);
+        let message = Table::read(&path, u64::MAX).err().unwrap().to_string();
+        assert!(
+            message.contains("64.0 MiB of memory, expected at most 200 times its size"),
+            "{message}"
+        );
+        let long = "x".repeat(UNSUSPICIOUS_BYTES as usize + 1);
+        TableWriter::new()
+            .text("view", [long])
+            .write(&path)
+            .unwrap();
+        let message = Table::read(&path, 1).err().unwrap().to_string();
+        assert!(message.contains("times its size"), "{message}");
+        // As many numbers as measurements have: they take more than 64 MiB as well.
+        let measured = (0..3_000_000).map(|row| f64::from(row).sqrt());
+        let names = std::iter::repeat_n("approach", 3_000_000);
+        let table = TableWriter::new().text("scenario", names);
+        table.f64("dtd_m", measured).write(&path).unwrap();
+        assert!(Table::read(&path, u64::MAX).is_ok());
     }
 
     #[test]

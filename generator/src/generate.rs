@@ -61,6 +61,7 @@ pub use remote::Remote;
 pub use restart::Restart;
 pub use session::{BadSimulator, SimulatorTarget};
 pub use simulators::Simulators;
+pub use space::free_bytes;
 /// A switch that can be set once, from any thread, e.g. by Ctrl-C.
 pub use tokio_util::sync::CancellationToken as Cancel;
 pub use trial::trial;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::env;
+use std::fs::{self, DirEntry};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -9,7 +10,7 @@ use std::time::{Duration, Instant};
 use dataset::video::TRIAL_PICTURES;
 use generator::generate::{
     Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
-    Simulators, Stopped, generate as record,
+    Simulators, Stopped, free_bytes, generate as record,
 };
 use generator::shard::Shard;
 use generator::sweep::Sweep;
@@ -25,7 +26,7 @@ use super::object_store::{default_stage, failure_of};
 use super::output::{count, finish, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
+use crate::progress::{Bar, Disk, Scenarios};
 use crate::signals;
 
 /// Runs the verb.
@@ -201,7 +202,7 @@ pub(crate) fn generate(
 ) -> Result<Generated, Failure> {
     // A simulator that cannot be reached is retried; a wrong variable stays wrong.
     WebApiPlace::from_environment().map_err(Failure::bad_input)?;
-    let mut show = ShowEvents::new();
+    let mut show = ShowEvents::new(corpus);
     let cancel = Cancel::default();
     let stoppable = signals::in_good_order(&cancel);
     let result = async_runtime()?.block_on(record(sweep, corpus, options, &cancel, &mut |event| {
@@ -223,6 +224,10 @@ pub(crate) fn generate(
 /// Turns the generator's events into a bar and lines.
 struct ShowEvents {
     bar: Bar,
+    corpus: PathBuf,
+    scenarios: Scenarios,
+    /// Bytes of the scenarios that were committed.
+    written: u64,
     /// Ticks of the scenarios in progress.
     before: u64,
     /// Ticks of all scenarios: planned numbers for the remaining ones, since live flights vary.
@@ -238,9 +243,16 @@ struct Current {
 }
 
 impl ShowEvents {
-    fn new() -> Self {
+    fn new(corpus: &Path) -> Self {
         Self {
             bar: Bar::new("generate", "ticks", None),
+            corpus: corpus.to_owned(),
+            scenarios: Scenarios {
+                number: 0,
+                of: 0,
+                failed: 0,
+            },
+            written: 0,
             before: 0,
             total: 0,
             current: BTreeMap::new(),
@@ -249,7 +261,14 @@ impl ShowEvents {
 
     fn show_done(&self) {
         let current: u64 = self.current.values().map(|current| current.done).sum();
-        self.bar.set_done(self.before + current);
+        let done = self.before + current;
+        // The last picture is not the end: its scenario is sealed and committed first.
+        let is_over = self.current.is_empty();
+        self.bar.set_done(if is_over {
+            done
+        } else {
+            done.min(self.total.saturating_sub(1))
+        });
     }
 
     /// A scenario that ended, with the ticks that count as done.
@@ -261,6 +280,17 @@ impl ShowEvents {
         self.bar.working_on(&names.join(" "));
     }
 
+    /// A scenario that is complete, or set aside.
+    fn finished(&mut self, id: &str, ticks: u64) {
+        self.scenarios.number = (self.scenarios.number + 1).min(self.scenarios.of);
+        self.bar.set_scenarios(self.scenarios);
+        self.bar.set_disk(Disk {
+            written: self.written,
+            free: free_bytes(&self.corpus),
+        });
+        self.ended(id, ticks);
+    }
+
     fn take(&mut self, event: Event<'_>) {
         match event {
             Event::Planned {
@@ -270,6 +300,9 @@ impl ShowEvents {
             } => {
                 self.total = ticks;
                 self.bar.set_total(ticks);
+                self.scenarios.of = skipped + to_make;
+                self.scenarios.number = (skipped + 1).min(self.scenarios.of);
+                self.bar.set_scenarios(self.scenarios);
                 if skipped > 0 {
                     self.bar.say(&format!(
                         "{} complete already, {to_make} to make",
@@ -317,7 +350,8 @@ impl ShowEvents {
             Event::Committed { id, ticks, seconds } => {
                 self.bar
                     .say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
-                self.ended(id, u64::from(ticks));
+                self.written += bytes_in(&self.corpus.join("scenarios").join(id));
+                self.finished(id, u64::from(ticks));
             }
             Event::Marked { id, differences } => self.bar.say(&format!(
                 "{id} is marked, the weather at the aircraft is not the planned one: {differences}"
@@ -344,7 +378,7 @@ impl ShowEvents {
                 .say(&format!("{id} cannot be uploaded now, retrying: {reason}")),
             Event::MadeElsewhere { id, ticks } => {
                 self.bar.say(&format!("{id}: made by another process"));
-                self.ended(id, u64::from(ticks));
+                self.finished(id, u64::from(ticks));
             }
             Event::Retrying { id, reason } => {
                 self.bar
@@ -354,7 +388,8 @@ impl ShowEvents {
             Event::Failed { id, reason } => {
                 self.bar.say(&format!("{id} is set aside: {reason}"));
                 let planned = self.current.get(id).map_or(0, |current| current.planned);
-                self.ended(id, planned);
+                self.scenarios.failed += 1;
+                self.finished(id, planned);
             }
             Event::Profile { simulator, known } => {
                 self.bar.say(&format!("simulator {simulator} {known}"));
@@ -381,4 +416,15 @@ impl ShowEvents {
             }
         }
     }
+}
+
+/// Bytes of all files in a folder; what is no longer there does not count.
+fn bytes_in(folder: &Path) -> u64 {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let size = |entry: DirEntry| match entry.metadata() {
+        Ok(about) if about.is_dir() => bytes_in(&entry.path()),
+        Ok(about) => about.len(),
+        Err(_) => 0,
+    };
+    entries.map(size).sum()
 }

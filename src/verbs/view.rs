@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use dataset::corpus::Corpus;
 use generator::generate::Cancel;
 use serde_json::json;
-use viewer::{ViewError, ViewOptions, serve};
+use viewer::{ViewOptions, serve};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
@@ -41,10 +41,7 @@ pub(crate) fn run(args: &ViewArgs) -> Outcome {
     let runtime = async_runtime()?;
     let ending = runtime.block_on(async {
         tokio::select! {
-            result = serve(options, |address| announce(address, args.no_open)) => result.map_err(|error| match error {
-                error @ (ViewError::Listen { .. } | ViewError::SameRun { .. }) => Failure::bad_input(error),
-                error => error.into(),
-            })?,
+            result = serve(options, |address| announce(address, args.no_open)) => result.map_err(Failure::bad_input)?,
             () = stop.cancelled() => {}
             () = stdin_ended(), if args.until_stdin_ends => {}
         }

@@ -21,7 +21,4 @@ pub enum ViewError {
         /// Its name.
         run: String,
     },
-    /// The system ended it.
-    #[error("cannot serve the page any longer: {0}")]
-    Serve(io::Error),
 }

@@ -9,6 +9,7 @@
 mod assets;
 mod bitmap;
 mod byte_range;
+mod connections;
 mod doorkeeper;
 mod error;
 mod library;

@@ -30,6 +30,8 @@ const HOST_X_PLANE: i32 = 1;
 const ROLE_MASTER: u32 = 1;
 /// How long each address of a simulator that is heard under several may take to answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
+/// Addresses that are taken from beacons. Anyone on the network can send them, and each address may be asked.
+const MOST_ADDRESSES: usize = 64;
 /// The start of one simulator, as computed from answers at two of its addresses, differs by less than this: X-Plane hangs while it loads.
 const SAME_START: Duration = Duration::from_secs(2);
 
@@ -55,7 +57,7 @@ pub async fn announced(time: Duration) -> Result<Vec<Announced>, BridgeError> {
         let (length, from) = received.map_err(|source| BridgeError::NoMulticast { source })?;
         match FromSimulator::decode(&buffer[..length]) {
             Ok(FromSimulator::Beacon(beacon)) => {
-                found.insert(SocketAddr::new(from.ip(), beacon.port), beacon);
+                note(&mut found, SocketAddr::new(from.ip(), beacon.port), beacon);
             }
             Ok(_) => {}
             Err(error) => tracing::debug!(%from, %error, "no beacon"),
@@ -65,6 +67,13 @@ pub async fn announced(time: Duration) -> Result<Vec<Announced>, BridgeError> {
         .into_iter()
         .map(|(address, beacon)| Announced { address, beacon })
         .collect())
+}
+
+/// Takes a beacon, unless as many addresses are known already.
+fn note(found: &mut BTreeMap<SocketAddr, Beacon>, address: SocketAddr, beacon: Beacon) {
+    if found.len() < MOST_ADDRESSES || found.contains_key(&address) {
+        found.insert(address, beacon);
+    }
 }
 
 /// The one simulator that announces itself within `time`, at an address where it answers.
@@ -205,6 +214,23 @@ mod tests {
     fn under(addresses: &[SocketAddr]) -> Vec<Announced> {
         let one = |address: &SocketAddr| heard(&address.to_string(), |beacon| beacon.port = 49_000);
         addresses.iter().map(one).collect()
+    }
+
+    #[test]
+    fn beacons_of_sixty_four_addresses_are_taken_and_known_ones_go_on() {
+        let mut found = BTreeMap::new();
+        let address = |port: u16| SocketAddr::from(([10, 0, 0, 5], port));
+        for port in 0..1_000 {
+            note(&mut found, address(port), Beacon::default());
+        }
+        assert_eq!(found.len(), 64);
+        let named = Beacon {
+            name: Some("tower".into()),
+            ..Beacon::default()
+        };
+        note(&mut found, address(63), named.clone());
+        assert_eq!(found[&address(63)], named);
+        assert!(!found.contains_key(&address(64)));
     }
 
     #[tokio::test]

@@ -14,6 +14,7 @@ pub mod fly;
 pub mod install;
 pub mod link;
 pub mod packet;
+mod peer_text;
 pub mod pixels;
 pub mod profile;
 mod simulator;

@@ -18,6 +18,8 @@ use crate::link::{PictureSize, PixelKind};
 
 /// Version of the record. Records of another version are measured again.
 pub(crate) const PROFILE_FORMAT: u32 = 1;
+/// The plugin rejects more frames than these.
+const MOST_SETTLE_FRAMES: u32 = 600;
 
 /// A measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -277,10 +279,11 @@ impl Profile {
         }
     }
 
-    /// Frames that a new pose and camera are drawn before the one that counts, at least `usual`.
+    /// Frames that a new pose and camera are drawn before the one that counts, at least `default`.
     pub(crate) fn settle_frames(&self, default: u32) -> u32 {
-        let measured = self.frames_until_settled.found();
-        default.max(measured.copied().unwrap_or(0))
+        let measured = self.frames_until_settled.found().copied().unwrap_or(0);
+        // Any program of the simulator's computer can store a profile.
+        default.max(measured.min(MOST_SETTLE_FRAMES))
     }
 
     /// Whether weather must be regenerated before it shows. True unless it was measured to be unnecessary.
@@ -460,6 +463,8 @@ mod tests {
         let mut profile = measured();
         assert_eq!(profile.settle_frames(3), 24);
         assert_eq!(profile.settle_frames(30), 30);
+        profile.frames_until_settled = Finding::Found(u32::MAX);
+        assert_eq!(profile.settle_frames(3), 600);
         assert!(profile.regenerates(), "not known of the clouds");
         profile.clouds_need_regeneration = Finding::Found(false);
         assert!(!profile.regenerates());

@@ -39,6 +39,7 @@ use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
     PictureBytes, PictureSize, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
 };
+use crate::peer_text::quoted;
 use crate::pixels::{Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
@@ -252,6 +253,8 @@ impl Simulator {
             else {
                 return Err(wrong(HELLO, &answer));
             };
+            let [name, simulator_version] = [name, simulator_version].map(|text| quoted(&text));
+            let plugin = plugin.map(|text| quoted(&text));
             let sharing = match no_shared_memory {
                 true => Sharing::Impossible,
                 false => Sharing::with(shares_memory_with, link.local_address()),

@@ -15,6 +15,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use crate::causes::with_causes;
+use crate::peer_text::quoted;
 use futures_util::future::BoxFuture;
 
 pub use flight::AirStart;
@@ -23,6 +24,8 @@ pub(crate) use flight::flight_body;
 /// X-Plane's default port, unless started with another `--web_server_port`.
 pub(crate) const DEFAULT_ADDRESS: SocketAddr =
     SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8086);
+/// Longest body of an answer: the longest that is expected is the value of an array, a few KiB.
+pub const MAX_ANSWER_BYTES: usize = 64 << 10;
 /// Timeout of an answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout of starting a flight: X-Plane loads the aircraft and the scenery first.
@@ -88,6 +91,16 @@ pub enum WebApiError {
         doing: String,
         /// What it said.
         text: String,
+    },
+    /// An answer that is longer than any that the Web API gives.
+    #[error(
+        "the Web API at {address} answered more than {MAX_ANSWER_BYTES} bytes to {doing}. Does another program listen there?"
+    )]
+    TooLong {
+        /// Where we asked.
+        address: SocketAddr,
+        /// What for.
+        doing: String,
     },
     /// An answer in an unexpected format.
     #[error("the Web API at {address} answered {found} to {doing}, expected {expected}")]
@@ -256,7 +269,7 @@ impl WebApi {
             address: self.address,
             doing: format!("reading {name}"),
             expected: "a number",
-            found: found.to_string(),
+            found: quoted(&found.to_string()),
         })
     }
 
@@ -425,7 +438,7 @@ async fn send<T: DeserializeOwned>(
         address,
         doing: doing.to_owned(),
         expected: "the form that X-Plane's Web API documents",
-        found: format!("{error} in {}", shortened(&text)),
+        found: quoted(&format!("{error} in {text}")),
     })
 }
 
@@ -435,16 +448,27 @@ async fn answer(
     doing: &str,
     request: RequestBuilder,
 ) -> Result<String, WebApiError> {
-    let response = request
+    let mut response = request
         .header("Accept", "application/json")
         .send()
         .await
         .map_err(|source| not_reached(address, doing, source))?;
     let status = response.status();
-    let text = response
-        .text()
+    let mut body = Vec::new();
+    while let Some(part) = response
+        .chunk()
         .await
-        .map_err(|source| not_reached(address, doing, source))?;
+        .map_err(|source| not_reached(address, doing, source))?
+    {
+        if body.len() + part.len() > MAX_ANSWER_BYTES {
+            return Err(WebApiError::TooLong {
+                address,
+                doing: doing.to_owned(),
+            });
+        }
+        body.extend_from_slice(&part);
+    }
+    let text = String::from_utf8_lossy(&body).into_owned();
     match status {
         status if status.is_success() => Ok(text),
         StatusCode::FORBIDDEN => Err(WebApiError::Forbidden { address }),
@@ -456,7 +480,7 @@ async fn answer(
                 address,
                 status: status.as_u16(),
                 doing: doing.to_owned(),
-                text: said.unwrap_or_else(|| shortened(&text).to_owned()),
+                text: quoted(said.as_ref().unwrap_or(&text)),
             })
         }
     }
@@ -469,13 +493,4 @@ fn not_reached(address: SocketAddr, doing: &str, source: reqwest::Error) -> WebA
         // The address is in the message already.
         source: source.without_url(),
     }
-}
-
-/// Enough of an answer to identify it.
-fn shortened(text: &str) -> &str {
-    let end = text
-        .char_indices()
-        .nth(200)
-        .map_or(text.len(), |(at, _)| at);
-    &text[..end]
 }

@@ -592,3 +592,14 @@ async fn until_nothing_is_subscribed(fake: &Fake) {
         sleep(Duration::from_millis(5)).await;
     }
 }
+
+#[tokio::test]
+async fn a_time_that_is_not_finite_or_impossible_is_not_waited_for_and_ends_in_no_panic() {
+    for strange in [f32::NAN, f32::INFINITY, -1.0, f32::MAX] {
+        let fake = Fake::start(TWELVE, "B738", None).await;
+        fake.told().set(datarefs::WEATHER_SETTLE_S, strange);
+        fake.told().set(datarefs::RUNNING_TIME_S, strange);
+        let simulator = fake.connect().await;
+        assert_eq!(simulator.description().name, "fake", "{strange}");
+    }
+}

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::{TcpListener, TcpStream};
-use xplane_bridge::web_api::{WebApi, WebApiError};
+use xplane_bridge::web_api::{MAX_ANSWER_BYTES, WebApi, WebApiError};
 
 const CAPABILITIES: &str =
     r#"{"api":{"versions":["v1","v2","v3"]},"x-plane":{"version":"12.4.0"}}"#;
@@ -216,4 +216,47 @@ async fn what_is_not_there_is_told_apart_nobody_forbidden_no_flight_loaded_and_t
     let (address, _) = server(&[("GET /api/capabilities", 200, "<html>")]).await;
     let error = WebApi::connect(address, SECOND).await.unwrap_err();
     assert!(matches!(error, WebApiError::WrongAnswer { .. }), "{error}");
+}
+
+/// A server whose answer to anything is a JSON text, padded to this many bytes; endless without a number.
+async fn long_winded(bytes: Option<usize>) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    tokio::spawn(async move {
+        while let Ok((stream, _)) = listener.accept().await {
+            let mut stream = BufReader::new(stream);
+            let mut line = String::new();
+            while stream.read_line(&mut line).await.unwrap() > 2 {
+                line.clear();
+            }
+            let length = bytes.map_or(String::new(), |bytes| {
+                format!("Content-Length: {bytes}\r\n")
+            });
+            let head =
+                format!("HTTP/1.1 200 OK\r\nConnection: close\r\n{length}\r\n{CAPABILITIES}");
+            stream.write_all(head.as_bytes()).await.unwrap();
+            let mut left = bytes.map_or(usize::MAX, |bytes| bytes - CAPABILITIES.len());
+            while left > 0 {
+                let part = [b' '; 4096];
+                let part = &part[..left.min(part.len())];
+                if stream.write_all(part).await.is_err() {
+                    break;
+                }
+                left -= part.len();
+            }
+        }
+    });
+    address
+}
+
+#[tokio::test]
+async fn an_answer_may_have_64_kib_and_one_that_never_ends_is_cut_off() {
+    let longest = long_winded(Some(MAX_ANSWER_BYTES)).await;
+    let api = WebApi::connect(longest, 10 * SECOND).await.unwrap();
+    assert_eq!(api.simulator_version(), "12.4.0");
+    for beyond in [Some(MAX_ANSWER_BYTES + 1), None] {
+        let refused = WebApi::connect(long_winded(beyond).await, 10 * SECOND).await;
+        let error = refused.unwrap_err();
+        assert!(matches!(error, WebApiError::TooLong { .. }), "{error}");
+    }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 const NOTHING_BYTES: u64 = 8 << 20;
 
 /// Bytes available where a folder is, or will be; unknown if the system does not report it.
-pub(super) fn free_bytes(folder: &Path) -> Option<u64> {
+pub fn free_bytes(folder: &Path) -> Option<u64> {
     let there = folder
         .ancestors()
         // The last ancestor of a relative path is empty and means the current folder.

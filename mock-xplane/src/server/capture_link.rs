@@ -175,7 +175,7 @@ impl CaptureService {
             if let Err(error) = self.read_requests(hello, from_client, client, order).await
                 && !error.is_hang_up()
             {
-                tracing::warn!(%error, "no more requests are taken");
+                tracing::warn!(%from, %error, "no more requests are taken");
             }
             std::future::pending().await
         };

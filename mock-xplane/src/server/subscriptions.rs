@@ -1,18 +1,26 @@
 //! Subscriptions of datarefs by clients and rates. Pure: takes the time and the values, returns what to send.
 
 use std::collections::BTreeMap;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 
 use xplane_bridge::packet::{DatarefValue, DatarefValues, MAX_VALUES_PER_REPLY, SubscribeDataref};
 
 /// Requests accepted in one frame; X-Plane loses the others silently.
 pub(super) const REQUESTS_PER_FRAME: usize = 140;
+/// Maximum subscriptions of datarefs and positions, so that clients that never unsubscribe cannot fill the memory.
+const MAX_SUBSCRIPTIONS: usize = 100_000;
+/// Maximum clients that positions are sent to: each costs a datagram in every frame.
+const MAX_POSITION_CLIENTS: usize = 256;
+/// Positions are no longer sent to a computer that has been silent for this long, seconds. X-Plane goes on forever.
+const SILENCE_S: f64 = 600.0;
 
 /// All subscriptions of all clients.
 #[derive(Debug, Default)]
 pub(super) struct Subscriptions {
     datarefs: BTreeMap<SocketAddr, BTreeMap<i32, (String, Rhythm)>>,
     positions: BTreeMap<SocketAddr, Rhythm>,
+    /// When each computer that positions are sent to last sent anything.
+    heard_s: BTreeMap<IpAddr, f64>,
     requests: usize,
 }
 
@@ -42,39 +50,71 @@ impl Rhythm {
 }
 
 impl Subscriptions {
-    /// Accepts a request, unless too many came in this frame; returns whether it was accepted.
+    /// Notes that a client sent something, whatever it is.
+    pub(super) fn heard(&mut self, from: SocketAddr, now_s: f64) {
+        if let Some(heard_s) = self.heard_s.get_mut(&from.ip()) {
+            *heard_s = now_s;
+        }
+    }
+
+    /// Accepts a request, unless too many came in this frame or there are too many subscriptions; returns whether it was accepted.
     pub(super) fn subscribe(
         &mut self,
         from: SocketAddr,
         request: SubscribeDataref,
         now_s: f64,
     ) -> bool {
-        self.requests += 1;
-        if self.requests > REQUESTS_PER_FRAME {
+        if !self.is_within_frame() {
             return false;
         }
-        let client = self.datarefs.entry(from).or_default();
         if request.is_end() {
-            client.remove(&request.index);
-            if client.is_empty() {
-                self.datarefs.remove(&from);
+            if let Some(client) = self.datarefs.get_mut(&from) {
+                client.remove(&request.index);
+                if client.is_empty() {
+                    self.datarefs.remove(&from);
+                }
             }
-        } else {
-            let rhythm = Rhythm::new(f64::from(request.frequency_hz), now_s);
-            client.insert(request.index, (request.path, rhythm));
+            return true;
+        }
+        if self.count() >= MAX_SUBSCRIPTIONS {
+            return false;
+        }
+        let rhythm = Rhythm::new(f64::from(request.frequency_hz), now_s);
+        let client = self.datarefs.entry(from).or_default();
+        client.insert(request.index, (request.path, rhythm));
+        true
+    }
+
+    /// Starts or ends the stream of positions to a client, with the same limits and one of clients; returns whether it was accepted.
+    /// Some clients end it from another socket than they started it from; then it ends for all sockets of that computer.
+    pub(super) fn subscribe_position(
+        &mut self,
+        from: SocketAddr,
+        frequency_hz: u32,
+        now_s: f64,
+    ) -> bool {
+        if !self.is_within_frame() {
+            return false;
+        }
+        if frequency_hz > 0 {
+            let is_new = !self.positions.contains_key(&from);
+            let is_full =
+                self.count() >= MAX_SUBSCRIPTIONS || self.positions.len() >= MAX_POSITION_CLIENTS;
+            if is_new && is_full {
+                return false;
+            }
+            let rhythm = Rhythm::new(f64::from(frequency_hz), now_s);
+            self.positions.insert(from, rhythm);
+            self.heard_s.insert(from.ip(), now_s);
+        } else if self.positions.remove(&from).is_none() {
+            self.positions.retain(|client, _| client.ip() != from.ip());
         }
         true
     }
 
-    /// Starts or ends the stream of positions to a client. Some clients end it from another socket than they started it from; then
-    /// it ends for all sockets of that computer.
-    pub(super) fn subscribe_position(&mut self, from: SocketAddr, frequency_hz: u32, now_s: f64) {
-        if frequency_hz > 0 {
-            self.positions
-                .insert(from, Rhythm::new(f64::from(frequency_hz), now_s));
-        } else if self.positions.remove(&from).is_none() {
-            self.positions.retain(|client, _| client.ip() != from.ip());
-        }
+    fn is_within_frame(&mut self) -> bool {
+        self.requests += 1;
+        self.requests <= REQUESTS_PER_FRAME
     }
 
     /// Starts a new frame, which resets the request limit.
@@ -107,16 +147,21 @@ impl Subscriptions {
         packets
     }
 
-    /// The clients to whom a position is due.
+    /// The clients to whom a position is due. Ends the streams to computers that are silent.
     pub(super) fn due_positions(&mut self, now_s: f64) -> Vec<SocketAddr> {
+        self.heard_s
+            .retain(|_, heard_s| now_s - *heard_s < SILENCE_S);
+        self.positions
+            .retain(|client, _| self.heard_s.contains_key(&client.ip()));
         let due = self.positions.iter_mut();
         due.filter_map(|(client, rhythm)| rhythm.is_due(now_s).then_some(*client))
             .collect()
     }
 
-    /// Number of subscribed datarefs of all clients together.
-    pub(super) fn count(&self) -> usize {
-        self.datarefs.values().map(BTreeMap::len).sum()
+    /// Number of subscriptions of all clients together.
+    fn count(&self) -> usize {
+        let datarefs = self.datarefs.values().map(BTreeMap::len);
+        datarefs.sum::<usize>() + self.positions.len()
     }
 }
 
@@ -195,5 +240,42 @@ mod tests {
         assert!(subscriptions.due_positions(0.01).is_empty());
         subscriptions.subscribe_position(client(2), 0, 0.02);
         assert!(subscriptions.due_positions(1.0).is_empty());
+    }
+
+    #[test]
+    fn positions_count_like_datarefs_and_go_to_256_clients() {
+        let mut subscriptions = Subscriptions::default();
+        for port in 0..256 {
+            subscriptions.begin_frame();
+            assert!(subscriptions.subscribe_position(client(port), 60, 0.0));
+        }
+        subscriptions.begin_frame();
+        assert!(!subscriptions.subscribe_position(client(256), 60, 0.0));
+        assert!(subscriptions.subscribe_position(client(255), 30, 0.0));
+        for index in 0..(MAX_SUBSCRIPTIONS - 256) as i32 {
+            subscriptions.begin_frame();
+            assert!(subscriptions.subscribe(client(0), request(1, index, "a"), 0.0));
+        }
+        assert_eq!(subscriptions.count(), MAX_SUBSCRIPTIONS);
+        assert!(!subscriptions.subscribe(client(0), request(1, -1, "a"), 0.0));
+        // An end makes room.
+        subscriptions.begin_frame();
+        assert!(subscriptions.subscribe_position(client(1), 0, 0.0));
+        assert!(subscriptions.subscribe(client(0), request(1, -1, "a"), 0.0));
+        assert!(!subscriptions.subscribe_position(client(1), 60, 0.0));
+        let mut flood = Subscriptions::default();
+        let taken = (0..200).filter(|_| flood.subscribe_position(client(1), 60, 0.0));
+        assert_eq!(taken.count(), REQUESTS_PER_FRAME);
+    }
+
+    #[test]
+    fn positions_end_when_their_computer_is_silent_and_anything_that_it_sends_keeps_them() {
+        let mut subscriptions = Subscriptions::default();
+        subscriptions.subscribe_position(client(1), 1, 0.0);
+        assert_eq!(subscriptions.due_positions(SILENCE_S - 0.1), [client(1)]);
+        subscriptions.heard(client(9), SILENCE_S - 0.1);
+        assert_eq!(subscriptions.due_positions(SILENCE_S + 1.0), [client(1)]);
+        assert!(subscriptions.due_positions(2.0 * SILENCE_S).is_empty());
+        assert_eq!(subscriptions.count(), 0);
     }
 }

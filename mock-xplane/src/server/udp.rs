@@ -14,8 +14,6 @@ use super::{MockError, ServerOptions, Shared, UdpSockets};
 
 /// Length of a frame of the stand-in: 60 a second.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
-/// Maximum subscriptions, so that clients that never unsubscribe cannot fill the memory.
-const MAX_SUBSCRIPTIONS: usize = 100_000;
 /// Maximum simulated time from one frame to the next, seconds: X-Plane slows down rather than jump.
 const MAX_FRAME_S: f64 = 0.25;
 
@@ -106,14 +104,14 @@ impl Server {
 
     fn obey(&mut self, packet: ToSimulator, from: SocketAddr) {
         let now_s = self.now_s();
+        self.subscriptions.heard(from, now_s);
         match packet {
             ToSimulator::SubscribeDataref(request) => {
                 if !request.is_end() {
                     self.world.lock().looked_up(&request.path);
                 }
-                let full = !request.is_end() && self.subscriptions.count() >= MAX_SUBSCRIPTIONS;
-                if full || !self.subscriptions.subscribe(from, request, now_s) {
-                    tracing::debug!(%from, full, "request lost: too many");
+                if !self.subscriptions.subscribe(from, request, now_s) {
+                    tracing::debug!(%from, "request lost: too many");
                 }
             }
             ToSimulator::WriteDataref(write) => {
@@ -128,8 +126,13 @@ impl Server {
                 tracing::debug!(%from, path = command.path, known, "command");
             }
             ToSimulator::SubscribePosition(request) => {
-                self.subscriptions
-                    .subscribe_position(from, request.frequency_hz, now_s);
+                let frequency_hz = request.frequency_hz;
+                if !self
+                    .subscriptions
+                    .subscribe_position(from, frequency_hz, now_s)
+                {
+                    tracing::debug!(%from, "request lost: too many");
+                }
             }
             ToSimulator::PlaceAircraft(place) if place.plane == 0 => {
                 self.world.lock().place(&place);

@@ -20,7 +20,7 @@ from .datarefs import Datarefs
 from .flight import Flights
 from .found import Found
 from .local_frame import LocalFrame
-from .log import Faults, log
+from .log import ClientLines, Faults, log
 from .loops import FlightLoops
 from .messages import LastingRefusal, Refusal
 from .pixels import Pixels
@@ -38,6 +38,8 @@ from .xp_api import Xp
 FRAMES_LIMIT = 600
 # Maximum number of frames to watch callbacks.
 WATCH_LIMIT = 600
+# Longest text of an error.
+MAX_ERROR_CHARACTERS = 2_000
 
 Task = Generator[None, None, Answer]
 
@@ -49,6 +51,7 @@ class Bridge:
         self._xp = xp
         self._settings = settings
         self._faults = Faults(xp)
+        self._lines = ClientLines(xp)
         self._datarefs = Datarefs(xp)
         self._frame = LocalFrame(xp.worldToLocal, xp.localToWorld)
         self._profile = profile
@@ -74,6 +77,9 @@ class Bridge:
         except Exception:
             self._loops.close()
             raise
+        dropped = profile.drop_if_unusable() if profile else None
+        if dropped:
+            log(xp, dropped)
         log(xp, f"capture link on {settings.bind}, port {self._server.port}")
 
     @property
@@ -139,7 +145,7 @@ class Bridge:
             self._client.answer(*answer)
         except ValueError as error:
             # JSON has no NaN: X-Plane gave us one.
-            self._client.answer(*_error(f"X-Plane has no sound numbers for this answer: {error}"))
+            self._client.answer(*_error(f"this answer cannot be sent, perhaps because of X-Plane's numbers: {error}"))
         self._client.hand_over()
 
     def _take_events(self) -> None:
@@ -160,7 +166,7 @@ class Bridge:
                 if event.connection is self._client:
                     self._leave()
             elif isinstance(event, Note):
-                log(self._xp, event.text)
+                self._lines.say("note", event.source, printable(event.text))
 
     def _leave(self) -> None:
         """The client is gone: nothing it requested remains."""
@@ -237,7 +243,8 @@ class Bridge:
     def _task_of(self, header: Header) -> Task:
         message = header["message"]
         if message == "hello":
-            log(self._xp, f"client {printable(str(header.get('client')))}")
+            source = self._client.source if self._client else ""
+            self._lines.say("hello", source, f"client {printable(str(header.get('client')))}")
             return self._hello()
         if message == "capture":
             return self._capture(header)
@@ -430,7 +437,8 @@ def _at_once(header: Header, payload: bytes = b"") -> Task:
 
 
 def _error(text: str, repeats: bool = False) -> Answer:
-    header: Header = {"message": "error", "text": text}
+    """Shortened: it may quote a request, which may be as long as a header."""
+    header: Header = {"message": "error", "text": text[:MAX_ERROR_CHARACTERS]}
     if repeats:
         header["repeats"] = True
     return header, b""

@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Mapping
 
 MAX_PICTURE_SIDE_PX = 8192
+# Of an aircraft or the ground; of anything of an approach from its runway; of any angle, which may have turned more than once.
+ALTITUDES_M = (-500.0, 30_000.0)
+LENGTHS_M = (-1e6, 1e6)
+ANGLES_DEG = (-720.0, 720.0)
+ILS_FREQUENCIES_MHZ = (108.0, 112.0)
 # Captures that are shown for one drawn frame.
 CODED = ("coded", "probe")
 
@@ -150,9 +155,9 @@ def pose(header: Mapping[str, Any]) -> Pose:
         latitude,
         longitude,
         number(header, "altitude_msl_m", -1e6, 1e6),
-        number(header, "heading_true_deg"),
-        number(header, "pitch_deg"),
-        number(header, "roll_deg"),
+        number(header, "heading_true_deg", *ANGLES_DEG),
+        number(header, "pitch_deg", *ANGLES_DEG),
+        number(header, "roll_deg", *ANGLES_DEG),
     )
 
 
@@ -200,17 +205,17 @@ def runway(header: Mapping[str, Any]) -> Runway:
     threshold = part(header, "threshold")
     latitude, longitude = place(threshold)
     optional = {
-        key: None if header.get(key) is None else number(header, key)
-        for key in ("ils_frequency_mhz", "course_magnetic_deg")
+        key: None if header.get(key) is None else number(header, key, *limits)
+        for key, limits in (("ils_frequency_mhz", ILS_FREQUENCIES_MHZ), ("course_magnetic_deg", ANGLES_DEG))
     }
     return Runway(
         name=f"{header.get('airport')} {header.get('name')}",
         latitude_deg=latitude,
         longitude_deg=longitude,
-        altitude_msl_m=number(threshold, "altitude_msl_m"),
-        course_true_deg=number(header, "course_true_deg"),
+        altitude_msl_m=number(threshold, "altitude_msl_m", *ALTITUDES_M),
+        course_true_deg=number(header, "course_true_deg", *ANGLES_DEG),
         glide_path_deg=number(header, "glide_path_deg", 0.5, 15),
-        touchdown_past_threshold_m=number(header, "touchdown_past_threshold_m"),
+        touchdown_past_threshold_m=number(header, "touchdown_past_threshold_m", *LENGTHS_M),
         **optional,
     )
 
@@ -219,16 +224,16 @@ def profile(header: Mapping[str, Any]) -> Profile:
     """The vertical plan of an approach."""
     kind = header.get("kind")
     if kind == "glide_path":
-        return Profile(kind, number(header, "level_altitude_msl_m"))
+        return Profile(kind, number(header, "level_altitude_msl_m", *ALTITUDES_M))
     if kind == "step_down":
         return Profile(
             kind,
-            number(header, "upper_altitude_msl_m"),
-            number(header, "lower_altitude_msl_m"),
-            number(header, "step_from_threshold_m"),
+            number(header, "upper_altitude_msl_m", *ALTITUDES_M),
+            number(header, "lower_altitude_msl_m", *ALTITUDES_M),
+            number(header, "step_from_threshold_m", *LENGTHS_M),
         )
     if kind == "continuous_descent":
-        return Profile(kind, number(header, "start_altitude_msl_m"))
+        return Profile(kind, number(header, "start_altitude_msl_m", *ALTITUDES_M))
     raise LastingRefusal(f"profile is {kind!r}, expected glide_path, step_down or continuous_descent")
 
 
@@ -239,8 +244,8 @@ def start(header: Mapping[str, Any]) -> Start:
     where = Pose(
         latitude,
         longitude,
-        number(position, "altitude_msl_m"),
-        number(header, "heading_true_deg"),
+        number(position, "altitude_msl_m", *ALTITUDES_M),
+        number(header, "heading_true_deg", *ANGLES_DEG),
         0.0,
         0.0,
     )

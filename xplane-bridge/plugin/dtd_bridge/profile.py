@@ -10,9 +10,15 @@ import os
 from pathlib import Path
 from typing import Any
 
-from .messages import Refusal
+from .messages import LastingRefusal, Refusal
+from .wire import check_sound, encode
 
 Profile = dict[str, Any]
+
+# Largest profile as it is sent. A hello contains it, so a larger one could make every hello too long to be sent.
+MAX_PROFILE_BYTES = 16 << 10
+# The file is indented, and its text may be escaped.
+MAX_FILE_BYTES = 16 * MAX_PROFILE_BYTES
 
 
 class ProfileFile:
@@ -24,19 +30,57 @@ class ProfileFile:
     def read(self) -> Profile | None:
         """The stored profile; empty if there is no file, or an invalid one."""
         try:
-            found = json.loads(self._path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            return self._read()
+        except (OSError, ValueError, RecursionError):
             return None
-        return found if isinstance(found, dict) else None
+
+    def drop_if_unusable(self) -> str | None:
+        """Removes a file that no hello could contain, and returns why; `None` if it is usable or missing."""
+        try:
+            self._read()
+        except FileNotFoundError:
+            pass
+        except (OSError, ValueError, RecursionError) as error:
+            reason = f"the profile in {self._path} is not used: {error}"
+            try:
+                self._path.unlink()
+            except OSError as stays:
+                return f"{reason}. It cannot be removed: {stays}"
+            return f"{reason}. It was removed; `dtd doctor` measures it again"
+        return None
+
+    def _read(self) -> Profile:
+        """Raises ValueError for what is not a profile."""
+        with self._path.open("rb") as file:
+            text = file.read(MAX_FILE_BYTES + 1)
+        if len(text) > MAX_FILE_BYTES:
+            raise ValueError(f"it has more than {MAX_FILE_BYTES} bytes")
+        found = json.loads(text)
+        if not isinstance(found, dict):
+            raise ValueError("it is not an object")
+        _check(found)
+        return found
 
     def keep(self, profile: Profile) -> None:
         """Replaces it, atomically."""
+        try:
+            _check(profile)
+        except ValueError as error:
+            raise LastingRefusal(f"the profile is not kept: {error}") from error
         fresh = self._path.with_suffix(".new")
         try:
             fresh.write_text(json.dumps(profile, indent=2) + "\n", encoding="utf-8")
             os.replace(fresh, self._path)
         except OSError as error:
             raise Refusal(f"cannot keep the profile in {self._path}: {error}. Make the plugin's folder writable") from error
+
+
+def _check(profile: Profile) -> None:
+    """Raises ValueError for a profile that could not be sent with a hello."""
+    check_sound(profile)
+    length = len(encode(profile))
+    if length > MAX_PROFILE_BYTES:
+        raise ValueError(f"it has {length} bytes, expected at most {MAX_PROFILE_BYTES}")
 
 
 def still_pictures_move(profile: Profile | None) -> bool:

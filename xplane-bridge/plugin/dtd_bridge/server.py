@@ -54,6 +54,8 @@ class Connection:
 
     def __init__(self, stream: socket.socket) -> None:
         self._stream = stream
+        # Its computer, for the log; empty if it is gone already.
+        self.source = _source(stream)
         self._outbox: queue.Queue[bytes | None] = queue.Queue()
         self._room = threading.Semaphore(MAX_OUTSTANDING)
         self._closed = threading.Event()
@@ -195,6 +197,13 @@ class Connection:
             self._room.release()
 
 
+def _source(stream: socket.socket) -> str:
+    try:
+        return str(stream.getpeername()[0])
+    except OSError:
+        return ""
+
+
 class Seat:
     """The single place at the aircraft. A client keeps it as long as it uses it; a silent client keeps it until another one wants
     it.
@@ -276,9 +285,10 @@ class Closed:
 
 @dataclass(frozen=True)
 class Note:
-    """A line for X-Plane's log."""
+    """A line for X-Plane's log about a client, or about the listener itself."""
 
     text: str
+    source: str = ""
 
 
 Event = Opened | Asked | Closed | Note
@@ -384,9 +394,9 @@ class LinkServer:
                 self.events.put(Closed(connection))
                 self._seat.leave()
         except (OSError, EOFError) as error:
-            self.events.put(Note(f"capture link closed: {error}"))
+            self.events.put(Note(f"capture link closed: {error}", connection.source))
         except WireError as error:
-            self.events.put(Note(f"capture link closed: {error}"))
+            self.events.put(Note(f"capture link closed: {error}", connection.source))
             repeats = {"repeats": True} if error.repeats else {}
             connection.answer({"message": "error", "text": str(error), **repeats})
         finally:
@@ -397,7 +407,7 @@ class LinkServer:
         """The first message of a client that may be admitted."""
         header = connection.next_request()
         if header["message"] not in ("hello", "open_screen"):
-            raise WireError(f"the first message is {header['message']!r}, expected hello or open_screen")
+            raise WireError(f"the first message is {header['message'][:80]!r}, expected hello or open_screen")
         if self._token is not None:
             given = header.get("token")
             # JSON may contain lone surrogates, which cannot be encoded in UTF-8.

@@ -13,7 +13,7 @@ import unittest
 from pathlib import Path
 from unittest import mock
 
-from dtd_bridge import capture as capturing, flight as flying, found, pixels as drawing, scenery, server, wire
+from dtd_bridge import capture as capturing, flight as flying, found, log as dtd_log, pixels as drawing, scenery, server, wire
 from dtd_bridge.bridge import Bridge
 from dtd_bridge.profile import ProfileFile
 from dtd_bridge.settings import Settings, SettingsError, read_settings
@@ -254,6 +254,69 @@ class Profiles(WithBridge):
             self.assertNotIn("profile", self.hello(client))
             self.profile._path = Path(folder) / "no" / "such.json"
             self.assertRegex(client.refused({"message": "keep_profile", "profile": profile}), "such.json.*writable")
+
+    def test_a_profile_may_have_16_kib_as_it_is_sent_and_not_a_byte_more(self):
+        with tempfile.TemporaryDirectory() as folder:
+            self.profile = ProfileFile(Path(folder) / "dtd_profile.json")
+            client = self.start()
+            self.hello(client)
+            around = len(wire.encode({"text": ""}))
+            longest = {"text": "x" * (16_384 - around)}
+            self.assertEqual(client.ask({"message": "keep_profile", "profile": longest})[0], {"message": "profile_kept"})
+            self.assertEqual(self.hello(client)["profile"], longest)
+            for beyond in (longest["text"] + "x", "x" * 65_000, "é" * 20_000):
+                refused = client.refused({"message": "keep_profile", "profile": {"text": beyond}})
+                self.assertRegex(refused, "expected at most 16384")
+            self.assertEqual(self.hello(client)["profile"], longest)
+
+    def test_what_is_no_json_to_every_client_is_no_request_and_the_next_client_is_served(self):
+        with tempfile.TemporaryDirectory() as folder:
+            self.profile = ProfileFile(Path(folder) / "dtd_profile.json")
+            client = self.start()
+            for value in ("NaN", "-Infinity", "1e999", '"\\ud800"', '{"\\udfff":1}', "1" * 30, "[" * 40 + "]" * 40):
+                with self.subTest(value):
+                    self.hello(client)
+                    text = f'{{"message":"keep_profile","profile":{{"text":{value}}}}}'.encode()
+                    client.stream.sendall(struct.pack("<II", len(text), 0) + text)
+                    answer, _ = client.receive()
+                    self.assertRegex(answer["text"], "not JSON")
+                    client = self.another()
+            self.assertNotIn("profile", self.hello(client))
+
+    def test_a_profile_on_disk_that_no_hello_could_contain_is_dropped_at_the_start_and_the_log_says_so(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "dtd_profile.json"
+            for text in ('{"clouds_take_s": NaN}', '{"text": "\\ud800"}', '{"text": "%s"}' % ("x" * 65_400), "{", "[]"):
+                with self.subTest(text[:30]):
+                    self.setUp()
+                    path.write_text(text)
+                    self.profile = ProfileFile(path)
+                    client = self.start()
+                    self.assertFalse(path.exists())
+                    self.assertRegex("\n".join(self.xp.lines), "the profile in .* is not used: .*dtd doctor")
+                    self.assertNotIn("profile", self.hello(client))
+            path.write_text('{"format": 1}')
+            self.setUp()
+            self.profile = ProfileFile(path)
+            self.assertEqual(self.hello(self.start())["profile"], {"format": 1})
+
+    def test_an_error_does_not_quote_all_of_a_long_request(self):
+        client = self.start()
+        self.hello(client)
+        self.assertLess(len(client.refused({"message": "é" * 20_000})), 2_001)
+        self.assertEqual(self.hello(client)["message"], "hello")
+
+    def test_clients_that_come_and_go_are_logged_once_a_minute_and_counted(self):
+        times = [1_000.0]
+        with mock.patch.object(dtd_log.time, "monotonic", side_effect=lambda: times[0]):
+            lines = dtd_log.ClientLines(self.xp)
+            for _ in range(1_000):
+                lines.say("note", "127.0.0.1", "capture link closed")
+            lines.say("note", "10.0.0.7", "capture link closed")
+            times[0] += 60.0
+            lines.say("note", "127.0.0.1", "capture link closed")
+        closed = [line for line in self.xp.lines if "capture link closed" in line]
+        self.assertEqual(closed, ["capture link closed"] * 2 + ["capture link closed (999 more of these in the last 60 s)"])
 
     def test_the_order_of_callbacks_is_watched(self):
         for quirks, cycles, orders in [

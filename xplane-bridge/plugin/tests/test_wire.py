@@ -62,6 +62,25 @@ class Wire(unittest.TestCase):
         with self.assertRaisesRegex(messages.Refusal, "hfov_deg"):
             messages.capture({**good, "camera": {**good["camera"], "hfov_deg": 180}})
 
+    def test_a_start_or_a_runway_in_space_is_refused_by_its_name(self):
+        good = golden("link_fly")[0]
+        start, runway = good["start"], good["runway"]
+        position = start["position"]
+        self.assertEqual(messages.start({**start, "position": {**position, "altitude_msl_m": 30_000}}).pose.altitude_msl_m, 30_000)
+        for place in ({"altitude_msl_m": 30_001}, {"altitude_msl_m": 1e12}, {"latitude_deg": 90.1}, {"longitude_deg": 1e9}):
+            key = next(iter(place))
+            with self.subTest(place), self.assertRaisesRegex(messages.LastingRefusal, key):
+                messages.start({**start, "position": {**position, **place}})
+        for changes in (
+            {"start": {**start, "heading_true_deg": 1e300}},
+            {"runway": {**runway, "touchdown_past_threshold_m": 1e7}},
+            {"runway": {**runway, "ils_frequency_mhz": 1e30}},
+            {"profile": {"kind": "glide_path", "level_altitude_msl_m": 1e12}},
+            {"profile": {"kind": "step_down", "upper_altitude_msl_m": 900, "lower_altitude_msl_m": -1e9, "step_from_threshold_m": 9_000}},
+        ):
+            with self.subTest(changes), self.assertRaisesRegex(messages.LastingRefusal, "expected"):
+                messages.fly({**good, **changes})
+
     def test_broken_bytes_are_refused(self):
         for data, words in [
             (b"\xff" * 8, "header of 4294967295"),

@@ -52,7 +52,7 @@ pub fn encode_flight(states: &[FlightState]) -> Vec<u8> {
 }
 
 /// Why a payload is not a flight.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BadFlightPayload {
     /// Other columns than ours.
     #[error("columns are {found:?}, expected {FLIGHT_COLUMNS:?}")]
@@ -68,11 +68,15 @@ pub enum BadFlightPayload {
         /// The payload.
         bytes: usize,
     },
-    /// A state that is nowhere or never.
-    #[error("state {row} has a time or position that is not a number")]
-    NotANumber {
+    /// A state with a number that is not finite.
+    #[error("{column} of state {row} is {found}, expected a finite number")]
+    NotFinite {
         /// Which state, from 0.
         row: usize,
+        /// Name of the column.
+        column: &'static str,
+        /// The number.
+        found: f64,
     },
 }
 
@@ -93,26 +97,28 @@ pub fn decode_flight(
             bytes: payload.len(),
         });
     }
-    let states = payload
-        .chunks_exact(ROW_BYTES)
-        .map(decode_row)
-        .collect::<Vec<_>>();
-    let whole = |state: &FlightState| {
-        state.time_s.is_finite()
-            && state.pose.latitude_deg.is_finite()
-            && state.pose.longitude_deg.is_finite()
-    };
-    match states.iter().position(|state| !whole(state)) {
-        Some(row) => Err(BadFlightPayload::NotANumber { row }),
-        None => Ok(states),
-    }
+    let rows = payload.chunks_exact(ROW_BYTES).map(numbers_of);
+    rows.enumerate()
+        .map(|(row, numbers)| {
+            for (column, found) in FLIGHT_COLUMNS.into_iter().zip(numbers) {
+                if !found.is_finite() {
+                    return Err(BadFlightPayload::NotFinite { row, column, found });
+                }
+            }
+            Ok(state_of(numbers))
+        })
+        .collect()
 }
 
-fn decode_row(row: &[u8]) -> FlightState {
-    let mut values = [0.0; FLIGHT_COLUMNS.len()];
-    for (value, bytes) in values.iter_mut().zip(row.as_chunks::<8>().0) {
-        *value = f64::from_le_bytes(*bytes);
+fn numbers_of(row: &[u8]) -> [f64; FLIGHT_COLUMNS.len()] {
+    let mut numbers = [0.0; FLIGHT_COLUMNS.len()];
+    for (number, bytes) in numbers.iter_mut().zip(row.as_chunks::<8>().0) {
+        *number = f64::from_le_bytes(*bytes);
     }
+    numbers
+}
+
+fn state_of(numbers: [f64; FLIGHT_COLUMNS.len()]) -> FlightState {
     let [
         time_s,
         latitude_deg,
@@ -128,7 +134,7 @@ fn decode_row(row: &[u8]) -> FlightState {
         flap_ratio,
         gear_ratio,
         on_ground,
-    ] = values;
+    ] = numbers;
     FlightState {
         time_s,
         pose: Pose {
@@ -199,11 +205,24 @@ mod tests {
         assert!(decode_flight(&columns()[1..], 3, &payload).is_err());
         assert!(decode_flight(&columns(), 4, &payload).is_err());
         assert!(decode_flight(&columns(), usize::MAX, &payload).is_err());
-        let mut lost = states();
-        lost[1].pose.latitude_deg = f64::NAN;
-        let error = decode_flight(&columns(), 3, &encode_flight(&lost))
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains("state 1"), "{error}");
+        type Change = fn(&mut FlightState);
+        let changes: [(Change, &str); 3] = [
+            (|state| state.pose.latitude_deg = f64::NAN, "latitude_deg"),
+            (|state| state.pose.roll_deg = f64::INFINITY, "roll_deg"),
+            (
+                |state| state.true_airspeed_mps = f64::NAN,
+                "true_airspeed_mps",
+            ),
+        ];
+        for (change, column) in changes {
+            let mut strange = states();
+            change(&mut strange[1]);
+            let error = decode_flight(&columns(), 3, &encode_flight(&strange)).unwrap_err();
+            let said = error.to_string();
+            assert!(
+                said.starts_with(&format!("{column} of state 1 is")),
+                "{said}"
+            );
+        }
     }
 }

@@ -2,10 +2,11 @@
 
 use dataset::approach_profile::ApproachProfile;
 use dataset::geodesy::Geodetic;
+use dataset::limits;
 use dataset::runway::Runway;
 
 use super::Request;
-use crate::fly::FlyRequest;
+use crate::fly::{FlightStart, FlyRequest};
 
 /// Altitudes of aircraft and ground, metres.
 const ALTITUDES_M: [f64; 2] = [-500.0, 30_000.0];
@@ -13,33 +14,55 @@ const ALTITUDES_M: [f64; 2] = [-500.0, 30_000.0];
 const LENGTHS_M: [f64; 2] = [-1e6, 1e6];
 const ANGLES_DEG: [f64; 2] = [-720.0, 720.0];
 
-/// A number out of range.
+/// Largest [`Request::KeepProfile`] profile as it is sent, bytes: a hello contains it, and has to stay a header that can be sent.
+pub const MAX_PROFILE_BYTES: usize = 16 << 10;
+
+/// Why a request cannot be met.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{key} is {found}, expected {low} to {high}")]
-pub struct OutOfRange {
-    key: &'static str,
-    found: f64,
-    low: f64,
-    high: f64,
+pub enum UnsoundRequest {
+    /// A number out of range.
+    #[error("{key} is {found}, expected {low} to {high}")]
+    OutOfRange {
+        /// Its name.
+        key: &'static str,
+        /// The number.
+        found: f64,
+        /// The least that is possible.
+        low: f64,
+        /// The most that is possible.
+        high: f64,
+    },
+    /// A profile that no hello could contain.
+    #[error("the profile has {bytes} bytes, expected at most {MAX_PROFILE_BYTES}")]
+    LongProfile {
+        /// Its length as it is sent.
+        bytes: usize,
+    },
 }
 
 impl Request {
-    /// Rejects an impossible runway or flight. Captures have further checks: [`super::CaptureRequest::check`].
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    /// Rejects an impossible runway, start or flight, and a profile that is too long. Captures have further checks:
+    /// [`super::CaptureRequest::check`].
+    pub fn check(&self) -> Result<(), UnsoundRequest> {
         match self {
             Self::Freeze { runway, .. } => check_runway(runway),
+            Self::Travel { start, .. } => check_start(start),
             Self::Fly(request) => check_flight(request),
+            Self::KeepProfile { profile } => match profile.to_string().len() {
+                bytes if bytes > MAX_PROFILE_BYTES => Err(UnsoundRequest::LongProfile { bytes }),
+                _ => Ok(()),
+            },
             _ => Ok(()),
         }
     }
 }
 
-fn within(key: &'static str, found: f64, [low, high]: [f64; 2]) -> Result<(), OutOfRange> {
+fn within(key: &'static str, found: f64, [low, high]: [f64; 2]) -> Result<(), UnsoundRequest> {
     // False for NaN.
     if found >= low && found <= high {
         return Ok(());
     }
-    Err(OutOfRange {
+    Err(UnsoundRequest::OutOfRange {
         key,
         found,
         low,
@@ -47,13 +70,13 @@ fn within(key: &'static str, found: f64, [low, high]: [f64; 2]) -> Result<(), Ou
     })
 }
 
-fn check_place(place: &Geodetic) -> Result<(), OutOfRange> {
+fn check_place(place: &Geodetic) -> Result<(), UnsoundRequest> {
     within("latitude_deg", place.latitude_deg, [-90.0, 90.0])?;
     within("longitude_deg", place.longitude_deg, [-360.0, 360.0])?;
     within("altitude_msl_m", place.altitude_msl_m, ALTITUDES_M)
 }
 
-fn check_runway(runway: &Runway) -> Result<(), OutOfRange> {
+fn check_runway(runway: &Runway) -> Result<(), UnsoundRequest> {
     check_place(&runway.threshold)?;
     within("course_true_deg", runway.course_true_deg, ANGLES_DEG)?;
     within("glide_path_deg", runway.glide_path_deg, [0.5, 15.0])?;
@@ -61,18 +84,26 @@ fn check_runway(runway: &Runway) -> Result<(), OutOfRange> {
         "touchdown_past_threshold_m",
         runway.touchdown_past_threshold_m,
         LENGTHS_M,
-    )
+    )?;
+    if let Some(frequency_mhz) = runway.ils_frequency_mhz {
+        let range = [limits::ILS_MHZ.least, limits::ILS_MHZ.most];
+        within("ils_frequency_mhz", frequency_mhz, range)?;
+    }
+    match runway.course_magnetic_deg {
+        Some(course_deg) => within("course_magnetic_deg", course_deg, ANGLES_DEG),
+        None => Ok(()),
+    }
 }
 
-fn check_flight(request: &FlyRequest) -> Result<(), OutOfRange> {
+fn check_start(start: &FlightStart) -> Result<(), UnsoundRequest> {
+    check_place(&start.position)?;
+    within("heading_true_deg", start.heading_true_deg, ANGLES_DEG)?;
+    within("speed_mps", start.speed_mps, [30.0, 400.0])
+}
+
+fn check_flight(request: &FlyRequest) -> Result<(), UnsoundRequest> {
     check_runway(&request.runway)?;
-    check_place(&request.start.position)?;
-    within(
-        "heading_true_deg",
-        request.start.heading_true_deg,
-        ANGLES_DEG,
-    )?;
-    within("speed_mps", request.start.speed_mps, [30.0, 400.0])?;
+    check_start(&request.start)?;
     within("time_limit_s", request.time_limit_s, [1.0, 86_400.0])?;
     match request.profile {
         ApproachProfile::GlidePath {
@@ -96,6 +127,13 @@ fn check_flight(request: &FlyRequest) -> Result<(), OutOfRange> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn refused_key(checked: Result<(), UnsoundRequest>) -> &'static str {
+        match checked {
+            Err(UnsoundRequest::OutOfRange { key, .. }) => key,
+            other => panic!("{other:?}"),
+        }
+    }
 
     #[test]
     fn a_flight_with_a_number_that_cannot_be_is_refused_by_its_key() {
@@ -123,8 +161,41 @@ mod tests {
             ("course_true_deg", "23.0", "1e300"),
             ("level_altitude_msl_m", "763", "-1e9"),
         ] {
-            let refused = check(&sound.replacen(from, to, 1)).unwrap_err();
-            assert_eq!(refused.key, key);
+            assert_eq!(refused_key(check(&sound.replacen(from, to, 1))), key);
         }
+    }
+
+    #[test]
+    fn a_start_somewhere_in_space_is_refused_for_travel_as_for_flights() {
+        let travel = |latitude_deg: &str, altitude_msl_m: &str, speed_mps: &str| {
+            let text = format!(
+                r#"{{"message":"travel","start":{{"position":{{"latitude_deg":{latitude_deg},"longitude_deg":104,
+                    "altitude_msl_m":{altitude_msl_m}}},"heading_true_deg":23,"speed_mps":{speed_mps}}}}}"#
+            );
+            serde_json::from_str::<Request>(&text).unwrap().check()
+        };
+        assert_eq!(travel("1", "30000", "30"), Ok(()));
+        assert_eq!(refused_key(travel("1", "30001", "80")), "altitude_msl_m");
+        assert_eq!(refused_key(travel("1", "1e12", "80")), "altitude_msl_m");
+        assert_eq!(refused_key(travel("91", "762", "80")), "latitude_deg");
+        assert_eq!(refused_key(travel("1", "762", "29.9")), "speed_mps");
+    }
+
+    #[test]
+    fn a_profile_may_have_16_kib_as_it_is_sent() {
+        let keep = |text: String| {
+            let profile = serde_json::json!({ "format": text });
+            Request::KeepProfile { profile }.check()
+        };
+        let around = r#"{"format":""}"#.len();
+        assert_eq!(keep("x".repeat(MAX_PROFILE_BYTES - around)), Ok(()));
+        let beyond = keep("x".repeat(MAX_PROFILE_BYTES - around + 1)).unwrap_err();
+        assert!(
+            beyond
+                .to_string()
+                .contains("16385 bytes, expected at most 16384"),
+            "{beyond}"
+        );
+        assert!(keep("é".repeat(20_000)).is_err());
     }
 }

@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
 use super::Request;
+use crate::peer_text::quoted;
 
 /// First bytes in each direction, before the version.
 const MAGIC: [u8; 4] = *b"DTDL";
@@ -168,7 +169,7 @@ async fn read_text<H: DeserializeOwned>(
     let mut text = vec![0; header_bytes];
     read_exact(stream, &mut text, "a header").await?;
     serde_json::from_slice(&text).map_err(|error| LinkError::BadHeader {
-        reason: error.to_string(),
+        reason: quoted(&error.to_string()),
         begin: String::from_utf8_lossy(&text).chars().take(80).collect(),
     })
 }

@@ -73,6 +73,25 @@ pub struct Position {
 }
 
 impl Position {
+    /// Whether all of it are finite numbers.
+    pub fn is_finite(&self) -> bool {
+        let place = [self.longitude_deg, self.latitude_deg, self.elevation_msl_m];
+        let motion = [
+            self.height_agl_m,
+            self.pitch_deg,
+            self.heading_true_deg,
+            self.roll_deg,
+            self.velocity_east_mps,
+            self.velocity_up_mps,
+            self.velocity_south_mps,
+            self.roll_rate_rad_s,
+            self.pitch_rate_rad_s,
+            self.yaw_rate_rad_s,
+        ];
+        place.iter().all(|number| number.is_finite())
+            && motion.iter().all(|number| number.is_finite())
+    }
+
     pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
         let mut fields = Fields::new(TAG, datagram);
         Ok(Self {

@@ -13,6 +13,7 @@ use crate::error::BridgeError;
 use crate::link::{
     Answer, LinkError, Request, exchange_greetings, read_header, read_payload, write_message,
 };
+use crate::peer_text::quoted;
 
 /// An open link, or what is left of one.
 #[derive(Debug)]
@@ -94,7 +95,7 @@ impl LinkClient {
         match answer {
             Answer::Error { text, repeats } if payload_bytes == 0 => Err(BridgeError::Refused {
                 doing,
-                text,
+                text: quoted(&text),
                 repeats,
             }),
             answer if expects_payload || payload_bytes == 0 => Ok(answer),

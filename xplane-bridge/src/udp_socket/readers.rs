@@ -73,12 +73,16 @@ impl Readers {
         positions
     }
 
-    /// Gives values to their readers; returns the numbers that have none.
+    /// Gives values to their readers; returns the numbers that have none. A value that is not finite is no value: the dataref stays
+    /// without one, as if the simulator had not answered.
     pub(super) fn hand_out(&self, values: impl Iterator<Item = DatarefValue>) -> Vec<i32> {
         let mut unwanted = Vec::new();
         let mut by_reader: BTreeMap<i32, Vec<DatarefValue>> = BTreeMap::new();
         for value in values {
             match self.reader_of(value.index) {
+                Some(_) if !value.value.is_finite() => {
+                    tracing::debug!(?value, "ignored, since it is not a finite number");
+                }
                 Some(first) => by_reader.entry(first).or_default().push(value),
                 None => unwanted.push(value.index),
             }
@@ -96,11 +100,13 @@ impl Readers {
         (index < reader.end).then_some(first)
     }
 
-    /// Gives a position to its reader; returns whether there is one.
+    /// Gives a position to its reader, unless one of its numbers is not finite; returns whether there is a reader.
     pub(super) fn hand_out_position(&self, position: Position) -> bool {
         match &self.positions {
             Some(reader) if !reader.is_closed() => {
-                let _ = reader.try_send(position);
+                if position.is_finite() {
+                    let _ = reader.try_send(position);
+                }
                 true
             }
             _ => false,
@@ -114,6 +120,24 @@ mod tests {
 
     fn value(index: i32) -> DatarefValue {
         DatarefValue { index, value: 1.0 }
+    }
+
+    fn position() -> Position {
+        Position {
+            longitude_deg: 103.9,
+            latitude_deg: 1.3,
+            elevation_msl_m: 0.0,
+            height_agl_m: 0.0,
+            pitch_deg: 0.0,
+            heading_true_deg: 0.0,
+            roll_deg: 0.0,
+            velocity_east_mps: 0.0,
+            velocity_up_mps: 0.0,
+            velocity_south_mps: 0.0,
+            roll_rate_rad_s: 0.0,
+            pitch_rate_rad_s: 0.0,
+            yaw_rate_rad_s: 0.0,
+        }
     }
 
     #[test]
@@ -131,6 +155,30 @@ mod tests {
     }
 
     #[test]
+    fn a_value_or_a_position_that_is_not_finite_reaches_no_reader() {
+        let mut readers = Readers::new();
+        let (first, mut values) = readers.claim(1);
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let strange = DatarefValue {
+                index: first,
+                value,
+            };
+            let unwanted = readers.hand_out([strange].into_iter());
+            assert!(unwanted.is_empty() && values.try_recv().is_err(), "{value}");
+        }
+        let mut positions = readers.positions();
+        let mut nowhere = position();
+        nowhere.latitude_deg = f64::NAN;
+        assert!(readers.hand_out_position(nowhere));
+        let mut turning = position();
+        turning.yaw_rate_rad_s = f32::INFINITY;
+        assert!(readers.hand_out_position(turning));
+        assert!(positions.try_recv().is_err());
+        assert!(readers.hand_out_position(position()));
+        assert_eq!(positions.try_recv(), Ok(position()));
+    }
+
+    #[test]
     fn numbers_are_fresh_and_positive_even_after_the_last_one() {
         let mut readers = Readers::new();
         assert!(readers.next >= 1);
@@ -143,25 +191,10 @@ mod tests {
     #[test]
     fn a_reader_of_positions_that_has_gone_wants_no_more() {
         let mut readers = Readers::new();
-        let position = Position {
-            longitude_deg: 103.9,
-            latitude_deg: 1.3,
-            elevation_msl_m: 0.0,
-            height_agl_m: 0.0,
-            pitch_deg: 0.0,
-            heading_true_deg: 0.0,
-            roll_deg: 0.0,
-            velocity_east_mps: 0.0,
-            velocity_up_mps: 0.0,
-            velocity_south_mps: 0.0,
-            roll_rate_rad_s: 0.0,
-            pitch_rate_rad_s: 0.0,
-            yaw_rate_rad_s: 0.0,
-        };
-        assert!(!readers.hand_out_position(position));
+        assert!(!readers.hand_out_position(position()));
         let reader = readers.positions();
-        assert!(readers.hand_out_position(position));
+        assert!(readers.hand_out_position(position()));
         drop(reader);
-        assert!(!readers.hand_out_position(position));
+        assert!(!readers.hand_out_position(position()));
     }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use rustix::process::{Resource, getrlimit};
 use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
@@ -20,7 +21,8 @@ use xplane_bridge::simulator_address::{is_answer, local_address};
 
 /// A client without traffic for this long is forgotten. If it comes back, it is a new one.
 const FORGET_AFTER: Duration = Duration::from_secs(600);
-/// Maximum clients, each of which takes a socket: a few programs of one user.
+/// Maximum clients, each of which takes a socket: a few programs of one user. Where few descriptors are allowed, at most a quarter of them:
+/// the capture link needs two for each of its clients, and would find none while clients that sent one datagram are remembered.
 const MOST_CLIENTS: usize = 256;
 /// Maximum queued datagrams of a client; more are lost, as is usual with UDP.
 const WAITING: usize = 1_000;
@@ -32,6 +34,8 @@ const VALUE: usize = 8;
 
 /// Serves until dropped.
 pub(super) async fn run(ours: Arc<UdpSocket>, route: Arc<Route>) -> Result<(), TapeError> {
+    let descriptors = getrlimit(Resource::Nofile).current;
+    let most_clients = descriptors.map_or(MOST_CLIENTS, |most| MOST_CLIENTS.min(most as usize / 4));
     let mut clients: HashMap<SocketAddr, mpsc::Sender<Vec<u8>>> = HashMap::new();
     let mut tasks = JoinSet::new();
     let mut count = 0;
@@ -48,9 +52,9 @@ pub(super) async fn run(ours: Arc<UdpSocket>, route: Arc<Route>) -> Result<(), T
         clients.retain(|_, client| !client.is_closed());
         let client = match clients.get(&from) {
             Some(known) => known,
-            None if clients.len() >= MOST_CLIENTS => {
+            None if clients.len() >= most_clients => {
                 if !std::mem::replace(&mut said_full, true) {
-                    tracing::warn!(%from, "datagrams ignored: {MOST_CLIENTS} clients are here already");
+                    tracing::warn!(%from, "datagrams ignored: {most_clients} clients are here already");
                 }
                 continue;
             }

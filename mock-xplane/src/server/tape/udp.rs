@@ -16,6 +16,8 @@ use crate::server::{MockError, UdpSockets};
 
 /// Length of a frame, as in the stand-in: values are sent in frames.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
+/// Maximum warnings about what the tape lacks: clients choose their text.
+const MOST_WARNINGS: usize = 100;
 
 /// Serves forever.
 pub(super) async fn run(sockets: UdpSockets, player: Arc<Player>) -> Result<(), MockError> {
@@ -60,6 +62,7 @@ struct Server {
 impl Server {
     fn take(&mut self, datagram: &[u8], from: SocketAddr) {
         let now_s = self.begin.elapsed().as_secs_f64();
+        self.subscriptions.heard(from, now_s);
         let player = self.player.clone();
         let mut playback = player.playback();
         match ToSimulator::decode(datagram) {
@@ -153,10 +156,14 @@ impl Server {
         datagrams
     }
 
+    /// Warns once of each thing, as long as there are not too many.
     fn warn(&mut self, what: String) {
-        if !self.warned.contains(&what) {
+        if self.warned.len() < MOST_WARNINGS && !self.warned.contains(&what) {
             tracing::warn!("{what}");
             self.warned.insert(what);
+            if self.warned.len() == MOST_WARNINGS {
+                tracing::warn!("more that the tape lacks is not named");
+            }
         }
     }
 }

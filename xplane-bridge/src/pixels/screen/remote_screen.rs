@@ -15,6 +15,7 @@ use crate::link::{
     LinkError, ScreenAnswer, ScreenPart, ScreenRequest, exchange_greetings, read_header,
     read_payload, write_message,
 };
+use crate::peer_text::quoted;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
 /// Timeout of opening or a grab: slightly less than the caller's, so that the thread ends first.
@@ -152,7 +153,10 @@ async fn ask(
             })
     };
     match answer.await {
-        Ok((ScreenAnswer::Error { text }, _)) => Err(PixelError::RemoteRefused { link, text }),
+        Ok((ScreenAnswer::Error { text }, _)) => Err(PixelError::RemoteRefused {
+            link,
+            text: quoted(&text),
+        }),
         Ok(answer) => Ok(answer),
         Err(source) => Err(PixelError::RemoteScreen { link, source }),
     }

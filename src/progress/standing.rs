@@ -1,0 +1,179 @@
+//! The state of a step of the work, and its pace. Pure.
+
+use std::time::Duration;
+
+use indicatif::{DecimalBytes, HumanDuration};
+use serde::Serialize;
+
+/// A shorter time says nothing about the pace.
+const SHORTEST: Duration = Duration::from_secs(1);
+
+/// The scenarios of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub(crate) struct Scenarios {
+    /// Number of the one in work, from 1; the last one at the end.
+    pub(crate) number: usize,
+    /// How many there are.
+    pub(crate) of: usize,
+    /// How many failed so far.
+    pub(crate) failed: usize,
+}
+
+/// The disk that a run writes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Disk {
+    /// Bytes that this run has written.
+    pub(crate) written: u64,
+    /// Bytes that are left; absent if the system does not report it.
+    pub(crate) free: Option<u64>,
+}
+
+/// The state of a step.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Standing {
+    pub(crate) total: Option<u64>,
+    pub(crate) done: u64,
+    /// Units that an earlier process did, which say nothing about the pace of this one.
+    pub(crate) before: u64,
+    pub(crate) working_on: String,
+    pub(crate) scenarios: Option<Scenarios>,
+    pub(crate) disk: Option<Disk>,
+}
+
+impl Standing {
+    /// Whether all is done.
+    pub(crate) fn is_complete(&self) -> bool {
+        self.total.is_some_and(|total| self.done >= total)
+    }
+
+    /// Units a second, once there is something to tell it from.
+    pub(crate) fn per_s(&self, elapsed: Duration) -> Option<f64> {
+        let done = self
+            .done
+            .checked_sub(self.before)
+            .filter(|done| *done > 0)?;
+        (elapsed >= SHORTEST).then(|| done as f64 / elapsed.as_secs_f64())
+    }
+
+    /// The time that is left at that pace, if the end is known.
+    pub(crate) fn left(&self, elapsed: Duration) -> Option<Duration> {
+        let left = self
+            .total?
+            .checked_sub(self.done)
+            .filter(|left| *left > 0)?;
+        Duration::try_from_secs_f64(left as f64 / self.per_s(elapsed)?).ok()
+    }
+
+    /// All that is known, as words. `says_elapsed`: with the time so far.
+    pub(crate) fn words(&self, unit: &str, elapsed: Duration, says_elapsed: bool) -> String {
+        let mut parts = Vec::new();
+        let mut count = match self.total {
+            Some(total) => format!("{}/{total} {unit}", self.done),
+            None if self.done > 0 => format!("{} {unit}", self.done),
+            None => String::new(),
+        };
+        if let Some(per_s) = self.per_s(elapsed) {
+            if says_elapsed {
+                count += &format!(" in {}", HumanDuration(elapsed));
+            }
+            count += &format!(", {}", rate(per_s));
+        }
+        if let Some(left) = self.left(elapsed) {
+            count += &format!(", {} left", HumanDuration(left));
+        }
+        parts.push(count);
+        if let Some(Scenarios { number, of, failed }) = self.scenarios {
+            parts.push(match failed {
+                0 => format!("scenario {number} of {of}"),
+                failed => format!("scenario {number} of {of}, {failed} failed"),
+            });
+        }
+        if let Some(Disk { written, free }) = self.disk {
+            let free = free.map(|free| format!(", {} free", DecimalBytes(free)));
+            let written = DecimalBytes(written);
+            parts.push(format!("{written} written{}", free.unwrap_or_default()));
+        }
+        parts.push(self.working_on.clone());
+        parts.retain(|part| !part.is_empty());
+        parts.join("; ")
+    }
+}
+
+fn rate(per_s: f64) -> String {
+    match per_s {
+        rate if rate >= 1.0 => format!("{rate:.1}/s"),
+        rate => format!("{:.1}/min", rate * 60.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn standing(done: u64, before: u64, total: Option<u64>) -> Standing {
+        Standing {
+            total,
+            done,
+            before,
+            ..Standing::default()
+        }
+    }
+
+    fn words(standing: &Standing, elapsed_s: f64) -> String {
+        standing.words("ticks", Duration::from_secs_f64(elapsed_s), true)
+    }
+
+    #[test]
+    fn pace_and_remaining_time_are_said_once_they_are_known() {
+        let of_200 = |done, elapsed_s| words(&standing(done, 0, Some(200)), elapsed_s);
+        assert_eq!(of_200(20, 0.1), "20/200 ticks");
+        assert_eq!(of_200(0, 10.0), "0/200 ticks");
+        assert_eq!(
+            of_200(50, 10.0),
+            "50/200 ticks in 10 seconds, 5.0/s, 30 seconds left"
+        );
+        assert_eq!(
+            of_200(20, 7_200.0),
+            "20/200 ticks in 2 hours, 0.2/min, 18 hours left"
+        );
+        assert_eq!(of_200(200, 20.0), "200/200 ticks in 20 seconds, 10.0/s");
+        assert_eq!(
+            words(&standing(150, 100, Some(200)), 10.0),
+            "150/200 ticks in 10 seconds, 5.0/s, 10 seconds left"
+        );
+        assert_eq!(words(&standing(0, 0, None), 10.0), "");
+        assert_eq!(
+            words(&standing(7, 0, None), 7.0),
+            "7 ticks in 7 seconds, 1.0/s"
+        );
+    }
+
+    #[test]
+    fn scenarios_failures_and_disk_are_named() {
+        let mut night = standing(1, 0, Some(2));
+        night.scenarios = Some(Scenarios {
+            number: 37,
+            of: 100,
+            failed: 0,
+        });
+        night.disk = Some(Disk {
+            written: 12_400_000_000,
+            free: Some(512_000_000_000),
+        });
+        night.working_on = "0037-clear".into();
+        assert_eq!(
+            words(&night, 0.0),
+            "1/2 ticks; scenario 37 of 100; 12.40 GB written, 512.00 GB free; 0037-clear"
+        );
+        night.scenarios = Some(Scenarios {
+            number: 37,
+            of: 100,
+            failed: 2,
+        });
+        night.disk = Some(Disk::default());
+        assert_eq!(
+            words(&night, 0.0),
+            "1/2 ticks; scenario 37 of 100, 2 failed; 0 B written; 0037-clear"
+        );
+    }
+}

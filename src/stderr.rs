@@ -1,0 +1,186 @@
+//! Standard error: every line for people, in the form that suits its reader.
+//!
+//! On a terminal a line is as short as possible. Elsewhere it begins with its date and time, since a night's log is read in the morning.
+//! With `--progress json` it is an object of `schema/progress.schema.json`, for programs. Lines may contain text from a simulator, a client
+//! or a file, so control characters are shown by their numbers in all three.
+
+use std::io::{self, IsTerminal, Write};
+use std::sync::OnceLock;
+use std::time::SystemTime;
+
+use chrono::{DateTime, SecondsFormat, Utc};
+use serde::Serialize;
+
+use crate::plain::plain;
+use crate::progress::beside_bars;
+
+/// The readers of standard error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// A person at a terminal.
+    Terminal,
+    /// A person, later.
+    Log,
+    /// A program.
+    Json,
+}
+
+/// The importance of a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Level {
+    Error,
+    Warning,
+    Info,
+    Detail,
+}
+
+/// A line as a program reads it.
+#[derive(Serialize)]
+struct Message<'a> {
+    time: String,
+    kind: &'static str,
+    level: Level,
+    text: &'a str,
+}
+
+static FORM: OnceLock<Form> = OnceLock::new();
+
+/// Sets the form to JSON. Without it, the form depends on standard error being a terminal.
+pub(crate) fn use_json() {
+    let _ = FORM.set(Form::Json);
+}
+
+/// The form of this process.
+pub(crate) fn form() -> Form {
+    *FORM.get_or_init(|| {
+        if io::stderr().is_terminal() {
+            Form::Terminal
+        } else {
+            Form::Log
+        }
+    })
+}
+
+/// Writes a message of a verb. `error:` and `warning:` at its beginning give it its level.
+pub(crate) fn say(text: &str) {
+    let level = match text.split_once(':') {
+        Some(("error", _)) => Level::Error,
+        Some(("warning", _)) => Level::Warning,
+        _ => Level::Info,
+    };
+    write(level, &form().text_of(level, text, has_colours()));
+}
+
+/// Writes an event of the log.
+pub(crate) fn log(level: Level, text: &str) {
+    let form = form();
+    let text = match form {
+        Form::Json => text.to_owned(),
+        Form::Terminal => format!("{} {text}", coloured(level.tag(), level, has_colours())),
+        Form::Log => format!("{} {text}", level.tag()),
+    };
+    write(level, &text);
+}
+
+/// Writes a text that is safe and in its form already, but for its time.
+fn write(level: Level, text: &str) {
+    let time = SystemTime::now();
+    match form() {
+        Form::Terminal => write_line(text),
+        Form::Log => write_line(&format!("{} {text}", utc(time))),
+        Form::Json => write_json(&Message {
+            time: utc(time),
+            kind: "message",
+            level,
+            text,
+        }),
+    }
+}
+
+/// Writes an object for a program.
+pub(crate) fn write_json(line: &impl Serialize) {
+    if let Ok(line) = serde_json::to_string(line) {
+        write_line(&line);
+    }
+}
+
+/// A reader that is gone is no failure.
+fn write_line(line: &str) {
+    let _ = beside_bars(|| writeln!(io::stderr().lock(), "{line}"));
+}
+
+/// Date and time of day, UTC: `2026-11-26T00:00:05Z`.
+pub(crate) fn utc(time: SystemTime) -> String {
+    DateTime::<Utc>::from(time).to_rfc3339_opts(SecondsFormat::Secs, true)
+}
+
+impl Form {
+    /// A message of a verb, safe for a terminal.
+    fn text_of(self, level: Level, text: &str, has_colours: bool) -> String {
+        let text = plain(text);
+        match (self, text.split_once(':')) {
+            (Self::Terminal, Some((word, rest))) if level != Level::Info => {
+                format!("{}:{rest}", coloured(word, level, has_colours))
+            }
+            _ => text.into_owned(),
+        }
+    }
+}
+
+impl Level {
+    fn tag(self) -> &'static str {
+        match self {
+            Self::Error => "ERROR",
+            Self::Warning => " WARN",
+            Self::Info => " INFO",
+            Self::Detail => "DEBUG",
+        }
+    }
+}
+
+/// Whether the terminal shows colours, and the user wants them (<https://no-color.org>).
+fn has_colours() -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");
+    form() == Form::Terminal && !is_set("NO_COLOR") && !is_dumb
+}
+
+fn coloured(word: &str, level: Level, has_colours: bool) -> String {
+    let colour = match level {
+        Level::Error => "1;31",
+        Level::Warning => "1;33",
+        Level::Info => "32",
+        Level::Detail => "2",
+    };
+    if has_colours {
+        format!("\u{1b}[{colour}m{word}\u{1b}[0m")
+    } else {
+        word.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_time_has_its_date() {
+        let at = SystemTime::UNIX_EPOCH + Duration::from_secs(1_795_651_205);
+        assert_eq!(utc(at), "2026-11-26T00:00:05Z");
+    }
+
+    #[test]
+    fn only_a_terminal_gets_colours_and_only_its_own() {
+        let text = |form: Form, colours| form.text_of(Level::Error, "error: \u{1b}[2Jno", colours);
+        assert_eq!(
+            text(Form::Terminal, true),
+            "\u{1b}[1;31merror\u{1b}[0m: \\u{1b}[2Jno"
+        );
+        assert_eq!(text(Form::Terminal, false), "error: \\u{1b}[2Jno");
+        assert_eq!(text(Form::Log, true), "error: \\u{1b}[2Jno");
+        assert_eq!(text(Form::Json, true), "error: \\u{1b}[2Jno");
+    }
+}

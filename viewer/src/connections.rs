@@ -1,0 +1,192 @@
+//! The connections of browsers: a few at a time, and none of them is held by a silent client.
+//!
+//! A browser opens about six. A program that opens many and is silent must not keep browsers out: its connections end soon, and at once if
+//! others need their places.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+use axum::Router;
+use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+#[cfg(target_os = "linux")]
+use socket2::SockRef;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Notify, Semaphore};
+use tokio::task::JoinSet;
+use tokio::time::sleep;
+
+use crate::error::ViewError;
+
+/// Maximum connections.
+const MOST_CONNECTIONS: usize = 64;
+/// Timeout of a request, from the beginning of its connection or the end of the previous one.
+const REQUEST_WITHIN: Duration = Duration::from_secs(10);
+/// How long a client may leave data unread: a browser whose video is paused asks again for the rest.
+#[cfg(target_os = "linux")]
+const READ_WITHIN: Duration = Duration::from_secs(60);
+/// Delay after a connection could not be accepted: others must first release descriptors.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// A connection as those see it that need its place.
+#[derive(Default)]
+struct Guest {
+    has_asked: AtomicBool,
+    has_to_leave: Notify,
+}
+
+/// Serves until dropped; its connections end with it.
+pub(crate) async fn serve(listener: TcpListener, router: Router) -> Result<(), ViewError> {
+    let service = TowerToHyperService::new(router);
+    let room = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+    let mut guests = VecDeque::new();
+    let mut connections = JoinSet::new();
+    loop {
+        while connections.try_join_next().is_some() {}
+        guests.retain(|guest: &Weak<Guest>| guest.strong_count() > 0);
+        let (stream, from) = match listener.accept().await {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                tracing::debug!(%error, "no connection can be accepted now");
+                sleep(PAUSE).await;
+                continue;
+            }
+        };
+        if room.available_permits() == 0 {
+            dismiss_the_oldest_silent(&mut guests);
+        }
+        // The semaphore is never closed; without a permit the connection would only not be counted.
+        let permit = room.clone().acquire_owned().await.ok();
+        end_if_unread(&stream);
+        let guest = Arc::new(Guest::default());
+        guests.push_back(Arc::downgrade(&guest));
+        let service = service.clone();
+        connections.spawn(async move {
+            let _permit = permit;
+            let asks = service_fn(|request| {
+                guest.has_asked.store(true, Ordering::Relaxed);
+                service.call(request)
+            });
+            let served = http1::Builder::new()
+                .timer(TokioTimer::new())
+                .header_read_timeout(REQUEST_WITHIN)
+                .serve_connection(TokioIo::new(stream), asks);
+            tokio::select! {
+                served = served => if let Err(error) = served {
+                    tracing::debug!(%from, %error, "connection closed");
+                },
+                () = guest.has_to_leave.notified() => {
+                    tracing::debug!(%from, "connection closed: it was silent, and others wait");
+                }
+            }
+        });
+    }
+}
+
+/// Ends the oldest connection without a complete request, if there is one.
+fn dismiss_the_oldest_silent(guests: &mut VecDeque<Weak<Guest>>) {
+    let is_silent = |guest: &Weak<Guest>| {
+        let guest = guest.upgrade();
+        guest.is_some_and(|guest| !guest.has_asked.load(Ordering::Relaxed))
+    };
+    let oldest = guests.iter().position(is_silent);
+    if let Some(guest) = oldest.and_then(|at| guests.remove(at)?.upgrade()) {
+        guest.has_to_leave.notify_one();
+    }
+}
+
+/// Lets the system close a connection whose client does not read. Elsewhere such clients are limited by their number alone.
+#[cfg(target_os = "linux")]
+fn end_if_unread(stream: &TcpStream) {
+    if let Err(error) = SockRef::from(stream).set_tcp_user_timeout(Some(READ_WITHIN)) {
+        tracing::debug!(%error, "a client may leave its answers unread");
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn end_if_unread(_stream: &TcpStream) {}
+
+#[cfg(test)]
+mod tests {
+    use axum::routing::get;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::time::Instant;
+
+    use super::*;
+
+    const REQUEST: &[u8] = b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
+
+    async fn served() -> std::net::SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        tokio::spawn(serve(listener, Router::new().route("/", get("here"))));
+        address
+    }
+
+    async fn answer(stream: &mut TcpStream) -> String {
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).await.unwrap();
+        answer
+    }
+
+    /// A connection whose request was answered, and that may make another.
+    async fn asked(address: std::net::SocketAddr) -> TcpStream {
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        let request = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n";
+        stream.write_all(request).await.unwrap();
+        let mut answer = Vec::new();
+        while !answer.ends_with(b"here") {
+            assert!(stream.read_buf(&mut answer).await.unwrap() > 0);
+        }
+        stream
+    }
+
+    #[tokio::test]
+    async fn three_hundred_silent_connections_do_not_delay_one_that_asks() {
+        let address = served().await;
+        let mut silent = Vec::new();
+        for _ in 0..300 {
+            let mut half = TcpStream::connect(address).await.unwrap();
+            half.write_all(b"GET / HTTP/1.1\r\nHo").await.unwrap();
+            silent.push(half);
+        }
+        let mut browser = TcpStream::connect(address).await.unwrap();
+        browser.write_all(REQUEST).await.unwrap();
+        let began = Instant::now();
+        assert!(answer(&mut browser).await.ends_with("here"));
+        assert!(began.elapsed() < REQUEST_WITHIN);
+    }
+
+    #[tokio::test]
+    async fn sixty_four_connections_that_ask_are_served_and_the_next_one_when_one_has_ended() {
+        let address = served().await;
+        let mut guests = Vec::new();
+        for _ in 0..MOST_CONNECTIONS {
+            guests.push(asked(address).await);
+        }
+        let mut beyond = TcpStream::connect(address).await.unwrap();
+        beyond.write_all(REQUEST).await.unwrap();
+        let waiting = tokio::time::timeout(Duration::from_millis(300), beyond.readable());
+        assert!(waiting.await.is_err());
+        guests.pop();
+        assert!(answer(&mut beyond).await.ends_with("here"));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_request_that_is_not_complete_after_ten_seconds_ends_its_connection() {
+        let address = served().await;
+        let began = Instant::now();
+        let mut half = TcpStream::connect(address).await.unwrap();
+        half.write_all(b"GET / HTTP/1.1\r\nHo").await.unwrap();
+        assert_eq!(half.read(&mut [0; 64]).await.unwrap(), 0);
+        let took = began.elapsed();
+        assert!(
+            (REQUEST_WITHIN..2 * REQUEST_WITHIN).contains(&took),
+            "{took:?}"
+        );
+    }
+}

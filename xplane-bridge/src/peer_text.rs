@@ -1,0 +1,33 @@
+//! Text of a peer in errors and records, which end in terminals and logs: as much of it as a person reads, on one line, without control
+//! characters.
+
+/// Characters of a text that are quoted.
+const MOST_CHARACTERS: usize = 500;
+
+/// The beginning of a text, safe to print.
+pub(crate) fn quoted(text: &str) -> String {
+    let mut quoted = String::with_capacity(text.len().min(MOST_CHARACTERS));
+    for c in text.chars().take(MOST_CHARACTERS) {
+        if c.is_control() {
+            quoted.extend(c.escape_default());
+        } else {
+            quoted.push(c);
+        }
+    }
+    quoted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_quoted_up_to_the_limit_on_one_line_and_without_control_characters() {
+        assert_eq!(quoted(&"é".repeat(500)), "é".repeat(500));
+        assert_eq!(quoted(&"é".repeat(60_000)), "é".repeat(500));
+        assert_eq!(
+            quoted("no\n2026-11-26T00:00:05Z error: \u{1b}[2J"),
+            "no\\n2026-11-26T00:00:05Z error: \\u{1b}[2J"
+        );
+    }
+}
