@@ -253,6 +253,13 @@ pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     Ok(None)
 }
 
+/// Whether a folder is sealed, intact or not.
+pub fn is_at(folder: &Path) -> bool {
+    [DONE, MANIFEST]
+        .iter()
+        .all(|name| folder.join(name).is_file())
+}
+
 /// Everything in a sealed folder that does not match its seal, as text; empty if it is intact.
 pub fn faults(folder: &Path) -> Result<Vec<String>> {
     while_it_stays(folder, || {
