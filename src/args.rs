@@ -29,6 +29,7 @@ use crate::estimator_args::{
 use crate::export_args::ExportArgs;
 use crate::help;
 use crate::local_udp_args::LocalUdpArgs;
+use crate::output_arg::Output;
 use crate::search_args::{SearchArgs, SearchMode};
 use crate::shard_arg::ShardArg;
 use crate::view_args::ViewArgs;
@@ -185,7 +186,7 @@ pub(crate) enum Verb {
     #[command(after_help = help::MAN)]
     Man {
         /// Folder to write them to, created if missing
-        #[arg(value_parser = output())]
+        #[arg(value_parser = Output::Folder.parser())]
         folder: PathBuf,
     },
 }
@@ -251,12 +252,12 @@ pub(crate) struct GenerateArgs {
     ///
     /// A URL is s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX or file:///FOLDER, with credentials from the environment
     /// (docs/corpus.md).
-    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(out_location))]
+    #[arg(long, value_name = "CORPUS|URL", value_parser = Output::corpus_or_url())]
     pub(crate) out: CorpusLocation,
     /// For a URL: folder where scenarios are recorded before they are uploaded
     ///
     /// Runs on one machine may share it. The default is one per URL in the user's cache folder.
-    #[arg(long, value_name = "DIR", value_parser = output())]
+    #[arg(long, value_name = "DIR", value_parser = Output::Corpus.parser())]
     pub(crate) staging: Option<PathBuf>,
     /// For a URL: keep scenarios in the staging folder after the upload
     #[arg(long)]
@@ -315,7 +316,7 @@ pub(crate) struct FetchArgs {
     /// The corpus: s3://BUCKET/PREFIX, gs://.., az://CONTAINER/PREFIX or file:///FOLDER
     pub(crate) url: StoreUrl,
     /// Folder of the corpus, created if missing. Existing scenarios are left alone
-    #[arg(long, value_name = "FOLDER", value_parser = output())]
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Corpus.parser())]
     pub(crate) out: PathBuf,
     /// Download only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
@@ -336,6 +337,7 @@ pub(crate) struct PushArgs {
     /// Destination: s3://BUCKET/PREFIX, gs://.., az://CONTAINER/PREFIX or file:///FOLDER
     ///
     /// Older scenarios with other content are replaced.
+    #[arg(value_parser = Output::url())]
     pub(crate) url: StoreUrl,
     /// How long to wait for a store that does not answer
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
@@ -357,37 +359,17 @@ fn encoder() -> impl TypedValueParser<Value = VideoEncoder> {
 
 /// A folder, for verbs that work on local files: a URL is rejected instead of being taken for a folder name.
 pub(crate) fn folder() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(|path| match CorpusLocation::of(&path) {
+    PathBufValueParser::new().try_map(local)
+}
+
+/// A local path.
+pub(crate) fn local(path: PathBuf) -> Result<PathBuf, String> {
+    match CorpusLocation::of(&path) {
         Ok(CorpusLocation::Folder(path)) => Ok(path),
         Ok(CorpusLocation::Store(url)) => Err(format!(
             "expected a folder: download the corpus first, with `dtd fetch {url} --out FOLDER`, and upload it with `dtd push FOLDER {url}`"
         )),
         Err(error) => Err(error.to_string()),
-    })
-}
-
-/// A folder to write into, or a URL.
-fn out_location(path: PathBuf) -> Result<CorpusLocation, String> {
-    match CorpusLocation::of(&path) {
-        Ok(CorpusLocation::Folder(path)) => no_special_file(path).map(CorpusLocation::Folder),
-        Ok(store) => Ok(store),
-        Err(error) => Err(error.to_string()),
-    }
-}
-
-/// A local folder or file to write. Paths that can be neither are rejected before anything is done.
-pub(crate) fn output() -> impl TypedValueParser<Value = PathBuf> {
-    folder().try_map(no_special_file)
-}
-
-/// A path to write to that is not a device, FIFO or socket, nor a link to one: a file that is renamed into place would replace it,
-/// and writing into it would lose the result.
-fn no_special_file(path: PathBuf) -> Result<PathBuf, String> {
-    match path.metadata() {
-        Ok(found) if !found.is_dir() && !found.is_file() => Err(
-            "is a device, FIFO or socket, or a link to one; expected a name where a file or folder can be made".into(),
-        ),
-        _ => Ok(path),
     }
 }
 
@@ -450,7 +432,7 @@ pub(crate) struct EvaluateDetectorArgs {
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Folder for evaluation.json and report.html, and for what was found so far
-    #[arg(long, value_name = "FOLDER", value_parser = output())]
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
     /// The detector, an ONNX file of a YOLO model [default: the one that ships]
     #[arg(long, value_name = "M.onnx")]
@@ -499,7 +481,7 @@ pub(crate) struct TrainDetectorArgs {
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// The ONNX file to write; settings, checkpoint and report are written next to it
-    #[arg(long, value_name = "M.onnx", value_parser = output())]
+    #[arg(long, value_name = "M.onnx", value_parser = Output::File.parser())]
     pub(crate) out: PathBuf,
     /// How long to train; the learning rate falls over this time [default: 30]
     #[arg(long, value_name = "MINUTES")]
@@ -662,7 +644,7 @@ pub(crate) struct RecordArgs {
     #[command(flatten)]
     pub(crate) local_udp: LocalUdpArgs,
     /// The tape to write. An existing file is never overwritten
-    #[arg(long, value_name = "FILE.mcap", value_parser = output())]
+    #[arg(long, value_name = "FILE.mcap", value_parser = Output::NewFile.parser())]
     pub(crate) out: PathBuf,
     /// Address to listen on
     #[arg(long, default_value = "127.0.0.1")]
@@ -683,7 +665,7 @@ pub(crate) struct RecordArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct ExamplesArgs {
     /// Where to write them; files that are there already stay as they are
-    #[arg(default_value = ".", value_parser = output())]
+    #[arg(default_value = ".", value_parser = Output::Folder.parser())]
     pub(crate) folder: PathBuf,
 }
 
@@ -698,7 +680,7 @@ pub(crate) struct DemoArgs {
     #[command(flatten)]
     pub(crate) runtime: RuntimeArgs,
     /// Folder for the corpus and the run
-    #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = output())]
+    #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
     /// Remove what an earlier demo made in this folder and start over
     ///

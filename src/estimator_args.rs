@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, ValueEnum};
 use trainer::{MOST_APPROACHES, TrainingDevice};
 
-use crate::args::{folder, output};
+use crate::args::folder;
+use crate::output_arg::Output;
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TrainArgs {
@@ -13,7 +14,7 @@ pub(crate) struct TrainArgs {
     #[arg(value_name = "CORPUS", required = true, value_parser = folder())]
     pub(crate) corpora: Vec<PathBuf>,
     /// Folder for weights, settings and logs
-    #[arg(long, value_name = "RUN", value_parser = output())]
+    #[arg(long, value_name = "RUN", value_parser = Output::Run.parser())]
     pub(crate) out: PathBuf,
     /// Narrower layers and fewer steps, as in the demo
     ///
@@ -83,7 +84,7 @@ pub(crate) struct PredictArgs {
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Table to write: a row per tick, a column per estimator
-    #[arg(long, value_name = "FILE.parquet", value_parser = output())]
+    #[arg(long, value_name = "FILE.parquet", value_parser = Output::NewFile.parser())]
     pub(crate) out: PathBuf,
     /// Model whose detections to use, by its file name or hash; by default that of the training
     #[arg(long, value_name = "NAME|HASH")]
@@ -115,7 +116,7 @@ pub(crate) struct RefitArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) view: String,
     /// Folder for the new run; replaces a run that is there, and its evaluation
-    #[arg(long, value_name = "RUN2", value_parser = output())]
+    #[arg(long, value_name = "RUN2", value_parser = Output::Run.parser())]
     pub(crate) out: PathBuf,
     /// Number of approaches to use, the first of the training side; 10 at most
     #[arg(long, value_name = "N", default_value_t = MOST_APPROACHES)]
@@ -136,7 +137,7 @@ pub(crate) struct EvaluateArgs {
     /// Folder for the results, new or empty; by default they are added to RUN
     ///
     /// Results of another evaluation are never replaced.
-    #[arg(long, value_name = "DIR", value_parser = output())]
+    #[arg(long, value_name = "DIR", value_parser = Output::Folder.parser())]
     pub(crate) out: Option<PathBuf>,
     /// Which scenarios to judge
     #[arg(long, value_enum, default_value_t)]
@@ -155,7 +156,7 @@ pub(crate) struct ExportEstimatorsArgs {
     #[arg(value_parser = folder())]
     pub(crate) run: PathBuf,
     /// Folder for the models and MODEL_CARD.md; a new one, or an empty one
-    #[arg(long, value_name = "FOLDER", value_parser = output())]
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
     /// ONNX Runtime's library, an absolute path; the models are checked with it
     ///

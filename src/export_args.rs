@@ -7,7 +7,8 @@ use clap::{Args, ValueEnum};
 use dataset::splits::Side;
 use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 
-use crate::args::{folder, output};
+use crate::args::folder;
+use crate::output_arg::Output;
 
 /// What to export, and where to.
 #[derive(Debug, Args)]
@@ -19,7 +20,7 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_enum, value_name = "FORMAT")]
     to: To,
     /// Folder of the export, new or empty; it appears when the export is complete (not with croissant)
-    #[arg(long, value_name = "DIR", value_parser = output())]
+    #[arg(long, value_name = "DIR", value_parser = Output::Export.parser())]
     out: Option<PathBuf>,
     /// Export only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]

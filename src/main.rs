@@ -9,6 +9,7 @@ mod failure;
 mod help;
 mod local_udp_args;
 mod logging;
+mod output_arg;
 mod plain;
 mod progress;
 mod repeats;

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use dataset::Error;
+use dataset::own_path::own_path;
 use tempfile::TempDir;
 
 const DEMO_SWEEP: &str = "demo.toml";
@@ -87,7 +88,7 @@ impl Detector {
 pub(crate) fn write(folder: &Path) -> dataset::Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     for (name, content) in FILES {
-        let path = folder.join(name);
+        let path = own_path(folder, name)?;
         if path.exists() {
             continue;
         }

@@ -52,6 +52,14 @@ impl Corpus {
     /// The files that belong to the whole corpus, in the order in which they are written.
     pub const FILES: [&str; 3] = [Self::PLAN, Self::SPLITS, Self::SWEEP];
 
+    /// Whether there is a corpus with a plan or a split. A folder that only has scenarios may be anyone's.
+    pub fn is_at(root: &Path) -> bool {
+        root.join(SCENARIOS).is_dir()
+            && [Self::PLAN, Self::SPLITS]
+                .iter()
+                .any(|name| root.join(name).is_file())
+    }
+
     /// Opens an existing corpus.
     pub fn open(root: &Path) -> Result<Self> {
         check_path(root)?;

@@ -267,8 +267,12 @@ pub fn replace<R: Serialize>(
 
 /// Renames the tables that the record refers to.
 fn settle(folder: &ScenarioFolder, model: &str) -> Result<()> {
-    let Ok(Some(provenance)) = provenance(folder, model) else {
-        return Ok(());
+    let provenance = match provenance(folder, model) {
+        Ok(Some(provenance)) => provenance,
+        Ok(None) => return Ok(()),
+        // Nobody can read the tables of a damaged record, so they may be replaced. If it cannot be read for now, they may not.
+        Err(error) if error.is_bad_content() => return Ok(()),
+        Err(error) => return Err(error),
     };
     for SealedFile { name, blake3 } in provenance.tables(model) {
         let table = own_path(folder.root(), &name)?;

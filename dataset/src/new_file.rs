@@ -58,9 +58,7 @@ impl NewFile {
     /// # Errors
     /// The disk is full, or the destination cannot be written.
     pub fn commit(self) -> Result<()> {
-        self.file
-            .sync_all()
-            .map_err(Error::io("write", &self.path))?;
+        sync_opened(&self.file).map_err(Error::io("write", &self.path))?;
         let path = self.path.clone();
         self.commit_unsynced()?;
         sync(folder_of(&path))
@@ -116,8 +114,44 @@ pub fn clear_leftovers(folder: &Path) {
 /// It does not exist, or the disk fails.
 pub fn sync(path: &Path) -> Result<()> {
     File::open(path)
-        .and_then(|handle| handle.sync_all())
+        .and_then(|handle| sync_opened(&handle))
         .map_err(Error::io("sync", path))
+}
+
+fn sync_opened(file: &File) -> io::Result<()> {
+    #[cfg(test)]
+    failing_sync::count()?;
+    file.sync_all()
+}
+
+/// A disk that fails once, for tests.
+#[cfg(test)]
+pub(crate) mod failing_sync {
+    use std::cell::Cell;
+    use std::io;
+
+    thread_local! {
+        /// Syncs of this thread until one fails.
+        static LEFT: Cell<Option<u32>> = const { Cell::new(None) };
+    }
+
+    /// Runs `work` while the sync after `before` others fails. Returns its result, and whether that sync was reached.
+    pub(crate) fn after<T>(before: u32, work: impl FnOnce() -> T) -> (T, bool) {
+        LEFT.set(Some(before));
+        let result = work();
+        (result, LEFT.take().is_none())
+    }
+
+    pub(super) fn count() -> io::Result<()> {
+        match LEFT.take() {
+            None => Ok(()),
+            Some(0) => Err(io::Error::other("injected: the disk failed")),
+            Some(left) => {
+                LEFT.set(Some(left - 1));
+                Ok(())
+            }
+        }
+    }
 }
 
 fn refuse_special(path: &Path) -> Result<()> {

@@ -2,7 +2,7 @@
 //! mistake for the corpus' and a writer would change: they are rejected wherever one could be followed.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{self, Path, PathBuf};
 
 use crate::error::{Error, Result};
 
@@ -33,4 +33,20 @@ pub fn refuse_link(path: &Path) -> Result<()> {
         )),
         false => Ok(()),
     }
+}
+
+/// A path without links and `..`; if it does not exist, the part of it that does is resolved.
+///
+/// # Errors
+/// The current folder is unknown.
+pub fn resolved(path: &Path) -> Result<PathBuf> {
+    let path = path::absolute(path).map_err(Error::io("resolve", path))?;
+    let (real, existing) = path
+        .ancestors()
+        .find_map(|folder| Some((fs::canonicalize(folder).ok()?, folder)))
+        .unwrap_or_else(|| (PathBuf::from("/"), Path::new("/")));
+    Ok(match path.strip_prefix(existing) {
+        Ok(rest) if !rest.as_os_str().is_empty() => real.join(rest),
+        _ => real,
+    })
 }

@@ -4,8 +4,9 @@
 //! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through
 //! [`replace_files`], holding the scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last.
 //! `DONE.json.new` commits the change; all that remains is renaming. Readers ([`crate::sealed`]) see the complete old state before
-//! that moment and the complete new one after it, and never write. If a process is killed, the next writer completes a committed
-//! change and drops an uncommitted one.
+//! that moment and the complete new one after it, and never write. If a process is killed or the disk fails, the next writer
+//! completes a committed change and drops an uncommitted one. An error after the commit, e.g. of a sync, undoes nothing: the files
+//! alone determine the state, and removing what the new seal names would destroy the scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -241,7 +242,7 @@ pub fn commit_folder(partial: &Path, committed: &Path) -> Result<()> {
 /// The seal of a folder, if it has one: that of a committed change, if any.
 pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     // In this order: the first is renamed to the second.
-    for path in [with_new_suffix(&folder.join(DONE)), folder.join(DONE)] {
+    for path in [decision(folder), folder.join(DONE)] {
         refuse_link(&path)?;
         match read_json(&path, "seal") {
             Ok(seal) => return Ok(Some(seal)),
@@ -250,6 +251,13 @@ pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
         }
     }
     Ok(None)
+}
+
+/// Whether a folder is sealed, intact or not.
+pub fn is_at(folder: &Path) -> bool {
+    [DONE, MANIFEST]
+        .iter()
+        .all(|name| folder.join(name).is_file())
 }
 
 /// Everything in a sealed folder that does not match its seal, as text; empty if it is intact.
@@ -368,23 +376,37 @@ pub fn replace_files(
             ..sealed.seal().clone()
         };
         // This file commits the change.
-        write_json(&with_new_suffix(&folder.join(DONE)), &seal)
+        write_json(&decision(folder), &seal)
     };
     let decided = { change }();
-    if decided.is_err() {
+    // An error may also come after the rename that commits the change, from the sync of the folder. Where even that is unknown,
+    // everything stays.
+    if decided.is_err() && matches!(decision(folder).try_exists(), Ok(false)) {
         drop_undecided(folder, names.iter().copied());
     }
     decided?;
-    settle(claim, folder)
+    complete(folder)
 }
 
 /// Completes a committed change, drops the remains of an uncommitted one.
 pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
     clear_leftovers(folder);
+    if decision(folder)
+        .try_exists()
+        .map_err(Error::io("look for", &decision(folder)))?
+    {
+        // The commit may not be durable yet, and must be before the files that it replaces are gone.
+        sync(folder)?;
+    }
+    complete(folder)
+}
+
+/// Renames the files of a committed change, drops the remains of an uncommitted one.
+fn complete(folder: &Path) -> Result<()> {
     let Some(sealed) = Sealed::read(folder)? else {
         return Ok(());
     };
-    let decided = with_new_suffix(&folder.join(DONE));
+    let decided = decision(folder);
     if decided.exists() {
         let manifest = [(MANIFEST, sealed.seal().manifest_blake3.as_str())];
         let files = sealed.files().iter();
@@ -427,7 +449,12 @@ pub fn current_path(folder: &Path, name: &str) -> Result<PathBuf> {
 
 /// Whether a committed change still has to be completed.
 pub fn is_unsettled(folder: &Path) -> bool {
-    with_new_suffix(&folder.join(DONE)).exists()
+    decision(folder).exists()
+}
+
+/// The file that commits a change.
+fn decision(folder: &Path) -> PathBuf {
+    with_new_suffix(&folder.join(DONE))
 }
 
 /// The temporary name of a file that will replace another.

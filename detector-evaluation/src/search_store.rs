@@ -21,6 +21,7 @@ use dataset::detections::{parse_detections, write_detections};
 use dataset::json_file::{read_json, write_json};
 use dataset::open_scenario::OpenScenario;
 use dataset::outside_file::{self, FileKind};
+use dataset::own_path::own_path;
 use dataset::registrations::{parse_registrations, write_registrations};
 use labeller::{CpuTime, Findings};
 use serde::{Deserialize, Serialize};
@@ -80,7 +81,10 @@ impl SearchStore {
                 "is no folder of an evaluation: it contains {strangers}; name a new folder"
             )));
         }
-        let searched = root.join(SEARCHED);
+        let searched = own_path(root, SEARCHED)?;
+        for mode in EvaluatedMode::ALL {
+            own_path(&searched, mode.key())?;
+        }
         fs::create_dir_all(&searched)
             .map_err(|error| refused(format!("cannot be made: {error}; name another folder")))?;
         match Claim::take_in(&searched, CLAIM)? {
@@ -178,7 +182,12 @@ fn strangers(root: &Path) -> Result<Option<String>> {
     for entry in entries {
         let name = entry.map_err(dataset::Error::io("list", root))?.file_name();
         let name = name.to_string_lossy().into_owned();
-        let is_own = [SEARCHED, EVALUATION, REPORT].contains(&name.as_str());
+        // The report is written last but one: alone, it is another's.
+        let is_own = [SEARCHED, EVALUATION].contains(&name.as_str())
+            || name == REPORT
+                && [SEARCHED, EVALUATION]
+                    .iter()
+                    .any(|own| root.join(own).exists());
         if !is_own && !name.starts_with('.') {
             names.push(name);
         }

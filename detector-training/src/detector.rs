@@ -147,6 +147,9 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
         return Err(refused(OutputFault::ReportTaken { report }));
     }
     checkpoint::refuse_strangers(checkpoint)?;
+    if !is_own(out, &report, checkpoint)? {
+        return Err(refused(OutputFault::Taken));
+    }
     match Claim::take_in(checkpoint, checkpoint::CLAIM) {
         Ok(Claimed::Mine(claim)) => Ok(claim),
         Ok(Claimed::Theirs(holder)) => Err(Error::Held {
@@ -156,6 +159,16 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
         Err(dataset::Error::Io { source, .. }) => Err(refused(OutputFault::NotMade(source))),
         Err(error) => Err(error.into()),
     }
+}
+
+/// Whether the model may be replaced: it does not exist, it is the one of the report, or its training was interrupted.
+fn is_own(out: &Path, report: &Path, checkpoint: &Path) -> Result<bool> {
+    if !out.exists() || checkpoint.is_dir() {
+        return Ok(true);
+    }
+    let hash = dataset::seal::hash_file(out)?;
+    let reported = read_json::<Value>(report, "report of a detector");
+    Ok(reported.is_ok_and(|found| found["model_blake3"] == hash.as_str()))
 }
 
 fn beside(out: &Path, ending: &str) -> PathBuf {

@@ -99,6 +99,11 @@ pub enum OutputFault {
         /// The corpus's folder.
         own: PathBuf,
     },
+    /// It is another file.
+    #[error(
+        "is not a detector that `dtd train-detector` wrote there, with its report beside it; move it away, or give another --out"
+    )]
+    Taken,
     /// Its report would replace something else.
     #[error("would have its report in {}, where something else lies; move that away, or give another --out", report.display())]
     ReportTaken {

@@ -17,6 +17,7 @@ use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
 use dataset::json_file::{read_json, write_json};
 use dataset::new_file::clear_leftovers;
+use dataset::own_path::resolved;
 use dataset::seal;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -195,19 +196,6 @@ pub(crate) fn refuse_corpus(corpus: &Corpus, out: &Path) -> Result<()> {
         }),
         false => Ok(()),
     }
-}
-
-/// A path without links; of one that does not exist yet, the part that does is resolved.
-fn resolved(path: &Path) -> Result<PathBuf> {
-    let path = path::absolute(path).map_err(dataset::Error::io("resolve", path))?;
-    let (real, existing) = path
-        .ancestors()
-        .find_map(|folder| Some((fs::canonicalize(folder).ok()?, folder)))
-        .unwrap_or_else(|| (PathBuf::from("/"), Path::new("/")));
-    Ok(match path.strip_prefix(existing) {
-        Ok(rest) if !rest.as_os_str().is_empty() => real.join(rest),
-        _ => real,
-    })
 }
 
 /// Refuses a file, and a link, which a folder cannot replace.

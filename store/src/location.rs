@@ -104,6 +104,14 @@ impl fmt::Display for StoreUrl {
 }
 
 impl StoreUrl {
+    /// The folder that a `file://` URL names; `None` for other stores.
+    pub fn local_folder(&self) -> Option<PathBuf> {
+        match self.kind {
+            Kind::LocalFiles => self.url.to_file_path().ok(),
+            Kind::S3 | Kind::Google | Kind::Azure => None,
+        }
+    }
+
     /// The name of a local folder that is unique to this URL: its readable part, and its hash.
     pub fn folder_name(&self) -> String {
         let text = self.to_string();

@@ -80,6 +80,13 @@ impl RunFolder {
         DONE,
     ];
 
+    /// Whether a folder contains a finished run.
+    pub fn is_at(root: &Path) -> bool {
+        [Self::SUMMARY, Self::CONFIG]
+            .iter()
+            .all(|name| root.join(name).is_file())
+    }
+
     /// The folder next to a run in which it is built and replaced.
     pub fn place_beside(run: &Path) -> PathBuf {
         let mut name = run.file_name().unwrap_or_default().to_owned();

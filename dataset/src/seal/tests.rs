@@ -5,6 +5,7 @@ use std::thread;
 
 use super::*;
 use crate::corpus::Corpus;
+use crate::new_file::failing_sync;
 
 /// A scenario in a new corpus.
 struct Example {
@@ -404,4 +405,53 @@ fn a_view_has_one_video_a_file_one_line_and_nothing_else_lies_among_the_videos()
         example.faults(),
         ["views/left.mov is not listed in MANIFEST.b3"]
     );
+}
+
+#[test]
+fn a_sync_that_fails_at_any_point_of_a_change_leaves_one_of_the_two_states_and_the_next_writer_goes_on()
+ {
+    const NAMES: [&str; 2] = ["frames.parquet", "boxes_truth.parquet"];
+    for settles in [false, true] {
+        let (mut old, mut new) = (0, 0);
+        for before in 0.. {
+            let example = Example::sealed();
+            if settles {
+                example.decide_new_frames();
+            }
+            let (result, struck) = failing_sync::after(before, || {
+                let write = |_: &str, path: &Path| {
+                    fs::write(path, "newer").map_err(Error::io("write", path))
+                };
+                replace_files(&example.claim(), &example.folder, &NAMES, write)
+            });
+            assert_eq!(result.is_err(), struck, "sync {before}: {result:?}");
+            // Readers find every sealed file, and all of one state.
+            assert_eq!(example.faults(), Vec::<String>::new(), "sync {before}");
+            let sealed = Sealed::read(&example.folder).unwrap().unwrap();
+            let content = |name| sealed.content(name, FileKind::TABLE).unwrap();
+            let expected = if settles { "new" } else { "old" };
+            match content(NAMES[1]) {
+                Some(boxes) => {
+                    assert_eq!(
+                        (boxes, content(NAMES[0])),
+                        (b"newer".into(), Some(b"newer".into()))
+                    );
+                    new += 1;
+                }
+                None => {
+                    assert_eq!(content(NAMES[0]), Some(expected.into()), "sync {before}");
+                    old += 1;
+                }
+            }
+            example.replace(&NAMES, "newest");
+            assert_eq!(example.faults(), Vec::<String>::new(), "sync {before}");
+            assert_eq!(NAMES.map(|name| example.text(name)), ["newest", "newest"]);
+            assert!(!is_unsettled(&example.folder));
+            if !struck {
+                break;
+            }
+        }
+        // Also after the commit: the sync of the folder that follows it, and the two of completing it.
+        assert!(old > 0 && new > 3, "{old} old, {new} new");
+    }
 }

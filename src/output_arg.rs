@@ -1,0 +1,169 @@
+//! Where a verb may write: the value parser of every `--out`, so that no verb writes among the files of others.
+//!
+//! A corpus, a run and a sealed folder contain their own files only, which their verbs replace as a whole and check by hash. So nothing
+//! may be written inside one, whichever way the path leads there, and in its place only by a verb that goes on with what is there.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use dataset::corpus::{Corpus, own_folder_around};
+use dataset::own_path::resolved;
+use dataset::seal;
+use store::{CorpusLocation, StoreUrl};
+use trainer::RunFolder;
+
+use crate::args::local;
+
+/// What a verb writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Output {
+    /// A new file.
+    NewFile,
+    /// A file, possibly in the place of an earlier one, which the verb checks.
+    File,
+    /// A folder of files, of which the verb checks those that are there.
+    Folder,
+    /// A corpus, new or not.
+    Corpus,
+    /// A run, new or not.
+    Run,
+    /// A sealed export, new, or the same one again.
+    Export,
+}
+
+/// What is in a folder that contains its own files only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Owner {
+    Corpus,
+    Run,
+    Sealed,
+}
+
+impl Owner {
+    fn of(folder: &Path) -> Option<Self> {
+        if RunFolder::is_at(folder) {
+            Some(Self::Run)
+        } else if seal::is_at(folder) {
+            Some(Self::Sealed)
+        } else if Corpus::is_at(folder) {
+            Some(Self::Corpus)
+        } else {
+            None
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Corpus => "a corpus",
+            Self::Run => "a run",
+            Self::Sealed => "a sealed folder (a scenario or an export)",
+        }
+    }
+}
+
+impl Output {
+    /// The parser of a local path to write this to. Paths that cannot be it are rejected before anything is done.
+    pub(crate) fn parser(self) -> impl TypedValueParser<Value = PathBuf> {
+        PathBufValueParser::new()
+            .try_map(local)
+            .try_map(move |path| self.check(&path).map(|()| path))
+    }
+
+    /// The parser of a corpus to write, in a folder or a store.
+    pub(crate) fn corpus_or_url() -> impl TypedValueParser<Value = CorpusLocation> {
+        PathBufValueParser::new().try_map(|path| match CorpusLocation::of(&path) {
+            Ok(CorpusLocation::Folder(path)) => Self::Corpus
+                .check(&path)
+                .map(|()| CorpusLocation::Folder(path)),
+            Ok(CorpusLocation::Store(url)) => {
+                check_store(&url).map(|()| CorpusLocation::Store(url))
+            }
+            Err(error) => Err(error.to_string()),
+        })
+    }
+
+    /// The parser of a store to write to.
+    pub(crate) fn url() -> impl TypedValueParser<Value = StoreUrl> {
+        clap::builder::StringValueParser::new().try_map(|text| {
+            let url = text
+                .parse()
+                .map_err(|error: store::StoreError| error.to_string())?;
+            check_store(&url).map(|()| url)
+        })
+    }
+
+    fn check(self, path: &Path) -> Result<(), String> {
+        self.check_kind(path)?;
+        let place = match fs::read_link(path) {
+            // A dangling link: where it leads, something would be made.
+            Ok(to) if !path.exists() => resolved(&path.with_file_name("").join(to)),
+            _ => resolved(path),
+        };
+        let place = place.map_err(|error| error.to_string())?;
+        let inside = place
+            .ancestors()
+            .skip(1)
+            .find_map(|folder| Some((folder, Owner::of(folder)?)));
+        if let Some((folder, owner)) = inside {
+            return Err(format!(
+                "is inside {}, which is {} and contains its own files only; name a place outside",
+                folder.display(),
+                owner.name()
+            ));
+        }
+        if let Some(own) = own_folder_around(&place) {
+            return Err(format!(
+                "is inside {}, which a corpus reserves for its own files; name a place outside",
+                own.display()
+            ));
+        }
+        match Owner::of(&place) {
+            Some(owner) if !self.goes_on_with(owner) => Err(format!(
+                "is {}, which another verb wrote; name a new place",
+                owner.name()
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn goes_on_with(self, owner: Owner) -> bool {
+        matches!(
+            (self, owner),
+            (Self::Corpus, Owner::Corpus) | (Self::Run, Owner::Run) | (Self::Export, Owner::Sealed)
+        )
+    }
+
+    /// Rejects what is not a file or folder as this needs it. A device that a file is renamed over would be replaced.
+    fn check_kind(self, path: &Path) -> Result<(), String> {
+        let is_link = fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink());
+        let found = fs::metadata(path).ok();
+        let is_folder = found.as_ref().is_some_and(fs::Metadata::is_dir);
+        let is_file = found.as_ref().is_some_and(fs::Metadata::is_file);
+        let makes_file = matches!(self, Self::NewFile | Self::File);
+        // A corpus or run on another disk may be named by a link to it.
+        let may_be_link = matches!(self, Self::Corpus | Self::Run);
+        let fault = if found.is_some() && !is_folder && !is_file {
+            "is a device, FIFO or socket, or a link to one; expected a name where a file or folder can be made"
+        } else if is_link && !may_be_link {
+            "is a symbolic link, and nothing is written where a link leads; name the place itself"
+        } else if is_folder && makes_file {
+            "is a folder; expected the name of a file"
+        } else if is_file && !makes_file {
+            "is a file; expected a folder, or the name of a new one"
+        } else if is_file && self == Self::NewFile {
+            "exists already and is not overwritten; name a new file, or move it away"
+        } else {
+            return Ok(());
+        };
+        Err(fault.into())
+    }
+}
+
+/// Rejects a store in a local folder that contains other files than those of a corpus.
+fn check_store(url: &StoreUrl) -> Result<(), String> {
+    match url.local_folder() {
+        Some(folder) => Output::Corpus.check(&folder),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,321 @@
+//! A disk that fails once: after any error of any sync, rename, write or read, no sealed scenario is damaged, and the same command
+//! again ends with 0 and the files of an undisturbed run.
+//!
+//! `DTD_DISK_FAULTS` is the number of faults for each verb (a few), or `all`; `DTD_DISK_FAULTS_SEED` draws them,
+//! `DTD_DISK_FAULTS_VERBS=label,push` restricts the verbs.
+
+mod tiny;
+
+use std::collections::BTreeMap;
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::LazyLock;
+use std::time::Duration;
+
+use dataset::corpus::Corpus;
+use dataset::frames::Frames;
+use dataset::seal::{self, seal_folder};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha12Rng;
+use testkit::files::contents;
+use testkit::{repository, skipped};
+use tiny::{Tiny, said};
+
+/// Verbs that write, each with work to do; `{store}` stands for the URL of an object store, `{model}` for the detector.
+const VERBS: [(&str, &str); 14] = [
+    ("generate", "generate sweep.toml --out corpus"),
+    ("label", "label corpus"),
+    ("detect", "detect corpus --model {model} --again"),
+    (
+        "train",
+        "train corpus --out run --config training.toml --seed 1",
+    ),
+    (
+        "refit",
+        "refit run --corpus corpus --view left --out refitted --scenarios 2",
+    ),
+    ("evaluate", "evaluate run --corpus corpus"),
+    ("predict", "predict run corpus --out predicted.parquet"),
+    ("export", "export corpus --to coco --out exported"),
+    (
+        "export-estimators",
+        "export-estimators run --out estimators",
+    ),
+    (
+        "evaluate-detector",
+        "evaluate-detector corpus --model {model} --mode scaled --out judged",
+    ),
+    ("push", "push corpus {store}"),
+    ("fetch", "fetch {store} --out corpus"),
+    ("examples", "examples examples"),
+    ("man", "man man"),
+];
+/// Faults for each verb if nothing else is said.
+const FEW: usize = 3;
+/// Errors of a disk that breaks and of one that is full.
+const EIO: i32 = 5;
+const ENOSPC: i32 = 28;
+/// Longer than anything here takes.
+const TOO_LONG: Duration = Duration::from_secs(300);
+
+/// A fault of the disk.
+#[derive(Debug, Clone)]
+struct Fault {
+    operation: String,
+    /// How many operations of this kind there are up to and including it.
+    number: usize,
+    error: i32,
+}
+
+/// A corpus in which every verb has work: a scenario is only in the store, and the labels of two are slightly off.
+static START: LazyLock<Tiny> = LazyLock::new(|| {
+    let tiny = Tiny::made().copy();
+    let corpus = Corpus::open(&tiny.corpus()).unwrap();
+    let scenarios = corpus.scenarios().unwrap();
+    let [first, second, .., last] = &scenarios[..] else {
+        panic!("{} scenarios", scenarios.len());
+    };
+    let output = tiny
+        .dtd(&arguments(&tiny, "push corpus {store}"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    fs::remove_dir_all(last.root()).unwrap();
+    for folder in [first, second] {
+        let mut frames = Frames::read(&folder.frames_path()).unwrap();
+        for row in &mut frames.rows {
+            row.labels.as_mut().unwrap().dtd_m += 1e-7;
+        }
+        frames.write(&folder.frames_path()).unwrap();
+        let config_hash = folder.seal().unwrap().unwrap().config_hash;
+        seal_folder(folder.root(), &config_hash).unwrap();
+    }
+    tiny
+});
+
+/// Where a verb begins. Verbs that need all scenarios begin with the whole corpus.
+fn start_of(verb: &str) -> Tiny {
+    match verb {
+        "generate" | "label" | "fetch" => START.copy(),
+        _ => Tiny::made().copy(),
+    }
+}
+
+fn arguments(tiny: &Tiny, line: &str) -> Vec<String> {
+    let fill = |word: &str| match word {
+        "{store}" => format!("file://{}", tiny.path("store").display()),
+        "{model}" => tiny::MODEL.into(),
+        _ => word.into(),
+    };
+    line.split_whitespace().map(fill).collect()
+}
+
+/// The library that makes a disk fail, built once; `None` without a compiler.
+static FAILING_DISK: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
+    let library = Path::new(env!("CARGO_TARGET_TMPDIR")).join("failing_disk.so");
+    let built = Command::new("cc")
+        .args(["-shared", "-fPIC", "-O1", "-Wall", "-Werror", "-o"])
+        .arg(&library)
+        .arg(repository().join("tests/disk_faults/failing_disk.c"))
+        .arg("-ldl")
+        .output();
+    match built {
+        Ok(output) if output.status.success() => Some(library),
+        Ok(output) => panic!("{}", said(&output)),
+        Err(_) => None,
+    }
+});
+
+fn run_on(tiny: &Tiny, line: &str, log: &Path, fault: Option<&Fault>) -> Output {
+    let mut command = tiny.dtd(&arguments(tiny, line));
+    command
+        .env("LD_PRELOAD", FAILING_DISK.as_ref().unwrap())
+        .env("DISK_FAULT_ROOT", tiny.root())
+        .env("DISK_FAULT_LOG", log);
+    if let Some(fault) = fault {
+        command
+            .env("DISK_FAULT_OPERATION", &fault.operation)
+            .env("DISK_FAULT_NUMBER", fault.number.to_string())
+            .env("DISK_FAULT_ERROR", fault.error.to_string());
+    }
+    tiny::run(&mut command, TOO_LONG).unwrap_or_else(|| panic!("{line} with {fault:?} hung"))
+}
+
+/// Every file but those that contain times or paths, which differ between any two runs.
+fn files(tiny: &Tiny, varying: &[PathBuf]) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found: BTreeMap<_, _> = contents(tiny.root()).into_iter().collect();
+    for name in varying {
+        if let Some(content) = found.get_mut(name) {
+            content.clear();
+        }
+    }
+    found
+}
+
+/// What a verb makes if nothing fails, and all that it does with its disk.
+struct Undisturbed {
+    files: BTreeMap<PathBuf, Vec<u8>>,
+    varying: Vec<PathBuf>,
+    faults: Vec<Fault>,
+}
+
+impl Undisturbed {
+    /// `None` if a process cannot be watched here.
+    fn of(verb: &str, line: &str) -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let log = folder.path().join("log");
+        let [one, other] = [(); 2].map(|()| {
+            let tiny = start_of(verb);
+            let output = run_on(&tiny, line, &log, None);
+            assert!(output.status.success(), "{line}: {}", said(&output));
+            tiny
+        });
+        let operations = fs::read_to_string(&log).ok()?;
+        let operations: Vec<&str> = operations
+            .lines()
+            .filter_map(|line| line.split(' ').next())
+            .collect();
+        let count = |name| {
+            operations
+                .iter()
+                .filter(|operation| **operation == name)
+                .count()
+                / 2
+        };
+        let mut faults = Vec::new();
+        for (operation, errors) in [
+            ("sync", &[EIO, ENOSPC][..]),
+            ("rename", &[EIO, ENOSPC]),
+            ("write", &[EIO, ENOSPC]),
+            ("read", &[EIO]),
+        ] {
+            for number in 1..=count(operation) {
+                faults.extend(errors.iter().map(|&error| Fault {
+                    operation: operation.into(),
+                    number,
+                    error,
+                }));
+            }
+        }
+        let [one, other] = [one, other].map(|tiny| files(&tiny, &[]));
+        assert_eq!(
+            one.keys().collect::<Vec<_>>(),
+            other.keys().collect::<Vec<_>>(),
+            "{line}"
+        );
+        let differs = |name: &&PathBuf| one[*name] != other[*name];
+        let varying: Vec<PathBuf> = one.keys().filter(differs).cloned().collect();
+        let mut files = one;
+        for name in &varying {
+            files.insert(name.clone(), Vec::new());
+        }
+        Some(Self {
+            files,
+            varying,
+            faults,
+        })
+    }
+
+    /// Everything that is wrong after a fault and the same command again.
+    fn wrong_after(&self, verb: &str, line: &str, fault: &Fault) -> Vec<String> {
+        let folder = tempfile::tempdir().unwrap();
+        let log = folder.path().join("log");
+        let tiny = start_of(verb);
+        let first = run_on(&tiny, line, &log, Some(fault));
+        let at = fs::read_to_string(&log).unwrap_or_default();
+        let mut wrong = Vec::new();
+        let words = said(&first);
+        if words.contains("panicked") || first.status.code().is_none() {
+            wrong.push(format!("ended with {}: {words}", first.status));
+        }
+        let corpus = Corpus::open(&tiny.corpus()).unwrap();
+        for scenario in corpus.folders().unwrap() {
+            for fault in seal::faults(scenario.root()).unwrap() {
+                wrong.push(format!("{}: {fault}", scenario.id()));
+            }
+        }
+        let mut again = tiny.dtd(&arguments(&tiny, line));
+        let second = tiny::run(&mut again, TOO_LONG).unwrap();
+        if !second.status.success() {
+            wrong.push(format!(
+                "the second time, it ended with {}: {}",
+                second.status,
+                said(&second)
+            ));
+        }
+        let found = files(&tiny, &self.varying);
+        for (name, content) in &self.files {
+            match found.get(name) {
+                None => wrong.push(format!("{} is missing", name.display())),
+                Some(found) if found != content => {
+                    wrong.push(format!("{} differs", name.display()))
+                }
+                Some(_) => {}
+            }
+        }
+        for name in found.keys().filter(|name| !self.files.contains_key(*name)) {
+            wrong.push(format!("{} is left over", name.display()));
+        }
+        if !wrong.is_empty() {
+            wrong.insert(
+                0,
+                format!("at {}, the first time it said: {words}", at.trim()),
+            );
+        }
+        wrong
+    }
+}
+
+fn setting(variable: &str) -> Option<String> {
+    env::var(variable).ok()
+}
+
+#[test]
+fn after_one_fault_of_the_disk_the_same_command_ends_with_the_files_of_an_undisturbed_run() {
+    if FAILING_DISK.is_none() {
+        return skipped("there is no C compiler to build the failing disk with");
+    }
+    let seed = setting("DTD_DISK_FAULTS_SEED").map_or(1, |text| text.parse().unwrap());
+    let number = setting("DTD_DISK_FAULTS").map_or(FEW, |text| match text.as_str() {
+        "all" => usize::MAX,
+        number => number.parse().unwrap(),
+    });
+    let only = setting("DTD_DISK_FAULTS_VERBS");
+    let mut random = ChaCha12Rng::seed_from_u64(seed);
+    let (mut struck, mut broken) = (0, 0);
+    for (verb, line) in VERBS {
+        if only
+            .as_ref()
+            .is_some_and(|only| !only.split(',').any(|name| name == verb))
+        {
+            continue;
+        }
+        let Some(mut undisturbed) = Undisturbed::of(verb, line) else {
+            return skipped("nothing can be preloaded into a process");
+        };
+        undisturbed.faults.shuffle(&mut random);
+        let chosen = undisturbed.faults.iter().take(number);
+        println!(
+            "{verb}: {} of {} faults, varying {:?}",
+            chosen.len(),
+            undisturbed.faults.len(),
+            undisturbed.varying
+        );
+        for fault in chosen {
+            struck += 1;
+            let wrong = undisturbed.wrong_after(verb, line, fault);
+            if !wrong.is_empty() {
+                broken += 1;
+                eprintln!(
+                    "{verb} with {fault:?} of seed {seed}:\n  {}",
+                    wrong.join("\n  ")
+                );
+            }
+        }
+    }
+    println!("{struck} faults, {broken} broken");
+    assert_eq!(broken, 0, "of {struck} faults, see above");
+}
