@@ -138,14 +138,16 @@ class Corpus:
         return self._of_model("registrations", "registrations_blake3", model)
 
     def predictions(self, run: str | Path) -> pl.DataFrame:
-        """What the estimators of a run say, after `dtd evaluate`: one row per scenario of the test side and tick."""
+        """What the estimators of a run say, after `dtd evaluate`: one row per scenario of the test side and tick, with weather and side."""
         path = sealed(Path(run).resolve(), "predictions.parquet")
         if not path.exists():
             raise CorpusError(f"{run} has no predictions: run `dtd evaluate` on it first")
         try:
-            return pl.read_parquet(path)
+            table = pl.read_parquet(path)
         except (pl.exceptions.PolarsError, OSError) as error:
             raise CorpusError(f"{path} cannot be read: {error}; run `dtd evaluate` again") from error
+        of_scenario = self.scenarios().select("scenario", "weather", "side")
+        return table.join(of_scenario, on="scenario", how="left", maintain_order="left")
 
     def views_of(self, scenario: str) -> list[str]:
         """The views of a scenario, in their order."""

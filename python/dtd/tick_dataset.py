@@ -6,6 +6,8 @@
     train = TickDataset(Corpus("corpus"), side="train", crop_px=(96, 64))
     train[0]["pictures"]["left"]      # 64 x 96 x 3, RGB
 
+Reading in order decodes each picture once; for training in a shuffled order, see `dtd.shuffled_ticks`.
+
 Where torch is installed, `TickDataset` is a `torch.utils.data.Dataset`; without torch it is the same sequence of NumPy arrays. Workers of a
 `DataLoader`, forked or spawned, each open the videos on their own.
 """
@@ -124,13 +126,17 @@ class TickDataset(_Dataset):
 
     def __getitem__(self, index: int) -> Any:
         """The sample with this number: a `Sample`, or what `transform` makes of it."""
+        return self.sample(index, self._video)
+
+    def sample(self, index: int, video: Callable[[str, str], Video]) -> Any:
+        """The same, read from the videos that `video` gives for scenario and view."""
         if not 0 <= index < len(self):
             raise IndexError(f"there are the samples 0 to {len(self) - 1}, not {index}")
         scenario, tick = self._scenarios[index], int(self._ticks[index])
         boxes = {view: self._boxes[view][index].copy() for view in self.views}
         pictures, corners = {}, {}
         for view in self.views:
-            picture = self._video(scenario, view)[tick]
+            picture = video(scenario, view)[tick]
             corners[view] = np.zeros(2, np.int64) if self.crop_px is None else self._corner(boxes[view], picture)
             pictures[view] = self._cropped(picture, corners[view])
         sample = Sample(
@@ -143,6 +149,17 @@ class TickDataset(_Dataset):
             corners_px=corners,
         )
         return sample if self.transform is None else self.transform(sample)
+
+    def runs(self, ticks: int) -> list[list[list[int]]]:
+        """The numbers of all samples by scenario, cut into runs of at most so many ticks, each of which begins at a multiple of it."""
+        runs: dict[str, dict[int, list[int]]] = {}
+        for index, (scenario, tick) in enumerate(zip(self._scenarios, self._ticks.tolist(), strict=True)):
+            runs.setdefault(scenario, {}).setdefault(tick // ticks, []).append(index)
+        return [list(of_scenario.values()) for of_scenario in runs.values()]
+
+    def open_video(self, scenario: str, view: str) -> Video:
+        """The pictures of a view of a scenario of this dataset; to be closed by the caller."""
+        return Video(*self._sources[scenario, view])
 
     def _corner(self, box: Floats, picture: Picture) -> npt.NDArray[np.int64]:
         assert self.crop_px is not None
@@ -168,7 +185,7 @@ class TickDataset(_Dataset):
         if key not in self._videos:
             while len(self._videos) >= max(self._open_videos, 1):
                 self._videos.popitem(last=False)[1].close()
-            self._videos[key] = Video(*self._sources[key])
+            self._videos[key] = self.open_video(scenario, view)
         self._videos.move_to_end(key)
         return self._videos[key]
 

@@ -8,9 +8,10 @@ import unittest
 from pathlib import Path
 
 import torch
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import DataLoader, Dataset, IterableDataset
 
 from dtd import Corpus
+from dtd.shuffled_ticks import ShuffledTicks
 from dtd.tick_dataset import TickDataset
 
 PATH = Path(os.environ["DTD_CORPUS"])
@@ -36,6 +37,20 @@ class Loaders(unittest.TestCase):
                         self.assertTrue((batch["pictures"][view][number].numpy() == sample["pictures"][view]).all())
                         self.assertTrue((batch["boxes"][view][number].numpy() == sample["boxes"][view]).all())
             self.assertEqual(place, len(samples))
+
+    def test_workers_share_a_shuffled_epoch(self) -> None:
+        ticks = TickDataset(Corpus(PATH), views=["mast"], every=7, crop_px=(40, 24))
+        shuffled = ShuffledTicks(ticks, seed=5)
+        self.assertIsInstance(shuffled, IterableDataset)
+        expected = sorted((ticks[index]["scenario"], ticks[index]["tick"]) for index in range(len(ticks)))
+        for workers in (0, 2):
+            loader = DataLoader(shuffled, batch_size=4, num_workers=workers)
+            seen = [
+                (scenario, tick.item())
+                for batch in loader
+                for scenario, tick in zip(batch["scenario"], batch["tick"], strict=True)
+            ]
+            self.assertEqual(sorted(seen), expected)
 
 
 if __name__ == "__main__":

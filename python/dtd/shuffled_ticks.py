@@ -1,0 +1,132 @@
+"""The ticks of a corpus in a shuffled order that decodes each picture once.
+
+    from torch.utils.data import DataLoader
+
+    from dtd import Corpus
+    from dtd.shuffled_ticks import ShuffledTicks
+    from dtd.tick_dataset import TickDataset
+
+    train = ShuffledTicks(TickDataset(Corpus("corpus"), side="train", crop_px=(96, 64)), seed=1)
+    for epoch in range(10):
+        train.set_epoch(epoch)
+        for batch in DataLoader(train, batch_size=32, num_workers=2):
+            ...
+
+A sample at random costs the decoding of all pictures since the key frame before it. Here scenarios are cut into runs of consecutive ticks,
+the order of the runs is shuffled, and samples are taken from several runs at a time, one of each in a random order. The samples of a batch
+come from different scenarios, as far as the corpus has them; those of one run keep their order.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dtd.tick_dataset import TickDataset
+from dtd.video import Video
+
+if TYPE_CHECKING:
+    _IterableDataset = object
+
+    def get_worker_info() -> Any: ...
+else:
+    try:
+        from torch.utils.data import IterableDataset as _IterableDataset
+        from torch.utils.data import get_worker_info
+    except ImportError:
+        _IterableDataset = object
+
+        def get_worker_info() -> None:
+            """Without torch there are no workers."""
+
+RUN_TICKS = 240
+"""Length of a run. A multiple of the distance of key frames in a corpus (60), so that no picture is decoded for nothing."""
+
+Run = list[int]
+
+
+class ShuffledTicks(_IterableDataset):
+    """The samples of a `TickDataset`, each once, in a shuffled order. With torch, a `torch.utils.data.IterableDataset`."""
+
+    def __init__(self, ticks: TickDataset, *, seed: int = 0, runs_at_once: int = 16) -> None:
+        """`runs_at_once`: from how many runs samples are taken in turn, in each worker; each has a decoder per view."""
+        if runs_at_once < 1:
+            raise ValueError(f"runs_at_once={runs_at_once} must be 1 or more")
+        self._of_ticks = ticks
+        self._seed = seed
+        self._epoch = 0
+        self._runs_at_once = runs_at_once
+
+    def set_epoch(self, epoch: int) -> None:
+        """Chooses the order of the next iteration: seed and epoch determine it. Without a new epoch it is the same again."""
+        self._epoch = epoch
+
+    def __len__(self) -> int:
+        """Number of samples of an epoch."""
+        return len(self._of_ticks)
+
+    def __iter__(self) -> Iterator[Any]:
+        """The samples; in a worker of a `DataLoader`, its share of the runs."""
+        worker, workers = _worker()
+        runs = iter(self._shuffled_runs()[worker::workers])
+        random = np.random.default_rng([self._seed, self._epoch, worker, 1])
+        open_runs: list[_OpenRun] = []
+        try:
+            while True:
+                while len(open_runs) < self._runs_at_once and (run := next(runs, None)) is not None:
+                    open_runs.append(_OpenRun(self._of_ticks, run))
+                if not open_runs:
+                    return
+                for place in random.permutation(len(open_runs)):
+                    yield open_runs[place].next_sample()
+                for ended in [run for run in open_runs if run.has_ended()]:
+                    ended.close()
+                    open_runs.remove(ended)
+        finally:
+            for left in open_runs:
+                left.close()
+
+    def _shuffled_runs(self) -> list[Run]:
+        """All runs; scenarios take turns, so that neighbours in this order are of different scenarios."""
+        random = np.random.default_rng([self._seed, self._epoch])
+        runs_of = self._of_ticks.runs(RUN_TICKS)
+        for runs in runs_of:
+            random.shuffle(runs)
+        shuffled: list[Run] = []
+        while runs_of := [runs for runs in runs_of if runs]:
+            shuffled.extend(runs_of[at].pop() for at in random.permutation(len(runs_of)))
+        return shuffled
+
+
+class _OpenRun:
+    """A run, and the videos that it is read from."""
+
+    def __init__(self, ticks: TickDataset, run: Run) -> None:
+        self._ticks = ticks
+        self._left = iter(run)
+        self._following = next(self._left, None)
+        self._videos: dict[str, Video] = {}
+
+    def next_sample(self) -> Any:
+        index, self._following = self._following, next(self._left, None)
+        assert index is not None
+        return self._ticks.sample(index, self._video)
+
+    def _video(self, scenario: str, view: str) -> Video:
+        if view not in self._videos:
+            self._videos[view] = self._ticks.open_video(scenario, view)
+        return self._videos[view]
+
+    def has_ended(self) -> bool:
+        return self._following is None
+
+    def close(self) -> None:
+        for video in self._videos.values():
+            video.close()
+        self._videos.clear()
+
+
+def _worker() -> tuple[int, int]:
+    """Number of this worker of a `DataLoader`, and how many there are."""
+    info = get_worker_info()
+    return (info.id, info.num_workers) if info is not None else (0, 1)
