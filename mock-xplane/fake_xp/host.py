@@ -114,6 +114,9 @@ class KeptInMemory:
     def __init__(self, _path: Any) -> None:
         self._profile: dict[str, Any] | None = None
 
+    def drop_if_unusable(self) -> None:
+        """There is no file."""
+
     def read(self) -> dict[str, Any] | None:
         return self._profile
 

@@ -24,7 +24,7 @@ from .log import ClientLines, Faults, log
 from .loops import FlightLoops
 from .messages import LastingRefusal, Refusal
 from .pixels import Pixels
-from .profile import ProfileFile, still_pictures_move
+from .profile import ProfileFile, refuse_unsound, still_pictures_move
 from .scenery import Ground
 from .screenshots import Screenshots
 from .server import Asked, Closed, Connection, LinkServer, Note, Opened
@@ -401,6 +401,7 @@ class Bridge:
         if self._profile is None:
             raise Refusal("this plugin has no place to keep a profile")
         profile = dict(messages.part(header, "profile"))
+        refuse_unsound(profile)
         self._profile.keep(profile)
         self._pixels.restless = still_pictures_move(profile)
         return _at_once({"message": "profile_kept"})

@@ -63,10 +63,6 @@ class ProfileFile:
 
     def keep(self, profile: Profile) -> None:
         """Replaces it, atomically."""
-        try:
-            _check(profile)
-        except ValueError as error:
-            raise LastingRefusal(f"the profile is not kept: {error}") from error
         fresh = self._path.with_suffix(".new")
         try:
             fresh.write_text(json.dumps(profile, indent=2) + "\n", encoding="utf-8")
@@ -75,8 +71,16 @@ class ProfileFile:
             raise Refusal(f"cannot keep the profile in {self._path}: {error}. Make the plugin's folder writable") from error
 
 
+def refuse_unsound(profile: Profile) -> None:
+    """Refuses to keep a profile that no hello could contain."""
+    try:
+        _check(profile)
+    except ValueError as error:
+        raise LastingRefusal(f"the profile is not kept: {error}") from error
+
+
 def _check(profile: Profile) -> None:
-    """Raises ValueError for a profile that could not be sent with a hello."""
+    """Raises ValueError for a profile that no hello could contain."""
     check_sound(profile)
     length = len(encode(profile))
     if length > MAX_PROFILE_BYTES:
