@@ -408,8 +408,10 @@ fn frozen_exchanged_and_noise_pictures_of_small_corpora_are_faults_if_they_diffe
                 });
                 let is_listed = named || (wrong.len() > 3 && is_found(view));
                 if !is_listed {
+                    let row = window.of_flight[*tick as usize];
+                    let height_m = flight.frames.rows[row].labels.unwrap().height_over_target_m;
                     missed.push(format!(
-                        "{name} {seed}: {view} tick {tick} of {}",
+                        "{name} {seed}: {view} tick {tick} of {}, {height_m:.0} m above the target",
                         window.of_flight.len()
                     ));
                 }

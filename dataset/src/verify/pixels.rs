@@ -243,13 +243,21 @@ impl<'a> Watcher<'a> {
         if moved.is_some_and(|(_, moved_px)| moved_px < MOVED_PX) {
             return None;
         }
-        // Only where motion would be visible, and while its boxes overlap: farther on, a frozen picture leaves its box empty.
-        let could_be_frozen = |moved_px: f64| sight.is_some() && moved_px <= own.width_px;
+        // Only where motion would be visible. Farther on than its width, what stands still may be a building before an aircraft in fog.
+        let could_be_frozen = |moved_px: f64| {
+            sight.is_some() && (moved_px <= own.width_px || self.would_be_seen(tick))
+        };
         let repeated = moved
             .filter(|(_, moved_px)| could_be_frozen(*moved_px))
             .and_then(|(anchor, moved_px)| {
                 let before = picture.of_same_size(&anchor.rgb);
-                let change = change_between(&before, picture, &anchor.place, own)?;
+                let change_of = |was, is| change_between(&before, picture, was, is);
+                let change = if moved_px <= own.width_px {
+                    change_of(&anchor.place, own)?
+                } else {
+                    // The sky between the two places would hide the change.
+                    change_of(&anchor.place, &anchor.place)?.max(change_of(own, own)?)
+                };
                 (change < SAME * anchor.contrast).then_some((anchor.tick, moved_px))
             });
         let contrast = sight

@@ -12,7 +12,6 @@ use std::fmt;
 
 use super::answer::Answer;
 use super::layout::{Cell, Layout, cells_in_order};
-use super::metadata::ModelMetadata;
 use super::profile::{BoxForm, BoxUnit, ModelProfile, ScoreForm};
 
 /// Last module of RT-DETR as Ultralytics exports it: rows of centre and size in parts of the window, score, class.
@@ -21,6 +20,17 @@ const RT_DETR: &str = "RTDETRDecoder";
 const NORMALIZED: std::ops::RangeInclusive<f32> = -0.5..=1.5;
 /// Part of the boxes by corners whose edges are in order. Single ones of low score are turned inside out.
 const LEAST_ORDERED: f64 = 0.75;
+
+/// What is known of a model besides its answer.
+pub(super) struct Known<'a> {
+    /// Width and height.
+    pub(super) window_px: [u32; 2],
+    pub(super) profile: &'a ModelProfile,
+    /// Class of the last module of a model by Ultralytics.
+    pub(super) head: Option<&'a str>,
+    /// Number of classes that the metadata names.
+    pub(super) named: Option<usize>,
+}
 
 /// How the numbers of an answer are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,21 +53,16 @@ impl Meaning {
     }
 
     /// Of the answer to a blank window whose shape has this layout.
-    pub(super) fn of_probe(
-        layout: Layout,
-        answer: Answer<'_>,
-        window_px: [u32; 2],
-        profile: &ModelProfile,
-        metadata: &ModelMetadata,
-    ) -> Self {
+    pub(super) fn of_probe(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> Self {
+        let profile = known.profile;
         let judged = match profile.layout {
             Some(said) => Self::usual(said),
-            None if is_by_rt_detr(layout, answer, metadata) => Self {
+            None if known.is_rt_detr(layout, answer) => Self {
                 form: BoxForm::CenterSize,
                 unit: BoxUnit::Normalized,
                 ..Self::usual(layout)
             },
-            None => Self::usual(layout_by_numbers(layout, answer, window_px, metadata)),
+            None => Self::usual(layout_by_numbers(layout, answer, known)),
         };
         let boxes = Boxes::of(judged.layout, answer);
         let form = match judged.layout {
@@ -104,18 +109,16 @@ impl fmt::Display for Meaning {
     }
 }
 
-fn is_by_rt_detr(layout: Layout, answer: Answer<'_>, metadata: &ModelMetadata) -> bool {
-    let is_row_of_six = matches!(answer.shape(), [_, _, 6]) && layout == Layout::Corners;
-    metadata.head.as_deref() == Some(RT_DETR) && (is_row_of_six || layout == Layout::ClassRows)
+impl Known<'_> {
+    /// Whether an output of this layout is of RT-DETR, by its head.
+    fn is_rt_detr(&self, layout: Layout, answer: Answer<'_>) -> bool {
+        let is_row_of_six = matches!(answer.shape(), [_, _, 6]) && layout == Layout::Corners;
+        self.head == Some(RT_DETR) && (is_row_of_six || layout == Layout::ClassRows)
+    }
 }
 
 /// The layout of this shape that the numbers have.
-fn layout_by_numbers(
-    layout: Layout,
-    answer: Answer<'_>,
-    window_px: [u32; 2],
-    metadata: &ModelMetadata,
-) -> Layout {
+fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> Layout {
     let &[_, _, columns] = answer.shape() else {
         return layout;
     };
@@ -132,11 +135,11 @@ fn layout_by_numbers(
         if has_classes && (boxes.are_ordered() || boxes.are_normalized()) {
             return Layout::Corners;
         }
-        if layout == Layout::Corners && !has_classes && metadata.named_classes() == Some(2) {
+        if layout == Layout::Corners && !has_classes && known.named == Some(2) {
             return Layout::ClassRows;
         }
     }
-    if layout == Layout::Yolox && is_decoded(answer, columns, window_px) {
+    if layout == Layout::Yolox && is_decoded(answer, columns, known.window_px) {
         // YOLOv6 has no objectness, and writes 1 in its place.
         let mut rows = answer.numbers().chunks_exact(columns);
         return if rows.all(|row| row[4] == 1.0 || row[..4] == [0.0; 4]) {

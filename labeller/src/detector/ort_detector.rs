@@ -9,7 +9,7 @@ use super::aircraft_class::Classes;
 use super::device::Device;
 use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
 use super::layout::{Decoding, Layout};
-use super::meaning::Meaning;
+use super::meaning::{Known, Meaning};
 use super::metadata::ModelMetadata;
 use super::model_file::ModelFile;
 use super::ort_output::{
@@ -135,7 +135,13 @@ impl OrtDetector {
                 ReadFault::Outputs { fault, shapes }
             })?;
             let (meaning, count) = read_answer(outputs, boxes, |answer| {
-                let meaning = Meaning::of_probe(layout, answer, size_px, &profile, &metadata);
+                let known = Known {
+                    window_px: size_px,
+                    profile: &profile,
+                    head: metadata.head.as_deref(),
+                    named: metadata.named_classes(),
+                };
+                let meaning = Meaning::of_probe(layout, answer, &known);
                 Ok((meaning, meaning.layout.classes(answer.shape())))
             })?;
             let classes = Classes {

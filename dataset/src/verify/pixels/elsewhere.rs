@@ -106,3 +106,76 @@ impl Suspect {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: u32 = 96;
+
+    /// An even sky with dark bars of 10 x 3 pixels.
+    fn picture(bars: &[PixelBox]) -> Vec<u8> {
+        let mut rgb = Vec::new();
+        for y in 0..SIZE {
+            for x in 0..SIZE {
+                let is_in = |bar: &PixelBox| {
+                    (f64::from(x) - bar.cx_px).abs() <= bar.width_px / 2.0
+                        && (f64::from(y) - bar.cy_px).abs() <= bar.height_px / 2.0
+                };
+                let grain = (x * 7_919 + y * 104_729) % 3;
+                let grey = if bars.iter().any(is_in) { 100 } else { 140 };
+                rgb.extend([(grey + grain) as u8; 3]);
+            }
+        }
+        rgb
+    }
+
+    fn place(cx_px: f64, cy_px: f64) -> PixelBox {
+        PixelBox {
+            cx_px,
+            cy_px,
+            width_px: 11.0,
+            height_px: 4.0,
+        }
+    }
+
+    /// The faults of a picture that should show the aircraft at the first of three places and shows it at the second, beside pictures that
+    /// show it at the third and these bars.
+    fn found(shown: &[PixelBox], besides: &[PixelBox]) -> Vec<String> {
+        let [own, other, third] = [place(20.0, 20.0), place(50.0, 30.0), place(70.0, 70.0)];
+        let rgb = picture(shown);
+        let seen = DecodedPicture::new(&rgb, SIZE, SIZE);
+        let places = [(Other::Tick(3), other), (Other::View("left".into()), third)];
+        let mut faults = Faults::of_scenario("0001");
+        if let Some(mut suspect) = Suspect::find(&seen, 5, &own, places.into_iter()) {
+            let rgb = picture(&[&[third][..], besides].concat());
+            suspect.compare(&DecodedPicture::new(&rgb, SIZE, SIZE), 6, &third);
+            suspect.judge("views/right.mp4", "right", &mut faults);
+        }
+        let findings = faults.into_findings().into_iter();
+        findings.map(|finding| finding.to_string()).collect()
+    }
+
+    #[test]
+    fn a_picture_with_the_aircraft_of_another_tick_or_view_is_named_with_it() {
+        for (shown, whose) in [
+            (place(50.0, 30.0), "where it is at tick 3"),
+            (place(70.0, 70.0), "where view left has it"),
+        ] {
+            let faults = found(&[shown], &[]);
+            assert_eq!(faults.len(), 1, "{faults:?}");
+            let expected = "0001/views/right.mp4 row 5 view right: another picture";
+            assert!(
+                faults[0].starts_with(expected) && faults[0].contains(whose),
+                "{faults:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn an_empty_sky_and_what_is_always_there_are_no_faults() {
+        assert_eq!(found(&[], &[]), Vec::<String>::new());
+        let mast = place(50.0, 30.0);
+        assert_eq!(found(&[mast], &[mast]), Vec::<String>::new());
+    }
+}

@@ -44,3 +44,24 @@ pub(super) fn judge(roughness: &[f64], file: &str, view: &str, faults: &mut Faul
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_and_a_blank_picture_stand_out_and_a_passing_cloud_does_not() {
+        let rows = |roughness: &[f64]| -> Vec<Option<u64>> {
+            let mut faults = Faults::of_scenario("0001");
+            judge(roughness, "views/left.mp4", "left", &mut faults);
+            let findings = faults.into_findings().into_iter();
+            findings.map(|finding| finding.row).collect()
+        };
+        assert_eq!(rows(&[1.2, 1.3, 80.0, 1.1]), [Some(2)]);
+        assert_eq!(rows(&[1.2, 0.0, 1.4]), [Some(1)]);
+        assert_eq!(rows(&[1.2, 2.9, 1.3, 0.7]), []);
+        // Fog is smooth, and so are all its pictures.
+        assert_eq!(rows(&[0.2, 0.01, 0.2]), []);
+        assert_eq!(rows(&[1.0, 80.0]), []);
+    }
+}

@@ -1,3 +1,4 @@
+use super::super::metadata::ModelMetadata;
 use super::*;
 
 const WINDOW_PX: [u32; 2] = [640; 2];
@@ -43,7 +44,13 @@ fn meaning(
     let of_shape = Layout::of_shape(shape, WINDOW_PX, has_objectness, named);
     let layout = profile.layout.or(of_shape).unwrap();
     let answer = Answer::new(shape, numbers).unwrap();
-    Meaning::of_probe(layout, answer, WINDOW_PX, profile, metadata)
+    let known = Known {
+        window_px: WINDOW_PX,
+        profile,
+        head: metadata.head.as_deref(),
+        named,
+    };
+    Meaning::of_probe(layout, answer, &known)
 }
 
 fn bare(answer: &(Vec<usize>, Vec<f32>)) -> (Layout, BoxForm, BoxUnit) {
