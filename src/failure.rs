@@ -1,7 +1,10 @@
 //! Exit codes of the command, for shell scripts and schedulers.
 
 use std::fmt::Display;
+use std::io::{self, ErrorKind};
 use std::process::ExitCode;
+
+use rustix::io::Errno;
 
 /// Everything was done.
 const DONE: u8 = 0;
@@ -37,9 +40,14 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    /// A failure caused by the caller's input.
+    /// A failure caused by the caller's input, unless a disk that is full or broken is behind it.
     pub(crate) fn bad_input(error: impl Into<anyhow::Error>) -> Self {
-        Self::BadInput(error.into())
+        let error = error.into();
+        if is_of_disk(&error) {
+            Self::Failed(error)
+        } else {
+            Self::BadInput(error)
+        }
     }
 
     /// A corpus that cannot be read or written: the caller must fix it, another process holds it, or the machine failed.
@@ -61,10 +69,23 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
     fn from(error: E) -> Self {
         let error = error.into();
         match error.downcast_ref::<dataset::Error>() {
-            Some(cause) if cause.is_bad_content() => Self::BadInput(error),
+            Some(cause) if cause.is_bad_content() => Self::bad_input(error),
             _ => Self::Failed(error),
         }
     }
+}
+
+/// Whether a disk failed or is full: the same call works once there is room, whatever its arguments.
+fn is_of_disk(error: &anyhow::Error) -> bool {
+    let causes = error
+        .chain()
+        .filter_map(|cause| cause.downcast_ref::<io::Error>());
+    causes.into_iter().any(|cause| {
+        matches!(
+            cause.kind(),
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge
+        ) || cause.raw_os_error() == Some(Errno::IO.raw_os_error())
+    })
 }
 
 /// Prints the failure to stderr and turns it into the process's exit code.
@@ -85,6 +106,31 @@ pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
+    #[test]
+    fn a_disk_that_is_full_is_no_bad_input() {
+        let failure = |code| {
+            let cause = io::Error::from_raw_os_error(code);
+            Failure::bad_input(dataset::Error::io(
+                "write",
+                std::path::Path::new("plan.json"),
+            )(cause))
+        };
+        for errno in [Errno::NOSPC, Errno::DQUOT, Errno::FBIG, Errno::IO] {
+            assert!(
+                matches!(failure(errno.raw_os_error()), Failure::Failed(_)),
+                "{errno}"
+            );
+        }
+        for errno in [Errno::NOTDIR, Errno::ROFS, Errno::ACCESS] {
+            assert!(
+                matches!(failure(errno.raw_os_error()), Failure::BadInput(_)),
+                "{errno}"
+            );
+        }
+    }
+
     #[test]
     fn a_cause_is_said_once() {
         let cause = std::io::Error::other("the disk is on fire");

@@ -231,6 +231,9 @@ impl Undisturbed {
         if words.contains("panicked") || first.status.code().is_none() {
             wrong.push(format!("ended with {}: {words}", first.status));
         }
+        if fault.operation != "read" && first.status.code() == Some(2) {
+            wrong.push(format!("called a failing disk bad input: {words}"));
+        }
         let corpus = Corpus::open(&tiny.corpus()).unwrap();
         for scenario in corpus.folders().unwrap() {
             for fault in seal::faults(scenario.root()).unwrap() {

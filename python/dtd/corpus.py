@@ -160,8 +160,8 @@ class Corpus:
         """The pictures of a view, to be read in order or by tick."""
         return Video(*self.video_source(scenario, view))
 
-    def video_source(self, scenario: str, view: str) -> tuple[Path, npt.NDArray[np.int64]]:
-        """The file of a view's video, and the timestamps of its pictures in units of its time base."""
+    def video_source(self, scenario: str, view: str) -> tuple[Path, npt.NDArray[np.int64], tuple[int, int]]:
+        """The file of a view's video, the timestamps of its pictures in units of its time base, and their width and height."""
         folder = self._folder(scenario)
         _refuse_other_than(self.views_of(scenario), view, f"view of scenario {scenario}")
         column = f"pts_{view}"
@@ -170,7 +170,8 @@ class Corpus:
         for ending in (".mp4", ".mov"):
             path = sealed(folder, f"views/{view}{ending}")
             if path.exists():
-                return path, timestamps[column].to_numpy()
+                camera = self.camera(scenario, view)
+                return path, timestamps[column].to_numpy(), (camera.width_px, camera.height_px)
         raise CorpusError(f"{folder / 'views'} has no video of view {view}")
 
     def frame(self, scenario: str, view: str, tick: int) -> Picture:

@@ -26,8 +26,8 @@ class Video:
     Reading in order decodes each picture once; a jump decodes from the key frame before it.
     """
 
-    def __init__(self, path: Path, timestamps: npt.ArrayLike) -> None:
-        """`timestamps`: the `pts` of every tick."""
+    def __init__(self, path: Path, timestamps: npt.ArrayLike, size_px: tuple[int, int] | None = None) -> None:
+        """`timestamps`: the `pts` of every tick; `size_px`: width and height that the pictures must have."""
         self.path = path
         self._pts = np.asarray(timestamps, np.int64)
         self._tick_of = {int(pts): tick for tick, pts in enumerate(self._pts)}
@@ -36,6 +36,9 @@ class Video:
         if not self._container.streams.video:
             raise damaged(path, "it has no video")
         self._stream = self._container.streams.video[0]
+        found = (self._stream.width, self._stream.height)
+        if size_px is not None and size_px != found:
+            raise damaged(path, f"it has pictures of {found[0]} x {found[1]} px, the calibration {size_px[0]} x {size_px[1]} px")
         self._stream.thread_type = "AUTO"
         self._reformatter = VideoReformatter()
         self._decoder: Iterator[VideoFrame] | None = None

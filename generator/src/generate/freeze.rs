@@ -7,6 +7,7 @@ use dataset::claim::{Claim, Claimed, WHOLE_CORPUS};
 use dataset::corpus::{Corpus, check_place};
 use dataset::json_file::write_atomically;
 use dataset::new_file::clear_leftovers;
+use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal;
 use tokio::time::sleep;
@@ -87,7 +88,22 @@ pub(super) async fn freeze(
     if earlier.as_ref() != Some(&splits) {
         splits.write(&path)?;
     }
-    if frozen.as_ref() != Some(plan) || !corpus.sweep_path().exists() {
+    let sweep_there = match outside_file::read(&corpus.sweep_path(), FileKind::SWEEP.unlinked()) {
+        Ok(text) => Some(text),
+        Err(error) if error.is_not_found() => None,
+        Err(error) => return Err(error.into()),
+    };
+    let is_frozen = sweep_there.is_some_and(|text| plan.is_of_sweep(&text) == Some(true));
+    if let Some(frozen) = &frozen
+        && !is_frozen
+        && frozen.sweep_blake3 == plan.sweep_blake3
+    {
+        tracing::warn!(
+            "{} was missing or had been changed since it was frozen; it is the sweep again that the plan was made from",
+            corpus.sweep_path().display()
+        );
+    }
+    if frozen.as_ref() != Some(plan) || !is_frozen {
         write_atomically(&corpus.sweep_path(), sweep.text.as_bytes())?;
         plan.write(&corpus.plan_path())?;
     }
