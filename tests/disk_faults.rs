@@ -25,17 +25,13 @@ use testkit::{repository, skipped};
 use tiny::{Tiny, said};
 
 /// Verbs that write, each with work to do; `{store}` stands for the URL of an object store, `{model}` for the detector.
-const VERBS: [(&str, &str); 14] = [
+const VERBS: [(&str, &str); 13] = [
     ("generate", "generate sweep.toml --out corpus"),
     ("label", "label corpus"),
     ("detect", "detect corpus --model {model} --again"),
     (
         "train",
         "train corpus --out run --config training.toml --seed 1",
-    ),
-    (
-        "refit",
-        "refit run --corpus corpus --view left --out refitted --scenarios 2",
     ),
     ("evaluate", "evaluate run --corpus corpus"),
     ("predict", "predict run corpus --out predicted.parquet"),

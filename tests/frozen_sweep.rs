@@ -38,7 +38,8 @@ fn a_changed_sweep_is_found_by_verify_and_mended_by_generate_push_and_fetch() {
         };
         let verify = ["verify", "corpus", "--quick"];
         let sweep = tiny.path("corpus/corpus.toml");
-        let intact = fs::read(&sweep).unwrap();
+        let read = |path: &Path| fs::read_to_string(path).unwrap();
+        let intact = read(&sweep);
         let url = url(&tiny);
         ends_with(0, &verify);
         ends_with(0, &["push", "corpus", &url]);
@@ -49,19 +50,11 @@ fn a_changed_sweep_is_found_by_verify_and_mended_by_generate_push_and_fetch() {
             assert!(ends_with(2, &["push", "corpus", &url]).contains("corpus.toml"));
         }
         ends_with(0, &["fetch", &url, "--out", "corpus"]);
-        assert_eq!(
-            fs::read(&sweep).unwrap(),
-            intact,
-            "damage {how} stays after fetch"
-        );
+        assert_eq!(read(&sweep), intact, "damage {how} stays after fetch");
 
         damage(&sweep, how);
         ends_with(0, &["generate", "sweep.toml", "--out", "corpus"]);
-        assert_eq!(
-            fs::read(&sweep).unwrap(),
-            intact,
-            "damage {how} stays after generate"
-        );
+        assert_eq!(read(&sweep), intact, "damage {how} stays after generate");
         ends_with(0, &verify);
 
         let in_store = tiny.path("store/corpus.toml");
@@ -71,11 +64,7 @@ fn a_changed_sweep_is_found_by_verify_and_mended_by_generate_push_and_fetch() {
             ends_with(1, &["fetch", &url, "--out", "fetched"]);
         }
         ends_with(0, &["push", "corpus", &url]);
-        assert_eq!(
-            fs::read(&in_store).unwrap(),
-            intact,
-            "damage {how} stays in the store"
-        );
+        assert_eq!(read(&in_store), intact, "damage {how} stays in the store");
         ends_with(0, &["fetch", &url, "--out", "fetched"]);
     }
 }

@@ -26,7 +26,8 @@ fn videos_of_another_size_than_the_calibration_are_not_searched() {
         .open()
         .unwrap()
         .open_video("left")
-        .unwrap_err()
+        .err()
+        .unwrap()
         .to_string();
     assert!(
         message.contains("has pictures of 480 x 320 px, expected 640 x 320 px"),
