@@ -1,10 +1,7 @@
 //! Exit codes of the command, for shell scripts and schedulers.
 
 use std::fmt::Display;
-use std::io::{self, ErrorKind};
 use std::process::ExitCode;
-
-use rustix::io::Errno;
 
 /// Everything was done.
 const DONE: u8 = 0;
@@ -43,7 +40,10 @@ impl Failure {
     /// A failure caused by the caller's input, unless a disk that is full or broken is behind it.
     pub(crate) fn bad_input(error: impl Into<anyhow::Error>) -> Self {
         let error = error.into();
-        if is_of_disk(&error) {
+        let is_of_disk = |cause: &(dyn std::error::Error + 'static)| {
+            (cause.downcast_ref()).is_some_and(dataset::Error::is_of_disk)
+        };
+        if error.chain().any(is_of_disk) {
             Self::Failed(error)
         } else {
             Self::BadInput(error)
@@ -75,19 +75,6 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
     }
 }
 
-/// Whether a disk failed or is full: the same call works once there is room, whatever its arguments.
-fn is_of_disk(error: &anyhow::Error) -> bool {
-    let causes = error
-        .chain()
-        .filter_map(|cause| cause.downcast_ref::<io::Error>());
-    causes.into_iter().any(|cause| {
-        matches!(
-            cause.kind(),
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge
-        ) || cause.raw_os_error() == Some(Errno::IO.raw_os_error())
-    })
-}
-
 /// Prints the failure to stderr and turns it into the process's exit code.
 pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
     let (code, error) = match result {
@@ -106,6 +93,10 @@ pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
 
 #[cfg(test)]
 mod tests {
+    use std::io;
+
+    use rustix::io::Errno;
+
     use super::*;
 
     #[test]
