@@ -37,9 +37,17 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    /// A failure caused by the caller's input.
+    /// A failure caused by the caller's input, unless a disk that is full or broken is behind it.
     pub(crate) fn bad_input(error: impl Into<anyhow::Error>) -> Self {
-        Self::BadInput(error.into())
+        let error = error.into();
+        let is_of_disk = |cause: &(dyn std::error::Error + 'static)| {
+            (cause.downcast_ref()).is_some_and(dataset::Error::is_of_disk)
+        };
+        if error.chain().any(is_of_disk) {
+            Self::Failed(error)
+        } else {
+            Self::BadInput(error)
+        }
     }
 
     /// A corpus that cannot be read or written: the caller must fix it, another process holds it, or the machine failed.
@@ -61,7 +69,7 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
     fn from(error: E) -> Self {
         let error = error.into();
         match error.downcast_ref::<dataset::Error>() {
-            Some(cause) if cause.is_bad_content() => Self::BadInput(error),
+            Some(cause) if cause.is_bad_content() => Self::bad_input(error),
             _ => Self::Failed(error),
         }
     }
@@ -85,6 +93,35 @@ pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
 
 #[cfg(test)]
 mod tests {
+    use std::io;
+
+    use rustix::io::Errno;
+
+    use super::*;
+
+    #[test]
+    fn a_disk_that_is_full_is_no_bad_input() {
+        let failure = |code| {
+            let cause = io::Error::from_raw_os_error(code);
+            Failure::bad_input(dataset::Error::io(
+                "write",
+                std::path::Path::new("plan.json"),
+            )(cause))
+        };
+        for errno in [Errno::NOSPC, Errno::DQUOT, Errno::FBIG, Errno::IO] {
+            assert!(
+                matches!(failure(errno.raw_os_error()), Failure::Failed(_)),
+                "{errno}"
+            );
+        }
+        for errno in [Errno::NOTDIR, Errno::ROFS, Errno::ACCESS] {
+            assert!(
+                matches!(failure(errno.raw_os_error()), Failure::BadInput(_)),
+                "{errno}"
+            );
+        }
+    }
+
     #[test]
     fn a_cause_is_said_once() {
         let cause = std::io::Error::other("the disk is on fire");

@@ -94,6 +94,8 @@ impl Output {
     }
 
     fn check(self, path: &Path) -> Result<(), String> {
+        // Without a slash at the end, which would follow a link.
+        let path = &path.components().collect::<PathBuf>();
         self.check_kind(path)?;
         let place = match fs::read_link(path) {
             // A dangling link: where it leads, something would be made.
@@ -101,6 +103,13 @@ impl Output {
             _ => resolved(path),
         };
         let place = place.map_err(|error| error.to_string())?;
+        let existing = place.ancestors().find(|folder| folder.exists());
+        if let Some(file) = existing.filter(|found| *found != place && !found.is_dir()) {
+            return Err(format!(
+                "is inside {}, which is a file; name another place",
+                file.display()
+            ));
+        }
         let inside = place
             .ancestors()
             .skip(1)

@@ -87,8 +87,10 @@ impl Detector {
 /// Writes all files into a folder. Existing ones stay as they are.
 pub(crate) fn write(folder: &Path) -> dataset::Result<Vec<PathBuf>> {
     let mut written = Vec::new();
-    for (name, content) in FILES {
-        let path = own_path(folder, name)?;
+    let paths = FILES.iter().map(|(name, _)| own_path(folder, name));
+    // All are looked at before any is written.
+    let paths = paths.collect::<dataset::Result<Vec<_>>>()?;
+    for ((_, content), path) in FILES.iter().zip(paths) {
         if path.exists() {
             continue;
         }

@@ -353,7 +353,7 @@ fn what_cannot_be_evaluated_is_refused_before_anything_is_searched() {
     );
     refused(
         &["corpus", "--out", "corpus/scenarios/x", "--model", MODEL],
-        "only the corpus' own files",
+        "contains its own files only",
     );
     refused(
         &["corpus", "--out", "judged", "--model", "sweep.toml"],

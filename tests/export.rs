@@ -1011,15 +1011,18 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
         "aircraft.onnx",
     );
     std::os::unix::fs::symlink("corpus", tiny.path("link")).unwrap();
-    for out in [
-        "corpus",
-        ".",
-        "corpus/export",
-        "corpus/scenarios/1200-clear-r1/export",
-        "link/export",
+    for (out, words) in [
+        ("corpus", "is a corpus"),
+        (".", "choose a folder elsewhere"),
+        ("corpus/export", "its own files only"),
+        (
+            "corpus/scenarios/1200-clear-r1/export",
+            "its own files only",
+        ),
+        ("link/export", "its own files only"),
     ] {
         let into = ["export", "corpus", "--to", "coco", "--out", out];
-        refused(&tiny, &into, "choose a folder elsewhere");
+        refused(&tiny, &into, words);
     }
     fs::rename(tiny.corpus(), tiny.path("out.partial")).unwrap();
     refused(
@@ -1032,11 +1035,16 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
     fs::write(tiny.path("out/thesis.txt"), "mine").unwrap();
     refused(&tiny, &export(&[]), "thesis.txt");
     fs::remove_dir_all(tiny.path("out")).unwrap();
-    for way in ["file", "dangling", "file/below", "dangling/"] {
+    for (way, words) in [
+        ("file", "is a file"),
+        ("dangling", "is a symbolic link"),
+        ("file/below", "file, which is a file"),
+        ("dangling/", "is a symbolic link"),
+    ] {
         fs::write(tiny.path("file"), "mine").unwrap();
         let _ = std::os::unix::fs::symlink("nowhere", tiny.path("dangling"));
         let into = ["export", "corpus", "--to", "coco", "--out", way];
-        refused(&tiny, &into, "not a folder");
+        refused(&tiny, &into, words);
     }
     fs::write(tiny.path("out.partial"), "mine").unwrap();
     refused(&tiny, &export(&[]), "not a folder");

@@ -222,7 +222,10 @@ fn models_are_not_written_among_other_files_nor_without_a_runtime() {
     assert!(said(&output).contains("gone.so") && !models.exists());
     fs::create_dir(&models).unwrap();
     assert!(workshop.export().status.success());
+    // The same again is there already.
+    assert!(workshop.export().status.success());
     let before = fs::read(models.join("paper_lstm.onnx")).unwrap();
+    fs::write(models.join("notes"), "").unwrap();
     let output = workshop.export();
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(said(&output).contains("expected a new or an empty folder"));

@@ -9,8 +9,9 @@ use dataset::corpus::Corpus;
 use dataset::geodesy::Geodetic;
 use serde_json::{Value, json};
 use testkit::command::{Dtd, said, text};
+use testkit::files::{contents, copy_folder};
 use testkit::sweep::THREE_VIEWS;
-use testkit::{program_of_venv, python_with_torch, repository};
+use testkit::{program_of_venv, python_with_torch, repository, skipped};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 /// A picture away from key frames.
@@ -126,4 +127,39 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
     errors.sort_by(f64::total_cmp);
     assert!(errors.len() > 100, "{errors:?}");
     assert!(errors[errors.len() / 2] < 0.1, "{errors:?}");
+}
+
+#[test]
+fn installing_the_package_leaves_nothing_in_the_checkout() {
+    let python = program_of_venv("python");
+    let has_backend = Command::new(&python)
+        .args(["-c", "import flit_core"])
+        .status()
+        .unwrap();
+    if !has_backend.success() {
+        return skipped("flit_core is not installed; run `bash scripts/setup.sh`");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let sources = folder.path().join("python");
+    copy_folder(&repository().join("python"), &sources);
+    let before = contents(&sources);
+    let installed = folder.path().join("installed");
+    let output = Command::new(&python)
+        .args([
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--no-index",
+            "--no-deps",
+            "--no-build-isolation",
+            "--target",
+        ])
+        .arg(&installed)
+        .arg(&sources)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(installed.join("dtd/py.typed").is_file());
+    assert!(contents(&sources) == before, "something is left");
 }

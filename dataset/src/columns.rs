@@ -7,6 +7,7 @@
 mod page_sizes;
 
 use std::collections::HashMap;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,6 +24,7 @@ use parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder,
 };
 use parquet::basic::{Compression, ZstdLevel};
+use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
 use parquet::schema::types::ColumnPath;
 
@@ -271,7 +273,7 @@ impl TableParts {
     /// A number is outside its limits, or an I/O error.
     pub fn add(&mut self, part: TableWriter) -> Result<()> {
         part.check(&self.path)?;
-        let failed = |error| Error::table(&self.path, error);
+        let failed = |error| not_written(&self.path, error);
         let schema = Arc::new(Schema::new_with_metadata(part.fields, part.notes));
         let batch = RecordBatch::try_new(schema.clone(), part.arrays)
             .map_err(|error| Error::table(&self.path, error))?;
@@ -310,8 +312,19 @@ impl TableParts {
             return Ok(());
         };
         let file = writer.into_inner();
-        file.map_err(|error| Error::table(&self.path, error))?
+        file.map_err(|error| not_written(&self.path, error))?
             .commit()
+    }
+}
+
+/// The error of a table that is being written: usually one of the disk, which is not the fault of the content.
+fn not_written(path: &Path, error: ParquetError) -> Error {
+    match error {
+        ParquetError::External(source) => match source.downcast::<io::Error>() {
+            Ok(source) => Error::io("write", path)(*source),
+            Err(source) => Error::table(path, source),
+        },
+        error => Error::table(path, error),
     }
 }
 
@@ -389,7 +402,7 @@ impl Table {
     }
 
     fn decode(bytes: Vec<u8>, path: &Path, most_rows: u64) -> Result<Self> {
-        let refused = |e: parquet::errors::ParquetError| Error::table(path, e);
+        let refused = |e: ParquetError| Error::table(path, e);
         let bytes = Bytes::from(bytes);
         let metadata =
             ArrowReaderMetadata::load(&bytes, ArrowReaderOptions::new()).map_err(refused)?;

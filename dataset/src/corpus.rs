@@ -137,12 +137,16 @@ impl Corpus {
         }
     }
 
-    /// All committed scenarios, sorted by identifier. A folder without a seal does not count.
+    /// All committed scenarios, sorted by identifier. A folder without a seal does not count; one with a damaged seal does, and is
+    /// rejected when it is opened, so that it does not hide the others.
     pub fn scenarios(&self) -> Result<Vec<ScenarioFolder>> {
         let mut committed = Vec::new();
         for scenario in self.folders()? {
-            if scenario.seal()?.is_some() {
-                committed.push(scenario);
+            match scenario.seal() {
+                Ok(None) => {}
+                Ok(Some(_)) => committed.push(scenario),
+                Err(error) if error.is_bad_content() => committed.push(scenario),
+                Err(error) => return Err(error),
             }
         }
         Ok(committed)

@@ -1,7 +1,10 @@
 //! What can go wrong with a corpus on disk.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+
+use rustix::io::Errno;
 
 use crate::limits::FieldOutOfLimits;
 use crate::memory::TooMuchMemory;
@@ -165,7 +168,19 @@ impl Error {
 
     /// Whether a file or folder is missing.
     pub fn is_not_found(&self) -> bool {
-        matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
+        matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::NotFound)
+    }
+
+    /// Whether a disk is full or broken: the same operation succeeds once that is mended.
+    pub fn is_of_disk(&self) -> bool {
+        let Self::Io { source, .. } = self else {
+            return false;
+        };
+        let is_full = matches!(
+            source.kind(),
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge
+        );
+        is_full || source.raw_os_error() == Some(Errno::IO.raw_os_error())
     }
 
     /// Whether another process was in the way: a retry may succeed.

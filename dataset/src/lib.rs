@@ -29,6 +29,7 @@ pub mod limits;
 pub mod memory;
 pub mod model_identity;
 pub mod new_file;
+pub mod new_folder;
 pub mod open_scenario;
 pub mod other_flight;
 mod others_decoder;

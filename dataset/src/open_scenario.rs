@@ -254,9 +254,31 @@ impl OpenScenario {
     /// Opens a view's video after reading all of it and checking it against the seal. Timestamps are in the unit of the tables' `pts`.
     ///
     /// # Errors
-    /// There is none, it does not match the seal, or it cannot be decoded.
+    /// There is none, it does not match the seal, it cannot be decoded, or its pictures have another size than the calibrated camera's.
     pub fn open_video(&self, view: &str) -> Result<VideoReader> {
-        VideoReader::open_ticks(&self.video_path(view)?, self.record()?.frame_rate)
+        let path = self.video_path(view)?;
+        let reader = VideoReader::open_ticks(&path, self.record()?.frame_rate)?;
+        let found = [reader.width(), reader.height()];
+        let calibration = self.calibration()?;
+        let camera = calibration.cameras.get(view).ok_or_else(|| {
+            Error::corpus(
+                &self.folder.calibration_path(),
+                format!("has no camera {view}"),
+            )
+        })?;
+        let expected = [camera.width_px, camera.height_px];
+        if found == expected {
+            return Ok(reader);
+        }
+        let size = |[width_px, height_px]: [u32; 2]| format!("{width_px} x {height_px}");
+        Err(Error::corpus(
+            &path,
+            format!(
+                "has pictures of {} px, expected {} px as in {CALIBRATION}; generate the scenario again",
+                size(found),
+                size(expected)
+            ),
+        ))
     }
 
     /// The file of a view's video, after reading all of it and checking it against the seal.

@@ -47,6 +47,10 @@ pub struct Plan {
     pub plan_hash: String,
     /// Name of the corpus.
     pub corpus: String,
+    /// BLAKE3 hash of [`Corpus::SWEEP`], the text that this is the expansion of, so that a change of either is noticed. Missing in plans of
+    /// earlier versions; not part of `plan_hash`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep_blake3: Option<String>,
     /// What all scenarios have in common.
     pub common: Common,
     /// The scenarios, in recording order.
@@ -101,15 +105,27 @@ impl Common {
 }
 
 impl Plan {
-    /// The plan of these scenarios.
-    pub fn new(corpus: String, common: Common, scenarios: Vec<PlannedScenario>) -> Self {
+    /// The plan of these scenarios, expanded from the text of a sweep.
+    pub fn new(
+        corpus: String,
+        sweep: &str,
+        common: Common,
+        scenarios: Vec<PlannedScenario>,
+    ) -> Self {
         Self {
             plan_version: PLAN_VERSION,
             plan_hash: plan_hash(scenarios.iter().map(PlannedScenario::id_and_hash)),
             corpus,
+            sweep_blake3: Some(blake3::hash(sweep.as_bytes()).to_string()),
             common,
             scenarios,
         }
+    }
+
+    /// Whether this is the text that the plan was expanded from; `None` if the plan does not record that.
+    pub fn is_of_sweep(&self, sweep: &[u8]) -> Option<bool> {
+        let sealed = self.sweep_blake3.as_deref()?;
+        Some(blake3::hash(sweep).to_string() == sealed)
     }
 
     /// The plan of a corpus; `None` if it has none, or one of an earlier version.
@@ -164,12 +180,15 @@ impl Plan {
     }
 
     fn to_json(&self) -> serde_json::Result<Vec<u8>> {
-        let head = serde_json::json!({
+        let mut head = serde_json::json!({
             "plan_version": self.plan_version,
             "plan_hash": self.plan_hash,
             "corpus": self.corpus,
             "common": self.common,
         });
+        if let Some(sweep_blake3) = &self.sweep_blake3 {
+            head["sweep_blake3"] = sweep_blake3.as_str().into();
+        }
         let mut text = serde_json::to_vec_pretty(&head)?;
         text.truncate(text.len() - "\n}".len());
         text.extend_from_slice(b",\n  \"scenarios\": [");

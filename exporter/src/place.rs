@@ -70,6 +70,13 @@ impl Place {
                 return Err(Error::Changed { out, fault });
             }
             let bytes = bytes_in(&out).map_err(dataset::Error::io("read the size of", &out))?;
+            if partial.join(BEGUN).exists() && !partial.join(NEW).exists() {
+                // Killed, or failed, after its files were moved.
+                if let Claimed::Mine(claim) = Claim::take_in(&partial, CLAIM)? {
+                    remove_notes(&partial)?;
+                    drop(claim);
+                }
+            }
             return Ok(Found::Complete { bytes });
         }
         refuse_content(out)?;
@@ -165,14 +172,25 @@ impl Place {
             fs::remove_dir(&self.out).map_err(dataset::Error::io("replace", &self.out))?;
         }
         seal::commit_folder(&files, &self.out)?;
-        let parts = self.partial.join(PARTS);
-        fs::remove_dir_all(&parts).map_err(dataset::Error::io("remove", &parts))?;
-        let begun = self.partial.join(BEGUN);
-        fs::remove_file(&begun).map_err(dataset::Error::io("remove", &begun))?;
+        remove_notes(&self.partial)?;
         // Takes the folder with it.
         drop(self.claim.take());
         Ok(bytes)
     }
+}
+
+/// Removes what was noted of an export whose files are in their place.
+fn remove_notes(partial: &Path) -> Result<()> {
+    let parts = partial.join(PARTS);
+    match fs::remove_dir_all(&parts) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            return Err(dataset::Error::io("remove", &parts)(error).into());
+        }
+        _ => {}
+    }
+    let begun = partial.join(BEGUN);
+    fs::remove_file(&begun).map_err(dataset::Error::io("remove", &begun))?;
+    Ok(())
 }
 
 /// Where an export is made.

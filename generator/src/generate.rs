@@ -158,7 +158,7 @@ pub fn generate<'a>(
                 scenarios: staged.len(),
             });
         }
-        let lost = freeze::lost_files(corpus_root);
+        let lost = freeze::lost_files(corpus_root, &plan)?;
         let is_same_plan = frozen.as_ref() == Some(&plan) && lost.is_empty();
         if options.remote.is_none() && to_make.is_empty() && is_same_plan {
             Claim::tidy(&Corpus::open(corpus_root)?);

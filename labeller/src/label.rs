@@ -394,6 +394,24 @@ mod tests {
     }
 
     #[test]
+    fn a_scenario_with_a_damaged_seal_is_named_and_does_not_stop_the_others() {
+        let temporary = tempfile::tempdir().unwrap();
+        let corpus = short_corpus::write(temporary.path(), &["0001-a", "0002-b", "0003-c"]);
+        std::fs::write(corpus.scenario("0002-b").root().join("DONE.json"), "").unwrap();
+        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        assert_eq!(outcome.labelled, ["0001-a", "0003-c"]);
+        let [failure] = &outcome.failed[..] else {
+            panic!("{:?}", outcome.failed);
+        };
+        assert!(
+            failure
+                .reason
+                .contains("0002-b/DONE.json is not a valid seal"),
+            "{failure:?}"
+        );
+    }
+
+    #[test]
     fn fog_takes_the_contrast_that_koschmieder_says() {
         assert!((transmission(9_260.0, 9_260.0) - 0.02).abs() < 1e-4);
         assert_eq!(transmission(0.0, 9_260.0), 1.0);

@@ -40,8 +40,14 @@ pub(crate) fn project(
     let body = BodyInCamera::new(mesh, pose, camera, ground_msl_m);
     let outline = body.outline(camera)?;
     let inside = outline.clipped_to(camera.width_px, camera.height_px)?;
-    let truncation = 1.0 - inside.area() / outline.area();
-    let whole = is_inside(&outline, camera) && body.is_above_ground();
+    let is_inside = is_inside(&outline, camera);
+    // The areas of the same rectangle, computed in two ways, differ in the last digit.
+    let truncation = if is_inside {
+        0.0
+    } else {
+        1.0 - inside.area() / outline.area()
+    };
+    let whole = is_inside && body.is_above_ground();
     let visible_fraction = if whole {
         1.0
     } else {

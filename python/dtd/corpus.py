@@ -163,8 +163,8 @@ class Corpus:
         """The pictures of a view, to be read in order or by tick."""
         return Video(*self.video_source(scenario, view))
 
-    def video_source(self, scenario: str, view: str) -> tuple[Path, npt.NDArray[np.int64], Fraction]:
-        """The file of a view's video, the timestamps of its pictures, and their unit in seconds."""
+    def video_source(self, scenario: str, view: str) -> tuple[Path, npt.NDArray[np.int64], Fraction, tuple[int, int]]:
+        """The file of a view's video, the timestamps of its pictures, their unit in seconds, and the width and height of its pictures."""
         folder = self._folder(scenario)
         _refuse_other_than(self.views_of(scenario), view, f"view of scenario {scenario}")
         column = f"pts_{view}"
@@ -173,8 +173,9 @@ class Corpus:
         for ending in (".mp4", ".mov"):
             path = sealed(folder, f"views/{view}{ending}")
             if path.exists():
-                rate = self.record(scenario)["frame_rate"]
-                return path, timestamps[column].to_numpy(), Fraction(1, rate["numerator"])
+                rate, camera = self.record(scenario)["frame_rate"], self.camera(scenario, view)
+                size_px = (camera.width_px, camera.height_px)
+                return path, timestamps[column].to_numpy(), Fraction(1, rate["numerator"]), size_px
         raise CorpusError(f"{folder / 'views'} has no video of view {view}")
 
     def frame(self, scenario: str, view: str, tick: int) -> Picture:

@@ -27,14 +27,24 @@ class Video:
     Reading in order decodes each picture once; a jump decodes from the key frame before it.
     """
 
-    def __init__(self, path: Path, timestamps: npt.ArrayLike, unit_s: Fraction | None = None) -> None:
-        """`timestamps`: the `pts` of every tick, in units of `unit_s` seconds; without it, in units of the file."""
+    def __init__(
+        self,
+        path: Path,
+        timestamps: npt.ArrayLike,
+        unit_s: Fraction | None = None,
+        size_px: tuple[int, int] | None = None,
+    ) -> None:
+        """`timestamps`: the `pts` of every tick, in units of `unit_s` seconds; without it, in units of the file. `size_px`: width and height
+        that the pictures must have."""
         self.path = path
         with _named(path):
             self._container = av.open(str(path))
         if not self._container.streams.video:
             raise damaged(path, "it has no video")
         self._stream = self._container.streams.video[0]
+        found = (self._stream.width, self._stream.height)
+        if size_px is not None and size_px != found:
+            raise damaged(path, f"it has pictures of {found[0]} x {found[1]} px, the calibration {size_px[0]} x {size_px[1]} px")
         self._stream.thread_type = "AUTO"
         # The file may count in other units; the times are the same.
         ratio = Fraction(1) if unit_s is None else unit_s / Fraction(self._stream.time_base or unit_s)

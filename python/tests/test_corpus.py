@@ -157,6 +157,14 @@ class Changed(unittest.TestCase):
         with self.assertRaisesRegex(CorpusError, f"{path}.*dtd verify"):
             Corpus(self.copy).ticks()
 
+    def test_pictures_of_another_size_than_the_calibration_are_rejected(self) -> None:
+        def widen(calibration: dict[str, Any]) -> None:
+            calibration["cameras"]["mast"]["width_px"] += 2
+
+        self.change("calibration.json", widen)
+        with self.assertRaisesRegex(CorpusError, "mast.mp4 .* it has pictures of .* px, the calibration"):
+            Corpus(self.copy).frame(SCENARIO, "mast", 0)
+
     def test_links_are_rejected(self) -> None:
         corpus = Corpus(self.copy)
         for name, read in {

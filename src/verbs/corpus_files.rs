@@ -6,6 +6,8 @@ use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use dataset::corpus::Corpus;
+use dataset::outside_file::{self, FileKind};
+use dataset::own_path::own_path;
 use dataset::plan::Plan;
 use dataset::splits::{Leak, Splits};
 use generator::plan::{Difference, assign_sides, is_seeded_by};
@@ -69,7 +71,14 @@ impl CorpusFile {
         match (self, theirs) {
             (Self::Plan(ours), Self::Plan(theirs)) => {
                 let conflict = |plan, with| Difference::between(with, plan).conflict();
+                let records_sweep = |plan: &Plan| plan.sweep_blake3.is_some();
                 match (conflict(ours, theirs), conflict(theirs, ours)) {
+                    (None, None) if records_sweep(ours) && !records_sweep(theirs) => {
+                        Standing::OursHasMore
+                    }
+                    (None, None) if records_sweep(theirs) && !records_sweep(ours) => {
+                        Standing::TheirsHasMore
+                    }
                     (None, None) => Standing::Same,
                     (None, Some(_)) => Standing::OursHasMore,
                     (Some(_), None) => Standing::TheirsHasMore,
@@ -136,6 +145,18 @@ impl CorpusFiles {
         Ok(ours.map_or(Standing::TheirsHasMore, |(_, ours)| ours.standing(&theirs)))
     }
 
+    /// Whether this is the text that the plan was expanded from, if the plan is there and records that.
+    pub(super) fn is_of_sweep(&self, sweep: &[u8]) -> Option<bool> {
+        self.plan()?.is_of_sweep(sweep)
+    }
+
+    /// Whether the text of another copy of this plan is the one that this plan records, too.
+    pub(super) fn has_sweep_of(&self, theirs: &[u8]) -> bool {
+        let theirs = Plan::parse(theirs, Path::new(Corpus::PLAN)).ok();
+        let ours = self.plan().map(|plan| &plan.sweep_blake3);
+        theirs.is_some_and(|theirs| ours == Some(&theirs.sweep_blake3))
+    }
+
     fn plan(&self) -> Option<&Plan> {
         match self.get(Corpus::PLAN) {
             Some((_, CorpusFile::Plan(plan))) => Some(plan),
@@ -184,6 +205,11 @@ impl CorpusFiles {
                 ),
             ));
         }
+        if let Some((bytes, _)) = self.get(Corpus::SWEEP)
+            && plan.is_of_sweep(bytes) == Some(false)
+        {
+            return Err((Corpus::SWEEP, OTHER_SWEEP.into()));
+        }
         Ok(())
     }
 
@@ -199,6 +225,30 @@ impl CorpusFiles {
         names.filter(|name| !self.files.contains_key(name))
     }
 }
+
+/// What is wrong with the sweep of a corpus, by itself or beside the plan; other files are judged elsewhere.
+pub(super) fn sweep_fault(corpus: &Corpus) -> Option<String> {
+    let mut files = CorpusFiles::default();
+    for name in [Corpus::PLAN, Corpus::SWEEP] {
+        let read = own_path(corpus.root(), name)
+            .and_then(|path| outside_file::read(&path, FileKind::PLAN.unlinked()));
+        let added = match read {
+            Ok(bytes) => files.add(name, bytes),
+            Err(error) if error.is_not_found() => Err(anyhow!("it is missing")),
+            Err(error) => Err(error.into()),
+        };
+        match added {
+            Ok(()) => {}
+            Err(_) if name == Corpus::PLAN => return None,
+            Err(fault) => return Some(format!("{fault:#}")),
+        }
+    }
+    files.check_together().err().map(|(_, fault)| fault)
+}
+
+/// The message about a changed sweep.
+pub(super) const OTHER_SWEEP: &str = "it is not the text that plan.json was made from: its hash differs from sweep_blake3 there; `dtd generate` with \
+                                      the sweep of the corpus writes it again";
 
 /// The message about a regenerated split.
 pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenerated from plan and seed; if the corpus was ever added to, its \

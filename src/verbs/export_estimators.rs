@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
-use dataset::json_file::write_atomically;
+use dataset::new_folder;
 use labeller::detector::{NumberInput, run_numbers};
 use serde::Serialize;
 use trainer::{
@@ -37,7 +37,9 @@ struct Exported<'a> {
 /// Runs the verb.
 pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
     let began = Instant::now();
-    refuse_filled(&args.out)?;
+    if !args.out.join(CARD).exists() {
+        refuse_filled(&args.out)?;
+    }
     let ExportedRun {
         models,
         card,
@@ -57,11 +59,15 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
             onnx: &model.onnx,
         });
     }
-    fs::create_dir_all(&args.out).map_err(|error| cannot_write(&args.out, &error))?;
-    for model in &exported {
-        write_atomically(&args.out.join(&model.file), model.onnx)?;
+    let card = (CARD, card.as_bytes());
+    let files = exported
+        .iter()
+        .map(|model| (model.file.as_str(), model.onnx));
+    let files: Vec<_> = files.chain([card]).collect();
+    if !new_folder::is_written(&args.out, files.iter().copied())? {
+        refuse_filled(&args.out)?;
+        new_folder::write(&args.out, files)?;
     }
-    write_atomically(&args.out.join(CARD), card.as_bytes())?;
     if args.json {
         print_json(&exported)?;
     } else {
@@ -85,7 +91,7 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
     Ok(Ending::Done)
 }
 
-/// A folder with files would be left with those of two exports.
+/// A folder with other files would be left with those of two exports.
 fn refuse_filled(out: &Path) -> Result<(), Failure> {
     let mut entries = match fs::read_dir(out) {
         Ok(entries) => entries,
@@ -145,8 +151,4 @@ fn checked(
         "{file}: ONNX Runtime answers {answer_m} m where this program answers {expected_m} m, expected the same to {TOLERANCE:e}; \
          nothing was written. Try another version of ONNX Runtime, with --onnx-runtime"
     )))
-}
-
-fn cannot_write(out: &Path, error: &std::io::Error) -> Failure {
-    Failure::Failed(anyhow::anyhow!("cannot create {}: {error}", out.display()))
 }

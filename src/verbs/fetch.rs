@@ -8,6 +8,7 @@ use dataset::corpus::{Corpus, check_place};
 use dataset::json_file::write_atomically;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
+use dataset::plan::Plan;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
 use store::{CorpusStore, Fetched, Patience, StoreUrl};
@@ -245,7 +246,15 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
                 false
             }
             Ok(Standing::Same) => false,
-            Ok(Standing::AsThePlan) => plan_is_theirs,
+            Ok(Standing::AsThePlan) if plan_is_theirs => true,
+            // The plans are the same, but ours is not the text that they were made from.
+            Ok(Standing::AsThePlan) if is_of_plan(corpus, &ours) == Some(false) => {
+                said.push(format!(
+                    "replaced {shown}, which had been changed since it was frozen"
+                ));
+                is_of_plan(corpus, bytes) == Some(true)
+            }
+            Ok(Standing::AsThePlan) => false,
             Ok(Standing::Conflict(difference)) => {
                 return Err(Failure::bad_input_message(format!(
                     "{shown} is of another corpus than {}: {difference}. Nothing was fetched; name another folder",
@@ -278,4 +287,9 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
         }
     }
     Ok(said)
+}
+
+/// Whether this is the sweep of the corpus' own plan, if that is readable and records it.
+fn is_of_plan(corpus: &Corpus, sweep: &[u8]) -> Option<bool> {
+    Plan::of_corpus(corpus).ok()??.is_of_sweep(sweep)
 }

@@ -237,7 +237,12 @@ async fn send_corpus_files(
     sent: &mut Sent,
 ) -> Result<(), Failure> {
     let mut said: Vec<(&str, String)> = Vec::new();
+    let mut same_sweep = false;
     let judge = |name, theirs: &[u8], plan| {
+        // Judged first.
+        if name == Corpus::PLAN {
+            same_sweep = files.has_sweep_of(theirs);
+        }
         let (keep, words) = match files.standing(name, theirs) {
             Err(damage) => (
                 Keep::Ours,
@@ -254,6 +259,12 @@ async fn send_corpus_files(
             Ok(Standing::AsThePlan) if plan == Keep::Ours => (
                 Keep::Ours,
                 format!("replaced the store's {name} along with the plan"),
+            ),
+            Ok(Standing::AsThePlan) if same_sweep && files.is_of_sweep(theirs) == Some(false) => (
+                Keep::Ours,
+                format!(
+                    "replaced the store's {name}, which is not the sweep that the plan was made from"
+                ),
             ),
             Ok(Standing::Same | Standing::AsThePlan) => return Ok(Keep::Theirs),
             Ok(Standing::Conflict(difference)) => {

@@ -7,13 +7,14 @@ use std::time::Duration;
 use dataset::Error;
 use dataset::corpus::Corpus;
 use dataset::json_file::write_atomically;
-use dataset::verify::{Verification, VerifyOptions, VerifyReport, verify_with};
+use dataset::verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
 use serde::Serialize;
 use store::{CorpusLocation, CorpusStore, Fetched, Patience, StoreError, StoreUrl};
 use tempfile::TempDir;
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
+use super::corpus_files::sweep_fault;
 use super::object_store::{OnBar, failure_of, nothing_committed};
 use super::open_corpus::open_corpus;
 use super::output::{count, print_json};
@@ -181,16 +182,30 @@ fn print_weather(report: &VerifyReport) {
     }
 }
 
+/// Adds what is wrong with the sweep, which no scenario's files record.
+fn add_sweep_fault(corpus: &Corpus, report: &mut VerifyReport) {
+    let fault = sweep_fault(corpus).map(|message| Finding {
+        scenario: None,
+        file: Corpus::SWEEP.into(),
+        row: None,
+        view: None,
+        message,
+    });
+    report.findings.extend(fault);
+}
+
 /// Verifies with a progress bar.
 fn verify(corpus: &Corpus, options: VerifyOptions) -> VerifyReport {
     let bar = Bar::new("verify", "scenarios", None);
     let mut started = 0;
-    verify_with(corpus, options, &mut |id, total| {
+    let mut report = verify_with(corpus, options, &mut |id, total| {
         bar.set_total(total as u64);
         bar.set_done(started);
         bar.working_on(id);
         started += 1;
-    })
+    });
+    add_sweep_fault(corpus, &mut report);
+    report
 }
 
 /// Verifies a corpus in an object store: one scenario at a time is here.
@@ -245,7 +260,9 @@ fn verify_in_store(
                 Err(error) => return Err(error),
             }
         }
-        Ok(verification.finish(&corpus))
+        let mut report = verification.finish(&corpus);
+        add_sweep_fault(&corpus, &mut report);
+        Ok(report)
     });
     Ok((store.name().to_owned(), report.map_err(failure_of)?))
 }

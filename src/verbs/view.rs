@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::process::{Command, Stdio};
+use std::thread;
 
 use dataset::corpus::Corpus;
 use generator::generate::Cancel;
@@ -58,14 +59,17 @@ fn announce(address: SocketAddr, no_open: bool) {
     if no_open {
         return;
     }
-    let opened = Command::new(OPENER)
+    let opener = Command::new(OPENER)
         .arg(&url)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn();
-    match opened {
-        Ok(_) => eprintln!("view: opened {url} in the browser; Ctrl-C ends it"),
-        Err(_) => eprintln!("view: open {url} in a browser; Ctrl-C ends it"),
-    }
+    // It may wait for the browser, and the page is served meanwhile.
+    thread::spawn(move || match opener.and_then(|mut opener| opener.wait()) {
+        Ok(status) if status.success() => {
+            eprintln!("view: opened {url} in the browser; Ctrl-C ends it");
+        }
+        _ => eprintln!("view: no browser could be started; open {url} in one. Ctrl-C ends it"),
+    });
 }

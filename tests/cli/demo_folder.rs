@@ -91,5 +91,5 @@ fn a_sweep_and_a_model_that_are_none_are_refused_before_anything_is_removed() {
     }
     fs::write(folder.path().join("file"), "").unwrap();
     let output = demo(&folder.path().join("file"), &[]);
-    assert_refused(&output, &["is not a folder"]);
+    assert_refused(&output, &["is a file; expected a folder"]);
 }

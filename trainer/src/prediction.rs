@@ -1,5 +1,6 @@
 //! Distances for a corpus without truth: what every estimator answers at every tick.
 
+use std::fs;
 use std::path::Path;
 
 use dataset::columns::{TableParts, TableWriter};
@@ -93,7 +94,10 @@ pub fn predict(
         done += 1;
         progress.advance(done, scenario);
     }
-    table.finish()?;
+    table.finish().inspect_err(|_| {
+        // If only the last sync failed, the file is in its place, which must be free for the same command.
+        let _ = fs::remove_file(out);
+    })?;
     Ok(Predicted {
         scenarios: corpus_read.scenarios.len(),
         ticks: flights.len(),

@@ -7,6 +7,7 @@ use dataset::claim::{Claim, Claimed, WHOLE_CORPUS};
 use dataset::corpus::{Corpus, check_place};
 use dataset::json_file::write_atomically;
 use dataset::new_file::clear_leftovers;
+use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal;
 use tokio::time::sleep;
@@ -40,12 +41,24 @@ pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan
     }
 }
 
-/// Those of the files of the whole corpus that are not there.
-pub(super) fn lost_files(corpus_root: &Path) -> Vec<&'static str> {
-    let names = Corpus::FILES.into_iter();
-    names
-        .filter(|name| !corpus_root.join(name).exists())
-        .collect()
+/// Those of the files of the whole corpus that are not there; the sweep also if it is not the text of the plan.
+pub(super) fn lost_files(corpus_root: &Path, plan: &Plan) -> dataset::Result<Vec<&'static str>> {
+    let has_sweep = has_sweep(corpus_root, plan)?;
+    let is_lost = |name: &&str| match *name {
+        Corpus::SWEEP => !has_sweep,
+        name => !corpus_root.join(name).exists(),
+    };
+    Ok(Corpus::FILES.into_iter().filter(is_lost).collect())
+}
+
+/// Whether the text that the plan is the expansion of is there.
+fn has_sweep(corpus_root: &Path, plan: &Plan) -> dataset::Result<bool> {
+    let path = corpus_root.join(Corpus::SWEEP);
+    match outside_file::read(&path, FileKind::SWEEP.unlinked()) {
+        Ok(text) => Ok(plan.is_of_sweep(&text) == Some(true)),
+        Err(error) if error.is_not_found() => Ok(false),
+        Err(error) => Err(error),
+    }
 }
 
 /// Freezes plan and split in the corpus, or extends the existing ones. Runs that start at once take turns. `split_there`: the split
@@ -87,7 +100,17 @@ pub(super) async fn freeze(
     if earlier.as_ref() != Some(&splits) {
         splits.write(&path)?;
     }
-    if frozen.as_ref() != Some(plan) || !corpus.sweep_path().exists() {
+    let has_sweep = has_sweep(corpus.root(), plan)?;
+    if let Some(frozen) = &frozen
+        && !has_sweep
+        && frozen.sweep_blake3 == plan.sweep_blake3
+    {
+        tracing::warn!(
+            "{} was missing or had been changed since it was frozen; it is the sweep again that the plan was made from",
+            corpus.sweep_path().display()
+        );
+    }
+    if frozen.as_ref() != Some(plan) || !has_sweep {
         write_atomically(&corpus.sweep_path(), sweep.text.as_bytes())?;
         plan.write(&corpus.plan_path())?;
     }

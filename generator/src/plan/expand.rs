@@ -53,7 +53,7 @@ pub fn expand(sweep: &Sweep) -> Plan {
             decide(sweep, combination, flown, &hasher)
         })
         .collect();
-    Plan::new(sweep.corpus.name.clone(), common, scenarios)
+    Plan::new(sweep.corpus.name.clone(), &sweep.text, common, scenarios)
 }
 
 /// Whether the seeds of all scenarios follow from this master seed.

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::document::{AIRCRAFT, Document};
-use super::fault::{Checked, fault, list};
+use super::fault::{Checked, distinct_names, fault, list};
 use super::grid::{Names, combinations};
 use super::{Sweep, profiles, recorded, rigs, runways};
 
@@ -43,12 +43,18 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     }
     runways::check(&airport)?;
     let runway = runways::runway(&approach.airport, &approach.runway, &airport)?;
+    distinct_names("weather", weather.keys())?;
     for (name, weather) in &weather {
         weather.check(name)?;
     }
     let cameras = rigs::cameras(&approach.rig, &rig)?;
+    distinct_names(
+        &format!("rig.{}.camera", approach.rig),
+        cameras.iter().map(|camera| &camera.id),
+    )?;
     profiles::check(&profile, &runway)?;
     profiles::add_built_in(&mut profile);
+    distinct_names("profile", profile.keys())?;
     let names = Names {
         weathers: &weather,
         profiles: &profile,

@@ -31,6 +31,26 @@ pub(super) fn legal_name(key: impl Into<String>, name: &str) -> Checked<()> {
     file_name::check(name).or_else(|bad| fault(key, bad.to_string()))
 }
 
+/// Rejects names that a file system without case, as on macOS and Windows, takes for one.
+pub(super) fn distinct_names<'a>(
+    kind: &str,
+    names: impl IntoIterator<Item = &'a String>,
+) -> Checked<()> {
+    let mut seen = BTreeMap::new();
+    for name in names {
+        if let Some(other) = seen.insert(name.to_ascii_lowercase(), name) {
+            return fault(
+                format!("{kind}.{name}"),
+                format!(
+                    "{name:?} and {other:?} name the same files where case does not count, as on macOS and Windows; expected names that \
+                     differ in more than case"
+                ),
+            );
+        }
+    }
+    Ok(())
+}
+
 /// Rejects a name for which the sweep has no table `[KIND.NAME]`.
 pub(super) fn defined<T>(
     key: impl Into<String>,

@@ -594,3 +594,26 @@ fn the_sweeps_that_ship_are_sound() {
     assert_eq!((demo.len(), demo.weathers.len()), (10, 4));
     assert_eq!(Sweep::read(&root.join("detector.toml")).unwrap().len(), 40);
 }
+
+#[test]
+fn names_that_are_one_file_where_case_does_not_count_are_refused() {
+    for (from, to, words) in [
+        (
+            "[weather.foggy]",
+            "[weather.Clear]\nvisibility_m = 1000\n[weather.foggy]",
+            "Clear",
+        ),
+        ("id = \"right\"", "id = \"Left\"", "Left"),
+        (
+            "[weather.foggy]",
+            "[profile.ILS_3deg]\n[profile.ils_3deg]\n[weather.foggy]",
+            "ILS_3deg",
+        ),
+    ] {
+        let message = parse(&SMALL.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(
+            message.contains("where case does not count") && message.contains(words),
+            "{message}"
+        );
+    }
+}

@@ -226,3 +226,23 @@ fn the_default_rig_sees_the_aircraft_as_large_as_the_geometry_says() {
         assert!(seen.visible_fraction == 1.0, "{seen:?}");
     }
 }
+
+#[test]
+fn a_whole_aircraft_is_cut_off_by_exactly_nothing() {
+    let (placed, camera) = level_camera(17.0);
+    let mesh = boeing_737_800(Configuration::default());
+    let mut whole = 0;
+    for step in 0..200 {
+        let t = f64::from(step);
+        let at_m = DVec3::new(150.0 + 37.3 * t, 0.31 * t - 20.0, -30.7 - 0.17 * t);
+        let seen = project(&mesh, &facing(&placed, at_m), &camera, GROUND_MSL_M).unwrap();
+        let half = DVec2::new(seen.pixel_box.width_px, seen.pixel_box.height_px) / 2.0;
+        let centre = DVec2::new(seen.pixel_box.cx_px, seen.pixel_box.cy_px);
+        let (low, high) = (centre - half, centre + half);
+        if low.min_element() > 1.0 && high.x < 1919.0 && high.y < 1279.0 {
+            whole += 1;
+            assert_eq!(seen.truncation, 0.0, "at {at_m} m");
+        }
+    }
+    assert!(whole > 100, "{whole} whole ones");
+}
