@@ -157,6 +157,15 @@ impl CorpusStore {
                 Standing::Settled(pushed) => return Ok(pushed),
                 Standing::ToCommit(before) => before,
             };
+            // The store's version is whole: it is replaced only by one that is whole, too, although what is sent has the right hash.
+            if now_before == Before::Other
+                && let Some(fault) = seal::faults(folder.root())?.into_iter().next()
+            {
+                return Err(StoreError::Damaged {
+                    place: folder.root().display().to_string(),
+                    message: fault,
+                });
+            }
             let now_sent = self
                 .send_files(&ours, found.as_ref(), &there, &mut noted, watch)
                 .await?;
@@ -328,9 +337,12 @@ impl CorpusStore {
             return Ok(false);
         };
         let name = scenario_file(&ours.folder.id(), &object);
-        let Some(theirs) = self.read(&name).await? else {
-            return Ok(false);
-        };
+        let theirs = self.read(&name).await?;
+        let theirs = theirs.ok_or_else(|| StoreError::Away {
+            url: self.name().into(),
+            doing: format!("read {name}"),
+            message: "it was listed, and is missing now".into(),
+        })?;
         let path = seal::current_path(ours.folder.root(), ScenarioFolder::FRAMES)?;
         let ours = outside_file::read(&path, FileKind::TABLE.unlinked())?;
         Ok(are_same_poses(ours, theirs))

@@ -10,8 +10,9 @@ use futures_util::{StreamExt, TryStreamExt};
 use object_store::memory::InMemory;
 use object_store::path::Path;
 use object_store::{
-    CopyOptions, GetOptions, GetResult, ListResult, MultipartUpload, ObjectMeta, ObjectStore,
-    ObjectStoreExt, PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result,
+    CopyOptions, GetOptions, GetResult, GetResultPayload, ListResult, MultipartUpload, ObjectMeta,
+    ObjectStore, ObjectStoreExt, PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult,
+    Result,
 };
 use tokio::task::{JoinHandle, yield_now};
 
@@ -26,6 +27,8 @@ pub(super) struct Faults {
     pub(super) late_write_of: u64,
     /// Whether the store compares versions.
     pub(super) is_conditional: bool,
+    /// Whether every answer with content breaks off after its first half.
+    pub(super) cuts_content: bool,
 }
 
 impl Faults {
@@ -34,6 +37,7 @@ impl Faults {
         most_turns: 0,
         late_write_of: 0,
         is_conditional: true,
+        cuts_content: false,
     };
 }
 
@@ -187,9 +191,16 @@ impl ObjectStore for FaultyStore {
         };
         counter.fetch_add(1, Ordering::Relaxed);
         self.wait().await;
-        let got = self.inner.get_opts(location, options).await;
+        let is_cut = self.faults.cuts_content && !options.head;
+        let mut got = self.inner.get_opts(location, options).await?;
+        if is_cut && location.extension() == Some("mp4") {
+            let half = got.meta.size / 2;
+            let bytes = self.inner.get_range(location, 0..half).await?;
+            let cut = stream::iter([Ok(bytes), Err(unavailable())]);
+            got.payload = GetResultPayload::Stream(cut.boxed());
+        }
         self.wait().await;
-        got
+        Ok(got)
     }
 
     fn delete_stream(

@@ -67,6 +67,7 @@ fn shaken(seed: u64) -> Faults {
         most_turns: 6,
         late_write_of: 8,
         is_conditional: true,
+        cuts_content: false,
     }
 }
 

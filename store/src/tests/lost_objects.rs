@@ -126,3 +126,24 @@ async fn a_complete_scenario_costs_one_read_and_no_listing_of_its_own() {
     assert!(matches!(states[ID], Committed::Whole(_)));
     assert_eq!(count(), [0, 0, 1, 0]);
 }
+
+#[tokio::test]
+async fn a_store_that_cuts_every_file_at_half_ends_a_download() {
+    let [plain, ..] = LocalCopy::some();
+    let faulty = FaultyStore::new(Faults {
+        cuts_content: true,
+        ..Faults::NONE
+    });
+    let store = CorpusStore::over(faulty);
+    assert!(push(&store, &plain.corpus).await.is_ok());
+    let (_theirs, theirs) = empty();
+    let patience = Patience(std::time::Duration::from_millis(600));
+    let fetched = patience
+        .with(&(), async |watch| {
+            store.fetch_scenario(ID, &theirs, None, watch).await
+        })
+        .await;
+    let error = fetched.unwrap_err();
+    assert!(error.is_passing(), "{error}");
+    assert!(error.to_string().contains("503"), "{error}");
+}
