@@ -808,7 +808,7 @@ fn what_the_store_lost_stays_on_the_stage_until_it_is_sent_again() {
     assert_eq!(number(&json(&output), "committed"), 1, "{message}");
     assert_eq!(scenarios_on(stage.path()), 0);
     assert_same(&url);
-    // Nobody has it any more: it is recorded again.
+    // With no copy left, it is recorded again.
     lose(&key_of("lost", ".mp4"));
     let planned = dtd(SERVER.address)
         .args(["plan", "tests/data/small.toml", "--json", "--against", &url])

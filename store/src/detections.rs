@@ -113,9 +113,18 @@ impl CorpusStore {
     ) -> BoxFuture<'a, Result<MovedDetections>> {
         Box::pin(async move {
             let mut result = MovedDetections::default();
-            for model in models_of(folder)? {
+            let models = models_of(folder)?;
+            if models.is_empty() {
+                return Ok(result);
+            }
+            let mut there = self.objects(&folder.id()).await?;
+            for model in models {
                 let mut rounds_left = MOST_COMMITS;
-                while !self.push_model(folder, &model, &mut result, watch).await? {
+                while !self
+                    .push_model(folder, &model, &there, &mut result, watch)
+                    .await?
+                {
+                    there = self.objects(&folder.id()).await?;
                     rounds_left -= 1;
                     if rounds_left == 0 {
                         result.leave(&model, "others replace them all the time; push again");
@@ -132,6 +141,7 @@ impl CorpusStore {
         &self,
         folder: &ScenarioFolder,
         model: &str,
+        there: &Objects,
         result: &mut MovedDetections,
         watch: &dyn Watch,
     ) -> Result<bool> {
@@ -143,7 +153,6 @@ impl CorpusStore {
             }
         };
         let id = folder.id();
-        let there = self.objects(&id).await?;
         let path = record_path(folder, model);
         let record = outside_file::read(&path, FileKind::json("record of detections").unlinked())?;
         let name = record_of(model);
@@ -151,7 +160,7 @@ impl CorpusStore {
         let tables = ours.tables(model);
         let mut is_whole = true;
         for table in &tables {
-            is_whole &= self.has(folder, table, &there).await?;
+            is_whole &= self.has(folder, table, there).await?;
         }
         let mut replaces = false;
         if let Some((content, object)) = &theirs {
@@ -163,7 +172,7 @@ impl CorpusStore {
             let ours = ours.map_err(dataset::Error::io("look at", &path))?;
             if !is_same
                 && SystemTime::from(object.last_modified) > ours
-                && tables_there(content, model, &there)
+                && tables_there(content, model, there)
             {
                 result.leave(
                     model,
@@ -174,7 +183,7 @@ impl CorpusStore {
             replaces = true;
         }
         for table in &tables {
-            self.send_if_missing(folder, table, None, &there, watch)
+            self.send_if_missing(folder, table, None, there, watch)
                 .await?;
         }
         let version = theirs.map(|(_, object)| UpdateVersion {

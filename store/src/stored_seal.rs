@@ -1,7 +1,7 @@
 //! The seal of a scenario in a store, and the comparison of the scenario with a listing.
 //!
 //! `DONE.json` has the content of a folder's seal, and notes what the upload has sent: hash, size and ETag of each object. So one
-//! listing tells whether all of it is still there. An object with another ETag, or none noted, is asked for its hash.
+//! listing shows whether all of it is still there. The hash of an object with another ETag, or none noted, is looked up.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, SystemTime};

@@ -168,7 +168,7 @@ impl ObjectStore for FaultyStore {
             for _ in 0..turns {
                 yield_now().await;
             }
-            // Nobody hears of the result.
+            // The sender has given up: there is no one to return the result to.
             let _ = inner.put_opts(&location, payload, options).await;
         });
         self.late.lock().unwrap().push(write);
