@@ -1,8 +1,10 @@
 //! Command-line arguments.
 
+use std::env;
 use std::net::{IpAddr, SocketAddr};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
+use std::process;
 use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
@@ -17,7 +19,7 @@ use generator::generate::{SimulatorTarget, Simulators};
 use labeller::Device;
 use mock_xplane::quirks::Quirks;
 use mock_xplane::server::Faults;
-use store::{CorpusLocation, StoreUrl};
+use store::{CorpusLocation, StoreUrl, redacted};
 use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
@@ -92,9 +94,33 @@ impl Args {
 
     /// The arguments of this process; ends it with a message if they are wrong.
     pub(crate) fn of_process() -> Self {
-        let matches = Self::grouped_command().get_matches();
-        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+        let matches = Self::grouped_command()
+            .try_get_matches()
+            .unwrap_or_else(|error| exit_without_secrets(&error));
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| exit_without_secrets(&error))
     }
+}
+
+/// Ends with the error of an argument. It repeats the argument, but not the credentials of a URL: logs keep what is printed.
+fn exit_without_secrets(error: &clap::Error) -> ! {
+    let mut text = error.render().to_string();
+    let arguments: Vec<String> = env::args_os()
+        .filter_map(|argument| argument.into_string().ok())
+        .collect();
+    let values = arguments.iter().flat_map(|argument| {
+        let value = argument.split_once('=').map(|(_, value)| value);
+        value.into_iter().chain([argument.as_str()])
+    });
+    let mut has_secrets = false;
+    for value in values.filter(|value| redacted(value) != *value) {
+        has_secrets = true;
+        text = text.replace(value, &redacted(value));
+    }
+    if !has_secrets {
+        error.exit();
+    }
+    eprint!("{text}");
+    process::exit(error.exit_code());
 }
 
 #[derive(Debug, Subcommand)]

@@ -265,7 +265,7 @@ fn file_name(pattern: &str, tiny: &Tiny, random: &mut ChaCha12Rng) -> String {
                 .then(|| path.file_stem().unwrap().to_string_lossy().into_owned())
         })
         .unwrap();
-    pattern
+    let name = pattern
         .replace("{id}", &id)
         .replace("{model}", &model)
         .replace("{object}", pick::<&str>(&objects, random))
@@ -273,7 +273,16 @@ fn file_name(pattern: &str, tiny: &Tiny, random: &mut ChaCha12Rng) -> String {
         .replace(
             "{whole}",
             pick::<&str>(&["plan.json", "splits.json"], random),
-        )
+        );
+    // In a store, the hash of its content is a part of an object's name.
+    let (stem, ending) = name.rsplit_once('.').expect("a file with an ending");
+    let is_object = |file: &String| {
+        file.starts_with(&format!("{stem}.")) && file.ends_with(&format!(".{ending}"))
+    };
+    let object = name
+        .starts_with("store/")
+        .then(|| files.into_iter().find(is_object));
+    object.flatten().unwrap_or(name)
 }
 
 /// Requirements on every process, whatever the input.

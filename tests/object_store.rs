@@ -134,6 +134,20 @@ fn scenarios_on(stage: &Path) -> usize {
     fs::read_dir(stage.join("scenarios")).map_or(0, Iterator::count)
 }
 
+/// Key of a file's object of the scenario `1200-clear-r1`.
+fn key_of(bucket: &str, ending: &str) -> String {
+    let objects = SERVER.objects(bucket);
+    let mut objects = objects.into_iter();
+    let key = objects.find(|key| key.contains("/1200-clear-r1/") && key.ends_with(ending));
+    format!("/{bucket}/{}", key.unwrap())
+}
+
+/// Deletes an object as if the store had lost it.
+fn lose(key: &str) {
+    let (status, answer) = SERVER.ask("DELETE", key, "");
+    assert_eq!(status, 204, "{answer}");
+}
+
 #[test]
 fn two_shards_of_which_one_is_killed_make_the_corpus_of_one_run() {
     let url = bucket("two-shards");
@@ -701,7 +715,9 @@ import boto3, sys
 s3 = boto3.client('s3')
 for line in sys.argv[1].splitlines():
     hash, name = line.split('  ')
-    got = s3.get_object(Bucket='judged', Key='a/corpus/scenarios/1200-clear-r1/' + name)
+    stem, ending = name.rsplit('.', 1)
+    object = stem + '.' + hash[:32] + '.' + ending
+    got = s3.get_object(Bucket='judged', Key='a/corpus/scenarios/1200-clear-r1/' + object)
     assert got['Metadata'] == {'blake3': hash}, got['Metadata']
     assert got['Body'].read() == open(sys.argv[2] + '/' + name, 'rb').read(), name
     print(name)
@@ -768,5 +784,108 @@ fn a_scenario_that_lost_a_file_or_is_not_the_planned_one_is_refused_and_the_othe
     let refused = outcome["refused"].to_string();
     for words in [&ids[0], "frames.parquet", &ids[1], "of another corpus"] {
         assert!(refused.contains(words), "no {words} in {refused}");
+    }
+}
+
+#[test]
+fn what_the_store_lost_stays_on_the_stage_until_it_is_sent_again() {
+    let url = bucket("lost");
+    let stage = tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let output = generate(SERVER.address, &url, stage.path())
+            .args(arguments)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        output
+    };
+    run(&["--keep-staged"]);
+    lose(&key_of("lost", ".mp4"));
+    // Only the stage has that video now: it is sent again before it is removed from there.
+    let output = run(&[]);
+    let message = said(&output);
+    assert!(message.contains("damaged in the store"), "{message}");
+    assert_eq!(number(&json(&output), "committed"), 1, "{message}");
+    assert_eq!(scenarios_on(stage.path()), 0);
+    assert_same(&url);
+    // With no copy left, it is recorded again.
+    lose(&key_of("lost", ".mp4"));
+    let planned = dtd(SERVER.address)
+        .args(["plan", "tests/data/small.toml", "--json", "--against", &url])
+        .current_dir(repository())
+        .output()
+        .unwrap();
+    let against = &json(&planned)["against"];
+    assert_eq!(number(against, "whole"), SCENARIOS - 1, "{against}");
+    let output = run(&[]);
+    assert_eq!(number(&json(&output), "committed"), 1, "{}", said(&output));
+    assert_same(&url);
+}
+
+#[test]
+fn push_sends_what_the_store_lost_and_fetch_says_how() {
+    let url = bucket("mended");
+    assert!(push(&IN_A_FOLDER, &url).status.success());
+    for ending in [".mp4", ".parquet", ".b3", "DONE.json"] {
+        let key = key_of("mended", ending);
+        if ending == "DONE.json" {
+            SERVER.put(&key, "{");
+        } else {
+            lose(&key);
+        }
+        let (_folder, corpus, output) = fetch(&url);
+        let message = said(&output);
+        assert_eq!(output.status.code(), Some(3), "{ending}: {message}");
+        assert!(message.contains("`dtd push`"), "{ending}: {message}");
+        assert!(!corpus.join("scenarios/1200-clear-r1.partial").exists());
+        let pushed = json(&push(&IN_A_FOLDER, &url));
+        assert_eq!(number(&pushed, "mended"), 1, "{ending}: {pushed}");
+        assert_eq!(number(&pushed, "unchanged"), SCENARIOS - 1, "{pushed}");
+        assert_same(&url);
+    }
+}
+
+#[test]
+fn a_store_with_foreign_names_or_without_a_plan_is_fetched_with_losses() {
+    let url = bucket("foreign");
+    assert!(push(&IN_A_FOLDER, &url).status.success());
+    let long = "a".repeat(300);
+    SERVER.put(
+        &format!("/foreign/a/corpus/scenarios/{long}/DONE.json"),
+        "{}",
+    );
+    let (_folder, corpus, output) = fetch(&url);
+    let message = said(&output);
+    assert_eq!(output.status.code(), Some(3), "{message}");
+    assert!(message.contains("at most 200 characters"), "{message}");
+    assert_eq!(number(&json(&output), "fetched"), SCENARIOS);
+    assert_eq!(scenarios_on(&corpus), SCENARIOS);
+    lose(&format!("/foreign/a/corpus/scenarios/{long}/DONE.json"));
+    lose("/foreign/a/corpus/plan.json");
+    let (_folder, corpus, output) = fetch(&url);
+    let message = said(&output);
+    assert_eq!(output.status.code(), Some(3), "{message}");
+    assert!(message.contains("plan.json was not fetched"), "{message}");
+    assert_eq!(scenarios_on(&corpus), SCENARIOS);
+}
+
+#[test]
+fn credentials_in_a_url_are_not_repeated() {
+    let url = "s3://AKIDKEY:SEC/RET@bucket/corpus";
+    let out = format!("--out={url}");
+    for arguments in [
+        vec!["push", "tests", url],
+        vec!["fetch", url, "--out", "nowhere"],
+        vec!["verify", url],
+        vec!["generate", "tests/data/small.toml", &out],
+        vec!["label", url],
+    ] {
+        let output = dtd(SERVER.address).args(&arguments).output().unwrap();
+        let message = said(&output);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains("s3://***@bucket/corpus"), "{message}");
+        for secret in ["AKIDKEY", "SEC", "RET"] {
+            assert!(!message.contains(secret), "{arguments:?}: {message}");
+        }
     }
 }

@@ -11,7 +11,7 @@ use dataset::scenario::ScenarioRecord;
 use dataset::seal::{self, Seal};
 use futures_util::future::{LocalBoxFuture, try_join_all};
 use serde::Serialize;
-use store::{CorpusStore, StoreError};
+use store::{Committed, CorpusStore, StoreError};
 
 use crate::plan::{Difference, MeasuredSize};
 
@@ -92,10 +92,21 @@ impl Against {
                 Some(bytes) => Some(Plan::parse(&bytes, &path)?),
                 None => None,
             };
-            let committed = store.committed().await?;
+            let listing = store.listing().await?;
             let ids = plan.scenarios.iter().map(|scenario| scenario.id.clone());
-            let seals = store.seals(ids.filter(|id| committed.contains(id))).await?;
-            let mut against = Self::of(plan, frozen.as_ref(), &seals, BTreeMap::new());
+            let (mut seals, mut damaged) = (BTreeMap::new(), BTreeMap::new());
+            for (id, state) in store.states(&listing, ids).await? {
+                match state {
+                    Committed::Whole(seal) => {
+                        seals.insert(id, seal);
+                    }
+                    Committed::Damaged(faults) => {
+                        damaged.insert(id, faults);
+                    }
+                    Committed::No => {}
+                }
+            }
+            let mut against = Self::of(plan, frozen.as_ref(), &seals, damaged);
             let whole = against.standing(plan, Standing::Whole);
             let whole: Vec<&str> = whole.map(|scenario| scenario.id.as_str()).collect();
             let mut records = Vec::new();
@@ -183,10 +194,10 @@ async fn record_in_store(
     store: &CorpusStore,
     id: &str,
 ) -> Result<Option<ScenarioRecord>, StoreError> {
-    let name = format!("scenarios/{id}/{}", ScenarioFolder::RECORD);
-    match store.read(&name).await? {
+    match store.sealed_file(id, ScenarioFolder::RECORD).await? {
         Some(bytes) => {
-            let path = Path::new(store.name()).join(&name);
+            let name = format!("scenarios/{id}/{}", ScenarioFolder::RECORD);
+            let path = Path::new(store.name()).join(name);
             Ok(Some(ScenarioRecord::parse(&bytes, &path)?))
         }
         None => Ok(None),

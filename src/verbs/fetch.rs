@@ -22,6 +22,9 @@ use crate::args::FetchArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 
+/// Characters of a foreign name that a message shows.
+const MOST_SHOWN: usize = 64;
+
 /// What happened to the scenarios.
 #[derive(Default, Serialize)]
 struct Mirror {
@@ -103,20 +106,37 @@ async fn mirror(
     let bar = Bar::new("fetch", "scenarios", None);
     let watch = OnBar::new(&bar);
     store.check().await.map_err(failure_of)?;
-    let ids = wanted(store.committed().await.map_err(failure_of)?, args, store)?;
+    let listing = store.listing().await.map_err(failure_of)?;
+    let ids = wanted(listing.committed(), args, store)?;
     check_place(&args.out).map_err(Failure::bad_input)?;
     let corpus = Corpus::create(&args.out).map_err(Failure::bad_input)?;
     let mut mirror = Mirror {
         corpus_files: fetch_corpus_files(store, &corpus).await?,
         ..Mirror::default()
     };
+    mirror
+        .failed
+        .extend(listing.foreign().map(|(id, bad)| Lost {
+            id: shortened(id),
+            reason: format!("{bad}; it is no scenario, remove it from the store"),
+        }));
+    if !corpus.plan_path().exists() {
+        mirror.failed.push(Lost {
+            id: Corpus::PLAN.into(),
+            reason: "it is missing, here and in the store; `dtd push` from a folder that has it sends it"
+                .into(),
+        });
+    }
     bar.set_total(ids.len() as u64);
     for (done, id) in ids.iter().enumerate() {
         bar.working_on(id);
         bar.set_done(done as u64);
+        let objects = listing.of(id);
         let fetched = patience
             .with(&watch, async |watch| {
-                store.fetch_scenario(id, &corpus, watch).await
+                store
+                    .fetch_scenario(id, &corpus, Some(&objects), watch)
+                    .await
             })
             .await;
         match fetched {
@@ -164,6 +184,12 @@ async fn mirror(
     bar.set_done(ids.len() as u64);
     mirror.bytes = watch.bytes();
     Ok(mirror)
+}
+
+/// A name of any length and content, for a message.
+fn shortened(name: &str) -> String {
+    let start: String = name.chars().take(MOST_SHOWN).collect();
+    start.escape_debug().to_string()
 }
 
 /// The requested committed scenarios.

@@ -10,7 +10,7 @@ use dataset::own_path::own_path;
 use dataset::plan::PlannedScenarios;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
-use store::{CorpusStore, Keep, OnOther, Patience, Pushed, StoreError};
+use store::{Before, CorpusStore, Keep, Patience, Pushed, StoreError};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
@@ -29,6 +29,8 @@ struct Sent {
     pushed: Vec<String>,
     /// Of these, those that replaced older content in the store.
     replaced: Vec<String>,
+    /// Of these, those that the store had damaged, with the faults.
+    mended: Vec<Mended>,
     /// Committed already, with this content.
     unchanged: Vec<String>,
     /// Scenarios, and detections as ID/MODEL, that were not uploaded.
@@ -43,6 +45,13 @@ struct Sent {
     cleared: usize,
     /// Bytes that were uploaded.
     bytes: u64,
+}
+
+/// A scenario that the store has whole again.
+#[derive(Serialize)]
+struct Mended {
+    id: String,
+    faults: String,
 }
 
 /// Something that was not uploaded.
@@ -63,9 +72,10 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
         print_json(&sent)?;
     } else {
         println!(
-            "{} pushed ({} replaced), {} there already; {} of detections pushed ({} replaced); {} in {}: {}",
+            "{} pushed ({} replaced, {} mended), {} there already; {} of detections pushed ({} replaced); {} in {}: {}",
             count(sent.pushed.len(), "scenario"),
             sent.replaced.len(),
+            sent.mended.len(),
             sent.unchanged.len(),
             count(sent.detections.len(), "set"),
             sent.replaced_detections.len(),
@@ -75,6 +85,9 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
         );
         for replaced in sent.replaced.iter().chain(&sent.replaced_detections) {
             println!("replaced an older {replaced}");
+        }
+        for Mended { id, faults } in &sent.mended {
+            println!("mended {id}, which the store had damaged: {faults}");
         }
     }
     for said in &sent.corpus_files {
@@ -103,6 +116,10 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
     }
     send_corpus_files(&files, store, &mut sent).await?;
     let planned = PlannedScenarios::read(corpus).map_err(Failure::of_corpus)?;
+    let listing = patience
+        .with(&watch, async |_| store.listing().await)
+        .await
+        .map_err(failure_of)?;
     bar.set_total(scenarios.len() as u64);
     for (done, folder) in scenarios.iter().enumerate() {
         let id = folder.id();
@@ -118,28 +135,40 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
             sent.refused.push(Refused { what: id, reason });
             continue;
         }
+        let mut seen = Some(listing.of(&id));
         let pushed = patience
             .with(&watch, async |watch| {
-                store
-                    .push_scenario(folder, OnOther::ReplaceOlder, watch)
-                    .await
+                // A repeated attempt finds more there.
+                let seen = seen.take();
+                store.push_scenario(folder, seen.as_ref(), watch).await
             })
             .await;
         let refused = match pushed {
-            Ok(Pushed::Committed { replaced, .. }) => {
-                if replaced {
-                    sent.replaced.push(id.clone());
-                }
+            Ok(Pushed::Committed { before, .. }) => {
                 sent.pushed.push(id.clone());
+                match before {
+                    Before::Nothing => {}
+                    Before::Other => sent.replaced.push(id.clone()),
+                    Before::Damaged(faults) => sent.mended.push(Mended {
+                        id: id.clone(),
+                        faults,
+                    }),
+                }
                 None
             }
-            Ok(Pushed::Same | Pushed::Other) => {
+            Ok(Pushed::Same) => {
                 sent.unchanged.push(id.clone());
                 None
             }
             Ok(Pushed::Newer) => Some(format!(
                 "the store has another one, which is newer; move {} away to fetch it",
                 folder.root().display()
+            )),
+            Ok(Pushed::OtherRecording) => Some(format!(
+                "the store has another recording of it, with other videos or poses; to keep the store's, move {} away and fetch it; to replace \
+                 it, delete {}/scenarios/{id}/DONE.json and push again",
+                folder.root().display(),
+                store.name()
             )),
             Ok(Pushed::Labelled) => Some(format!(
                 "the store has it with labels, and here it has none; run `dtd label` on {}, or move the scenario away and fetch it",

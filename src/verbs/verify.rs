@@ -218,11 +218,12 @@ fn verify_in_store(
     let folder = TempDir::with_prefix("dtd-").map_err(Error::io("create", &temporary))?;
     let corpus = Corpus::create(folder.path())?;
     let runtime = async_runtime()?;
-    let committed = runtime.block_on(async {
+    let listing = runtime.block_on(async {
         store.check().await?;
-        store.committed().await
+        store.listing().await
     });
-    let committed = committed.map_err(failure_of)?;
+    let listing = listing.map_err(failure_of)?;
+    let committed = listing.committed();
     if committed.is_empty() {
         return Err(nothing_committed(&store));
     }
@@ -238,8 +239,11 @@ fn verify_in_store(
         for (done, id) in committed.iter().enumerate() {
             bar.set_done(done as u64);
             bar.working_on(id);
+            let objects = listing.of(id);
             let fetched = patience.with(&watch, async |watch| {
-                store.fetch_scenario(id, &corpus, watch).await
+                store
+                    .fetch_scenario(id, &corpus, Some(&objects), watch)
+                    .await
             });
             match fetched.await {
                 Ok(Fetched::NotCommitted) => {}

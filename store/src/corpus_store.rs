@@ -1,26 +1,29 @@
 //! A corpus in an object store: its committed scenarios, and the files of the whole corpus.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
-use dataset::seal::{DONE, MANIFEST, Seal};
+use dataset::seal::MANIFEST;
 use futures_util::future::BoxFuture;
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as ObjectPath;
 use object_store::{
     Attribute, Attributes, GetOptions, GetResult, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode,
-    PutOptions,
+    PutOptions, PutResult,
 };
 use tokio::time::timeout;
 
+use crate::content_name::file_name;
 use crate::error::{Result, StoreError};
 use crate::leftovers::Unfinished;
+use crate::listing::Listing;
 use crate::location::StoreUrl;
 use crate::open::{Opened, open};
+use crate::stored_seal::Committed;
 
 /// Folder of the scenarios, as on disk.
 pub(crate) const SCENARIOS: &str = "scenarios";
@@ -47,14 +50,6 @@ pub struct CorpusStore {
     pub(crate) unfinished: Unfinished,
 }
 
-/// Attributes of an object from a listing.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct ObjectInfo {
-    pub(crate) bytes: u64,
-    /// When it was written, by the store's clock.
-    pub(crate) modified: SystemTime,
-}
-
 impl CorpusStore {
     /// A corpus to read or, with `create`, to write. The store is not contacted yet.
     ///
@@ -79,8 +74,14 @@ impl CorpusStore {
     /// A store in memory.
     #[cfg(test)]
     pub(crate) fn in_memory() -> Self {
+        Self::over(Arc::new(object_store::memory::InMemory::new()))
+    }
+
+    /// A corpus in this store.
+    #[cfg(test)]
+    pub(crate) fn over(store: Arc<dyn ObjectStore>) -> Self {
         Self {
-            store: Arc::new(object_store::memory::InMemory::new()),
+            store,
             root: ObjectPath::from("corpora/small"),
             folder: None,
             name: "memory:///corpora/small".into(),
@@ -122,61 +123,24 @@ impl CorpusStore {
 
     /// Identifiers of all committed scenarios.
     pub fn committed(&self) -> BoxFuture<'_, Result<BTreeSet<String>>> {
-        Box::pin(async move {
-            let folder = self.key(SCENARIOS);
-            let mut found = self.store.list(Some(&folder));
-            let mut ids = BTreeSet::new();
-            while let Some(object) = found
-                .try_next()
-                .await
-                .map_err(|error| self.error("list the scenarios", &error))?
-            {
-                let Some(parts) = object.location.prefix_match(&folder) else {
-                    continue;
-                };
-                let parts: Vec<_> = parts.collect();
-                if let [id, file] = parts.as_slice()
-                    && file.as_ref() == DONE
-                {
-                    ids.insert(id.as_ref().to_owned());
-                }
-            }
-            Ok(ids)
-        })
+        Box::pin(async move { Ok(self.listing().await?.committed()) })
     }
 
-    /// The seal of a scenario, if it is committed.
-    pub fn seal<'a>(&'a self, id: &'a str) -> BoxFuture<'a, Result<Option<Seal>>> {
-        Box::pin(async move { Ok(self.dated_seal(id).await?.map(|(seal, _)| seal)) })
-    }
-
-    /// The same with its commit time, by the store's clock.
-    pub(crate) async fn dated_seal(&self, id: &str) -> Result<Option<(Seal, SystemTime)>> {
-        let name = scenario_file(id, DONE);
-        let Some((text, object)) = self.read_object(&name).await? else {
-            return Ok(None);
-        };
-        match serde_json::from_slice(&text) {
-            Ok(seal) => Ok(Some((seal, object.last_modified.into()))),
-            Err(error) => Err(StoreError::Damaged {
-                place: format!("{}/{name}", self.name),
-                message: format!("is not a valid seal: {error}"),
-            }),
-        }
-    }
-
-    /// The seals of several scenarios; uncommitted ones are left out.
-    pub async fn seals(
+    /// The states of several scenarios of a listing; the ones without a seal are left out.
+    pub async fn states(
         &self,
+        listing: &Listing,
         ids: impl IntoIterator<Item = String>,
-    ) -> Result<BTreeMap<String, Seal>> {
-        let seals = ids.into_iter().map(|id| async move {
-            let seal = self.seal(&id).await?;
-            Ok::<_, StoreError>(seal.map(|seal| (id, seal)))
+    ) -> Result<BTreeMap<String, Committed>> {
+        let committed = listing.committed();
+        let ids = ids.into_iter().filter(|id| committed.contains(id));
+        let states = ids.map(|id| async move {
+            let state = self.committed_state(&id, Some(&listing.of(&id))).await?;
+            Ok::<_, StoreError>((id, state))
         });
-        stream::iter(seals)
+        stream::iter(states)
             .buffer_unordered(QUESTIONS_AT_ONCE)
-            .try_filter_map(|found| std::future::ready(Ok(found)))
+            .try_filter(|(_, state)| std::future::ready(*state != Committed::No))
             .try_collect()
             .await
     }
@@ -192,7 +156,7 @@ impl CorpusStore {
         };
         let object = got.meta.clone();
         // Objects that readers of a folder would reject are not downloaded.
-        let most_bytes = match name.rsplit('/').next() {
+        let most_bytes = match file_name(name).rsplit('/').next() {
             Some(MANIFEST) => FileKind::MANIFEST.most_bytes(),
             _ => MOST_BYTES,
         };
@@ -214,6 +178,11 @@ impl CorpusStore {
 
     pub(crate) fn keeps_metadata(&self) -> bool {
         self.folder.is_none()
+    }
+
+    /// The folder that is the store, if it is one.
+    pub(crate) fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
     }
 
     /// An object, if it exists.
@@ -242,7 +211,8 @@ impl CorpusStore {
             self.own_key(name)?;
             self.put(name, bytes, PutMode::Overwrite)
                 .await
-                .map_err(|error| self.error(&format!("write {name}"), &error))
+                .map_err(|error| self.error(&format!("write {name}"), &error))?;
+            Ok(())
         })
     }
 
@@ -282,52 +252,33 @@ impl CorpusStore {
         name: &str,
         bytes: &[u8],
         mode: PutMode,
-    ) -> object_store::Result<()> {
+    ) -> object_store::Result<PutResult> {
         let options = PutOptions {
             mode,
             ..PutOptions::default()
         };
         self.store
             .put_opts(&self.key(name), bytes.to_vec().into(), options)
-            .await?;
-        Ok(())
-    }
-
-    /// All objects of a scenario, committed or not, by their names within the scenario.
-    pub(crate) async fn objects(&self, id: &str) -> Result<BTreeMap<String, ObjectInfo>> {
-        let folder = self.key(&scenario_file(id, ""));
-        let list = self.store.list(Some(&folder));
-        let named = list.try_filter_map(|object| {
-            let parts = object.location.prefix_match(&folder);
-            let name = parts.map(|parts| {
-                let parts: Vec<_> = parts.map(|part| part.as_ref().to_owned()).collect();
-                parts.join("/")
-            });
-            let info = ObjectInfo {
-                bytes: object.size,
-                modified: object.last_modified.into(),
-            };
-            std::future::ready(Ok(name.map(|name| (name, info))))
-        });
-        named
-            .try_collect()
             .await
-            .map_err(|error| self.error(&format!("list scenario {id}"), &error))
     }
 
-    /// BLAKE3 hash of an object, if it has one. A folder's files have none and are read.
+    /// BLAKE3 hash of an object, if it exists: the one in its metadata. Objects without, such as a folder's files, are read.
     pub(crate) async fn hash_of(&self, name: &str) -> Result<Option<String>> {
-        let options = GetOptions {
-            head: self.keeps_metadata(),
-            ..GetOptions::default()
-        };
-        let Some(got) = self.get(name, options).await? else {
+        if self.keeps_metadata() {
+            let options = GetOptions {
+                head: true,
+                ..GetOptions::default()
+            };
+            let Some(got) = self.get(name, options).await? else {
+                return Ok(None);
+            };
+            if let Some(hash) = got.attributes.get(&Attribute::Metadata(HASH.into())) {
+                return Ok(Some((**hash).to_owned()));
+            }
+        }
+        let Some(got) = self.get(name, GetOptions::default()).await? else {
             return Ok(None);
         };
-        if self.keeps_metadata() {
-            let hash = got.attributes.get(&Attribute::Metadata(HASH.into()));
-            return Ok(hash.map(|hash| (**hash).to_owned()));
-        }
         let mut hasher = blake3::Hasher::new();
         let mut stream = got.into_stream();
         while let Some(bytes) = stream

@@ -1,22 +1,30 @@
 //! Transfer of a scenario's detections and their registrations. They are not sealed: each model has its own, tables and record
-//! belong together, and the record's hashes of the tables reveal damage. Uploads replace only older detections; downloads replace
-//! none but damaged ones.
+//! belong together, and the record's hashes of the tables reveal damage. The record commits: it is sent last, and replaced only if it is
+//! still the one that was judged. Uploads replace only older or incomplete detections; downloads replace none but damaged ones.
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
 use dataset::detections::{FOLDER, Provenance, REGISTRATIONS, models_of, provenance, record_path};
+use dataset::json_file::write_atomically;
+use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
-use dataset::seal::{SealedFile, hash_file, is_within};
+use dataset::seal::{self, SealedFile, hash_file, is_within};
 use futures_util::future::BoxFuture;
+use object_store::UpdateVersion;
 
-use crate::corpus_store::{CorpusStore, ObjectInfo, scenario_file};
+use crate::content_name::file_name;
+use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::Result;
 use crate::fetch::claim;
+use crate::listing::{ObjectInfo, Objects};
 use crate::patience::Watch;
+use crate::send::size_of;
+
+/// How often another process may replace the same detections before an upload gives up.
+const MOST_COMMITS: u32 = 8;
 
 /// The result for the detections of a scenario.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -75,15 +83,26 @@ impl CorpusStore {
                     continue;
                 }
                 let blake3 = hash_file(&path)?;
-                if !self
-                    .has(folder, &SealedFile { name, blake3 }, &there)
-                    .await?
-                {
+                let file = SealedFile { name, blake3 };
+                if !self.has(folder, &file, &there).await? {
                     return Ok(false);
                 }
             }
             Ok(true)
         })
+    }
+
+    /// Whether the store has exactly this file.
+    async fn has(
+        &self,
+        folder: &ScenarioFolder,
+        file: &SealedFile,
+        there: &Objects,
+    ) -> Result<bool> {
+        let bytes = size_of(&seal::current_path(folder.root(), &file.name)?)?;
+        let id = folder.id();
+        let whole = self.whole_object(&id, file, Some(bytes), None, there);
+        Ok(whole.await?.is_ok())
     }
 
     /// Uploads the detections of a scenario that the store lacks, or has older.
@@ -98,49 +117,88 @@ impl CorpusStore {
             if models.is_empty() {
                 return Ok(result);
             }
-            let there = self.objects(&folder.id()).await?;
+            let mut there = self.objects(&folder.id()).await?;
             for model in models {
-                let ours = match sound(folder, &model) {
-                    Ok(ours) => ours,
-                    Err(damage) => {
-                        result.leave(&model, damage);
-                        continue;
+                let mut rounds_left = MOST_COMMITS;
+                while !self
+                    .push_model(folder, &model, &there, &mut result, watch)
+                    .await?
+                {
+                    there = self.objects(&folder.id()).await?;
+                    rounds_left -= 1;
+                    if rounds_left == 0 {
+                        result.leave(&model, "others replace them all the time; push again");
+                        break;
                     }
-                };
-                let record = SealedFile {
-                    blake3: hash_file(&record_path(folder, &model))?,
-                    name: record_of(&model),
-                };
-                // The record commits, there as here.
-                let mut files = ours.tables(&model);
-                files.push(record.clone());
-                let mut same = true;
-                for file in &files {
-                    same &= self.has(folder, file, &there).await?;
                 }
-                if same {
-                    continue;
-                }
-                if let Some(theirs) = there.get(&record.name) {
-                    let path = record_path(folder, &model);
-                    let ours = fs::metadata(&path).and_then(|found| found.modified());
-                    let ours = ours.map_err(dataset::Error::io("look at", &path))?;
-                    if theirs.modified > ours {
-                        result.leave(
-                        &model,
-                        "the store has others, which are newer; move these away and `dtd fetch`, or detect again",
-                    );
-                        continue;
-                    }
-                    result.replaced.push(model.clone());
-                }
-                for file in &files {
-                    self.send_if_missing(folder, file, &there, watch).await?;
-                }
-                result.moved.push(model);
             }
             Ok(result)
         })
+    }
+
+    /// Uploads one model's detections. Returns `false` if another process committed others in the meantime.
+    async fn push_model(
+        &self,
+        folder: &ScenarioFolder,
+        model: &str,
+        there: &Objects,
+        result: &mut MovedDetections,
+        watch: &dyn Watch,
+    ) -> Result<bool> {
+        let ours = match sound(folder, model) {
+            Ok(ours) => ours,
+            Err(damage) => {
+                result.leave(model, damage);
+                return Ok(true);
+            }
+        };
+        let id = folder.id();
+        let path = record_path(folder, model);
+        let record = outside_file::read(&path, FileKind::json("record of detections").unlinked())?;
+        let name = record_of(model);
+        let theirs = self.read_object(&scenario_file(&id, &name)).await?;
+        let tables = ours.tables(model);
+        let mut is_whole = true;
+        for table in &tables {
+            is_whole &= self.has(folder, table, there).await?;
+        }
+        let mut replaces = false;
+        if let Some((content, object)) = &theirs {
+            let is_same = *content == record;
+            if is_same && is_whole {
+                return Ok(true);
+            }
+            let ours = fs::metadata(&path).and_then(|found| found.modified());
+            let ours = ours.map_err(dataset::Error::io("look at", &path))?;
+            if !is_same
+                && SystemTime::from(object.last_modified) > ours
+                && tables_there(content, model, there)
+            {
+                result.leave(
+                    model,
+                    "the store has others, which are newer; move these away and `dtd fetch`, or detect again",
+                );
+                return Ok(true);
+            }
+            replaces = true;
+        }
+        for table in &tables {
+            self.send_if_missing(folder, table, None, there, watch)
+                .await?;
+        }
+        let version = theirs.map(|(_, object)| UpdateVersion {
+            e_tag: object.e_tag,
+            version: object.version,
+        });
+        let replaced = self.replace_version(&id, &name, &record, version.as_ref());
+        if !replaced.await? {
+            return Ok(false);
+        }
+        result.moved.push(model.to_owned());
+        if replaces {
+            result.replaced.push(model.to_owned());
+        }
+        Ok(true)
     }
 
     /// Downloads the detections that a committed scenario has and the folder lacks. Existing ones in the folder stay as they are.
@@ -169,13 +227,13 @@ impl CorpusStore {
                     );
                     continue;
                 };
-                let mut files = provenance.tables(&model);
-                if !files.iter().all(|table| there.contains_key(&table.name)) {
+                let tables = provenance.tables(&model);
+                if !tables.iter().all(|table| there.locate(table).is_some()) {
                     result.leave(&model, half);
                     continue;
                 }
                 let record_blake3 = blake3::hash(&theirs).to_string();
-                let stand = || standing(folder, &model, &record_blake3, there.get(&record));
+                let stand = || standing(folder, &model, &record_blake3, there.0.get(&record));
                 let mut standing = stand()?;
                 if matches!(standing, Standing::Missing { .. }) && claimed.is_none() {
                     claimed = Some(claim(folder).await?);
@@ -190,22 +248,23 @@ impl CorpusStore {
                         continue;
                     }
                 };
-                // The record commits, here as there.
-                files.push(SealedFile {
-                    name: record,
-                    blake3: record_blake3,
-                });
                 let mut failed = None;
-                for SealedFile { name, blake3 } in &files {
-                    let target = own_path(folder.root(), name)?;
-                    let name = scenario_file(&folder.id(), name);
-                    match self.bring(&name, &target, blake3, watch).await {
+                for table in &tables {
+                    let target = own_path(folder.root(), &table.name)?;
+                    match self
+                        .bring(&folder.id(), table, &target, &there, watch)
+                        .await
+                    {
                         Err(error @ crate::StoreError::Damaged { .. }) => {
                             failed = Some(error);
                             break;
                         }
                         brought => brought?,
                     }
+                }
+                if failed.is_none() {
+                    // The record commits, here as there.
+                    write_atomically(&own_path(folder.root(), &record)?, &theirs)?;
                 }
                 match failed {
                     Some(error) => result.leave(&model, error),
@@ -278,11 +337,21 @@ fn modified(path: &Path) -> Option<SystemTime> {
     fs::metadata(path).ok()?.modified().ok()
 }
 
+/// Whether a listing has all tables that a record names. One that cannot be read names none.
+fn tables_there(record: &[u8], model: &str, there: &Objects) -> bool {
+    let provenance = serde_json::from_slice::<Provenance>(record);
+    provenance.is_ok_and(|provenance| {
+        let tables = provenance.tables(model);
+        tables.iter().all(|table| there.locate(table).is_some())
+    })
+}
+
 /// The models with detections among the objects of a scenario.
-fn models_in(there: &BTreeMap<String, ObjectInfo>) -> Vec<String> {
+fn models_in(there: &Objects) -> Vec<String> {
     let mut models: Vec<String> = there
+        .0
         .keys()
-        .map(Path::new)
+        .map(|object| PathBuf::from(file_name(object)))
         .filter(|name| name.parent() == Some(Path::new(FOLDER)) && is_within(name))
         .filter(|name| {
             let ending = name.extension().and_then(|ending| ending.to_str());

@@ -1,6 +1,7 @@
 //! Errors of a corpus in an object store, distinguished by who can fix them.
 
 use std::error::Error;
+use std::io;
 
 use object_store::client::{HttpError, HttpErrorKind};
 
@@ -154,6 +155,12 @@ impl StoreError {
                 url,
                 message: format!("there is no such bucket, when asked to {doing}: {message}"),
             },
+            // A folder whose file another process moved away or cleared meanwhile.
+            _ if answer.lost_file => Self::Away {
+                url,
+                doing,
+                message: format!("another process changed it at the same time: {message}"),
+            },
             _ if answer.never_came || matches!(answer.status, Some(408 | 429 | 500..)) => {
                 Self::Away {
                     url,
@@ -193,6 +200,8 @@ struct Answer {
     /// Whether a service was asked that only a cloud's own machines have.
     from_own_machine: bool,
     wrong_region: bool,
+    /// Whether a file or folder was missing in a store that is a folder.
+    lost_file: bool,
     /// The text without causes above it, which count attempts.
     text: String,
 }
@@ -231,6 +240,9 @@ impl Answer {
                 .map(ToString::to_string)
                 .any(|said| OWN_CREDENTIALS.iter().any(|service| said.contains(service))),
             wrong_region: text.contains(WRONG_REGION),
+            lost_file: causes(error)
+                .filter_map(|cause| cause.downcast_ref::<io::Error>())
+                .any(|error| error.kind() == io::ErrorKind::NotFound),
             text,
         }
     }

@@ -1,12 +1,13 @@
 //! Downloads one scenario into a folder, atomically, as `dtd generate` writes it: next to its destination, then renamed.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::json_file::write_atomically;
+use dataset::file_name;
+use dataset::json_file::{write_atomically, write_json};
 use dataset::new_file::{NewFile, clear_leftovers};
 use dataset::open_scenario::check_identity;
 use dataset::outside_file::{self, FileKind};
@@ -19,10 +20,12 @@ use tokio::task::spawn_blocking;
 
 use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::{Result, StoreError};
+use crate::listing::Objects;
 use crate::patience::Watch;
+use crate::stored_seal::{FoundSeal, StoredSeal};
 
 /// Advice for a scenario that is damaged in the store.
-const MEND: &str = "Delete the scenario's DONE.json in the store; then `dtd push` sends it again, or `dtd generate` records it again";
+const MEND: &str = "`dtd push` from a folder that has it whole sends what is missing; without one, `dtd generate` records it again";
 const RECORD: &str = "scenario.json";
 /// Files in parallel.
 const FILES_AT_ONCE: usize = 4;
@@ -46,69 +49,73 @@ pub enum Fetched {
 }
 
 impl CorpusStore {
-    /// Downloads a committed scenario, or resumes. Files are checked against `MANIFEST.b3`, and that against `DONE.json`.
+    /// Downloads a committed scenario, or resumes. It is compared with a listing first; then files are checked against `MANIFEST.b3`,
+    /// and that against `DONE.json`. `seen` are its objects from a listing, if there is one.
     pub fn fetch_scenario<'a>(
         &'a self,
         id: &'a str,
         corpus: &'a Corpus,
+        seen: Option<&'a Objects>,
         watch: &'a dyn Watch,
     ) -> LocalBoxFuture<'a, Result<Fetched>> {
         Box::pin(async move {
-            let damaged = |message: String| StoreError::Damaged {
-                place: format!("{}/scenarios/{id}", self.name()),
-                message,
-            };
-            if !seal::is_within(Path::new(id)) {
-                return Err(damaged("is not the name of a scenario".into()));
+            if let Err(bad) = file_name::check_id(id) {
+                return Err(self.damaged(id, bad));
             }
-            let Some(theirs) = self.seal(id).await? else {
+            let Some(found) = self.found_seal(id).await? else {
                 return Ok(Fetched::NotCommitted);
             };
+            let lost = |fault: String| self.damaged(id, format!("{fault}. {MEND}"));
+            let theirs = found.stored.as_ref().map_err(|fault| lost(fault.clone()))?;
             let committed = corpus.scenario(id);
-            if committed.seal()?.as_ref() == Some(&theirs) {
+            if is_there(&committed, theirs)? {
                 return Ok(Fetched::Same);
             }
             let claim = claim(&committed).await?;
-            match committed.seal()? {
-                Some(ours) if ours == theirs => return Ok(Fetched::Same),
-                None if !committed.root().exists() => {}
-                _ => return Ok(Fetched::Other),
+            if is_there(&committed, theirs)? {
+                return Ok(Fetched::Same);
             }
-            let manifest = self.read(&scenario_file(id, MANIFEST)).await?;
-            let manifest = manifest.ok_or_else(|| damaged(format!("{MANIFEST} is missing")))?;
-            let manifest =
-                String::from_utf8(manifest).map_err(|error| damaged(error.to_string()))?;
-            let files =
-                seal::sealed_files(&manifest, &theirs).map_err(|bad| damaged(bad.to_string()))?;
+            if committed.root().exists() {
+                return Ok(Fetched::Other);
+            }
+            let there = self.objects_as_sealed(id, theirs, seen).await?;
+            let (manifest, files) = self.manifest(id, theirs, &there).await?.map_err(lost)?;
 
             let partial = corpus.partial_scenario(id);
             refuse_link(partial.root())?;
             clear_others(partial.root(), &files)?;
-            let jobs = files.iter().map(|file| {
-                let target = own_path(partial.root(), &file.name);
-                let name = scenario_file(id, &file.name);
-                async move {
-                    let target = target?;
-                    let there = target.is_file() && seal::hash_file(&target)? == file.blake3;
-                    if !there {
-                        self.bring(&name, &target, &file.blake3, watch).await?;
-                    }
-                    Ok::<bool, StoreError>(!there)
+            let bring = async |file: &SealedFile| {
+                let target = own_path(partial.root(), &file.name)?;
+                let is_brought = target.is_file() && seal::hash_file(&target)? == file.blake3;
+                if !is_brought {
+                    self.bring(id, file, &target, &there, watch).await?;
+                    watch.kept();
                 }
-            });
-            let brought: Vec<bool> = stream::iter(jobs)
+                Ok::<bool, StoreError>(!is_brought)
+            };
+            // First: another scenario's files are not worth downloading.
+            let (record, others): (Vec<_>, Vec<_>) =
+                files.iter().partition(|file| file.name == RECORD);
+            let mut brought = Vec::new();
+            for file in record {
+                brought.push(bring(file).await?);
+                let path = partial.root().join(&file.name);
+                let content =
+                    outside_file::read(&path, FileKind::json("scenario record").unlinked())?;
+                if let Err(foreign) =
+                    check_identity(id, &theirs.seal, &content, Path::new(&file.name))
+                {
+                    remove_partial(partial.root(), &files);
+                    return Err(self.damaged(id, foreign));
+                }
+            }
+            let others: Vec<bool> = stream::iter(others.into_iter().map(bring))
                 .buffer_unordered(FILES_AT_ONCE)
                 .try_collect()
                 .await?;
-            if let Some(record) = files.iter().find(|file| file.name == RECORD) {
-                let path = partial.root().join(&record.name);
-                let content =
-                    outside_file::read(&path, FileKind::json("scenario record").unlinked())?;
-                check_identity(id, &theirs, &content, Path::new(&record.name))
-                    .map_err(|error| damaged(error.to_string()))?;
-            }
+            brought.extend(others);
             write_atomically(&partial.root().join(MANIFEST), manifest.as_bytes())?;
-            dataset::json_file::write_json(&partial.root().join(DONE), &theirs)?;
+            write_seal(&partial.root().join(DONE), &found)?;
             for folder in [partial.root().to_owned(), partial.root().join("views")] {
                 clear_leftovers(&folder);
             }
@@ -122,24 +129,46 @@ impl CorpusStore {
         })
     }
 
+    /// The objects of a committed scenario; an error if one is not as it was sealed. Nothing of it is written then.
+    async fn objects_as_sealed(
+        &self,
+        id: &str,
+        stored: &StoredSeal,
+        seen: Option<&Objects>,
+    ) -> Result<Objects> {
+        if let Some(seen) = seen
+            && self.faults(id, stored, seen).await?.is_empty()
+        {
+            return Ok(seen.clone());
+        }
+        let there = self.objects(id).await?;
+        let faults = self.faults(id, stored, &there).await?;
+        if faults.is_empty() {
+            return Ok(there);
+        }
+        Err(self.damaged(id, format!("{}. {MEND}", faults.join("; "))))
+    }
+
     /// One file, under another name until it is complete and has its hash.
     pub(crate) async fn bring(
         &self,
-        name: &str,
+        id: &str,
+        file: &SealedFile,
         target: &Path,
-        blake3: &str,
+        there: &Objects,
         watch: &dyn Watch,
     ) -> Result<()> {
-        let doing = || format!("read {name}");
+        let name = &file.name;
+        let lost = |fault: &str| self.damaged(id, format!("{name} {fault}. {MEND}"));
+        let missing = || lost("is missing, though it was sealed");
+        let (object, _) = there.locate(file).ok_or_else(missing)?;
+        let object = scenario_file(id, &object);
+        let doing = || format!("read {object}");
         let folder = target.parent().unwrap_or(target);
         fs::create_dir_all(folder).map_err(dataset::Error::io("create", folder))?;
-        let found = self.get(name, GetOptions::default()).await?;
-        let found = found.ok_or_else(|| StoreError::Damaged {
-            place: format!("{}/{name}", self.name()),
-            message: format!("is missing, though {MANIFEST} lists it. {MEND}"),
-        })?;
-        let mut content = found.into_stream();
-        let mut file = NewFile::create(target)?;
+        let found = self.get(&object, GetOptions::default()).await?;
+        let mut content = found.ok_or_else(missing)?.into_stream();
+        let mut new = NewFile::create(target)?;
         let mut hasher = blake3::Hasher::new();
         while let Some(bytes) = content
             .try_next()
@@ -150,18 +179,54 @@ impl CorpusStore {
                 return Err(StoreError::Stopped);
             }
             hasher.update(&bytes);
-            file.write_all(&bytes)
+            new.write_all(&bytes)
                 .map_err(dataset::Error::io("write", target))?;
             watch.passed(bytes.len() as u64);
         }
-        if hasher.finalize().to_string() != blake3 {
-            return Err(StoreError::Damaged {
-                place: format!("{}/{name}", self.name()),
-                message: format!("does not match its seal: its hash differs. {MEND}"),
-            });
+        if hasher.finalize().to_string() != file.blake3 {
+            return Err(lost("does not match its seal: its hash differs"));
         }
-        Ok(file.commit()?)
+        Ok(new.commit()?)
     }
+}
+
+/// Removes what was downloaded of a scenario that will never be complete, and nothing else.
+fn remove_partial(partial: &Path, files: &[SealedFile]) {
+    for file in files {
+        let _ = fs::remove_file(partial.join(&file.name));
+    }
+    let _ = fs::remove_dir(partial.join("views"));
+    let _ = fs::remove_dir(partial);
+}
+
+/// Whether a folder has this scenario.
+///
+/// # Errors
+/// It has, but files of it are missing.
+fn is_there(committed: &ScenarioFolder, theirs: &StoredSeal) -> Result<bool> {
+    if !committed.seal()?.is_some_and(|ours| theirs.is_of(&ours)) {
+        return Ok(false);
+    }
+    let faults = seal::faults_at_a_glance(committed.root())?;
+    if faults.is_empty() {
+        return Ok(true);
+    }
+    Err(StoreError::Damaged {
+        place: committed.root().display().to_string(),
+        message: format!("{}; move it away to fetch it again", faults.join("; ")),
+    })
+}
+
+/// Writes the seal with the time when the scenario was sealed: a download makes no version newer.
+fn write_seal(path: &Path, found: &FoundSeal) -> Result<()> {
+    let Ok(stored) = &found.stored else {
+        return Ok(());
+    };
+    write_json(path, &stored.seal)?;
+    let seal = File::options().write(true).open(path);
+    seal.and_then(|seal| seal.set_modified(found.sealed()))
+        .map_err(dataset::Error::io("set the time of", path))?;
+    Ok(())
 }
 
 /// Clears leftovers of an earlier attempt, of whatever verb, from a folder that will become a scenario, except these files; rejects

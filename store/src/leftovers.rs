@@ -1,7 +1,8 @@
 //! Leftovers of killed uploads in a store: parts of unfinished files, which no listing shows but which use space.
 //!
 //! Amazon's API lists incomplete uploads, a folder has files named `<name>#<number>`; Azure clears its own after a week. If an
-//! upload is cleared while another process still sends it, it starts over there ([`crate::upload`]).
+//! upload is cleared while another process still sends it, it starts over there ([`crate::send`]). In a folder, only files that have
+//! not been written for an hour are cleared: a missing one fails the rename of the process that writes it.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -24,6 +25,8 @@ use futures_util::future::BoxFuture;
 
 /// A signed request is sent at once.
 const VALID_FOR: Duration = Duration::from_secs(60);
+/// A file of a folder that was not written for this long belongs to a process that is gone.
+const ABANDONED_AFTER: Duration = Duration::from_secs(3600);
 /// Pages of a thousand uploads to read.
 const MOST_PAGES: usize = 100;
 
@@ -198,7 +201,7 @@ fn clear_folder(all: &Path, scenarios: &BTreeSet<String>) -> usize {
             });
             match entry.file_type() {
                 Ok(kind) if kind.is_dir() => folders.push(entry.path()),
-                Ok(kind) if kind.is_file() && is_unfinished => {
+                Ok(kind) if kind.is_file() && is_unfinished && is_abandoned(&entry) => {
                     cleared += usize::from(fs::remove_file(entry.path()).is_ok());
                 }
                 _ => {}
@@ -208,9 +211,16 @@ fn clear_folder(all: &Path, scenarios: &BTreeSet<String>) -> usize {
     cleared
 }
 
+fn is_abandoned(entry: &fs::DirEntry) -> bool {
+    let written = entry.metadata().and_then(|about| about.modified());
+    written.is_ok_and(|written| written.elapsed().is_ok_and(|since| since > ABANDONED_AFTER))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs::File;
+    use std::time::SystemTime;
 
     #[test]
     fn a_page_of_unfinished_uploads_is_read_whatever_its_keys_hold() {
@@ -237,11 +247,17 @@ mod tests {
             "1/a#b",
             "2/views/left.mp4#1",
         ];
+        let long_ago = SystemTime::now() - 2 * ABANDONED_AFTER;
         for name in files {
-            fs::write(folder.path().join(name), "").unwrap();
+            let file = File::create(folder.path().join(name)).unwrap();
+            file.set_modified(long_ago).unwrap();
         }
+        // Still being written by another process.
+        let fresh = folder.path().join("1/views/right.mp4#1");
+        fs::write(&fresh, "").unwrap();
         let cleared = clear_folder(folder.path(), &BTreeSet::from(["1".into(), "3".into()]));
         assert_eq!(cleared, 1);
+        assert!(fresh.exists());
         let left = files.map(|name| folder.path().join(name).exists());
         assert_eq!(left, [true, false, true, true]);
     }

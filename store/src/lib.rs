@@ -1,9 +1,14 @@
 //! A corpus in an object store: upload, listing, download.
 //!
-//! In a bucket a corpus has the same names as in a folder (`docs/dataset.md`). There are no renames and no locks, so one rule
-//! replaces them: **a scenario counts once its `DONE.json` is there**. That file is uploaded last and deleted first, and readers
-//! look at nothing else before. Objects appear atomically, so one with the right size and hash need not be sent again: each carries
-//! the BLAKE3 hash of `MANIFEST.b3` as metadata. (An ETag would not do: it differs from store to store and with the part size.)
+//! There are no renames and no locks in a bucket, so three rules replace them:
+//!
+//! - **A scenario counts once its `DONE.json` is there.** It is uploaded last, and readers look at nothing else before.
+//! - **Every other object of a scenario is named after its content** and never changes ([`content_name`]). However late an upload
+//!   arrives, it replaces nothing else.
+//! - **`DONE.json` is replaced only by comparison** with the version that was judged ([`commit`]), by the copy that goes before it
+//!   ([`precedence`]). It notes size and ETag of each object, so one listing shows whether all of them are there ([`stored_seal`]).
+//!
+//! Objects carry the BLAKE3 hash of the manifest as metadata, so a resumed upload compares instead of sending again.
 //!
 //! ```text
 //! Place: folder or URL  ->  CorpusStore: what is committed, the files of the whole corpus  ->  upload, fetch: one scenario
@@ -11,15 +16,21 @@
 
 #![forbid(unsafe_code)]
 
+mod commit;
+mod content_name;
 mod corpus_store;
 mod detections;
 mod error;
 mod fetch;
 mod leftovers;
+mod listing;
 mod location;
 mod open;
 mod patience;
+mod precedence;
+mod send;
 mod settle;
+mod stored_seal;
 mod upload;
 
 #[cfg(test)]
@@ -29,7 +40,9 @@ pub use corpus_store::CorpusStore;
 pub use detections::{LeftDetections, MovedDetections};
 pub use error::{Result, StoreError};
 pub use fetch::Fetched;
-pub use location::{CorpusLocation, StoreUrl};
+pub use listing::{Listing, Objects};
+pub use location::{CorpusLocation, StoreUrl, redacted};
 pub use patience::{Patience, Watch};
 pub use settle::Keep;
-pub use upload::{OnOther, Pushed};
+pub use stored_seal::Committed;
+pub use upload::{Before, Pushed};

@@ -57,14 +57,38 @@ fn is_url(text: &str) -> bool {
     })
 }
 
+fn is_azure(text: &str) -> bool {
+    text.starts_with("abfs://") || text.starts_with("abfss://")
+}
+
+/// What stands before the last `@` of a URL, and what behind it. Secrets may have slashes, so the first slash ends nothing.
+fn user_of(text: &str) -> Option<(&str, &str)> {
+    let (_, rest) = text.split_once("://")?;
+    rest.rsplit_once('@')
+}
+
+/// A URL without credentials, for messages.
+pub fn redacted(text: &str) -> String {
+    match (text.split_once("://"), user_of(text)) {
+        (Some((scheme, _)), Some((_, rest))) => format!("{scheme}://***@{rest}"),
+        _ => text.to_owned(),
+    }
+}
+
 impl FromStr for StoreUrl {
     type Err = StoreError;
 
     fn from_str(text: &str) -> Result<Self> {
         let bad = |why: &str| StoreError::BadUrl {
-            text: text.into(),
+            text: redacted(text),
             why: why.into(),
         };
+        // Azure's URLs name a container there, and nothing else does.
+        if let Some((user, _)) = user_of(text)
+            && (user.contains(':') || !is_azure(text))
+        {
+            return Err(bad("it holds credentials; they come from the environment"));
+        }
         let mut url = Url::parse(text).map_err(|error| bad(&error.to_string()))?;
         let kind = match url.scheme() {
             "s3" | "s3a" => Kind::S3,
@@ -85,11 +109,6 @@ impl FromStr for StoreUrl {
             }
             (Kind::LocalFiles, false) | (_, true) => {}
             (_, false) => return Err(bad("it names no bucket")),
-        }
-        if url.password().is_some() {
-            return Err(bad(
-                "it holds a password; credentials come from the environment",
-            ));
         }
         let path = url.path().trim_end_matches('/').to_owned();
         url.set_path(&path);
@@ -194,7 +213,6 @@ mod tests {
             "file://host/a",
             "file:///",
             "s3://bucket/a?b=c",
-            "s3://key:secret@bucket/a",
         ] {
             let error = CorpusLocation::of(Path::new(text)).unwrap_err();
             assert!(error.is_bad_input());
@@ -203,6 +221,29 @@ mod tests {
                 message.contains(text) && message.contains("gs://"),
                 "{message}"
             );
+        }
+    }
+
+    #[test]
+    fn credentials_in_a_url_are_refused_and_not_repeated() {
+        for text in [
+            "s3://KEY:SECRET@bucket/a",
+            "s3://KEY:SEC/RET@bucket/a",
+            "s3://SECRET@bucket/a",
+            "gs://SECRET@bucket/a",
+            "abfss://container:SECRET@account.dfs.core.windows.net/a",
+            "https://KEY:SECRET@host/a",
+        ] {
+            let error = CorpusLocation::of(Path::new(text)).unwrap_err();
+            let message = error.to_string();
+            assert!(error.is_bad_input());
+            assert!(
+                message.contains("environment") && message.contains("://***@"),
+                "{message}"
+            );
+            for secret in ["KEY", "SEC", "RET"] {
+                assert!(!message.contains(secret), "{message}");
+            }
         }
     }
 

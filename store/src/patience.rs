@@ -20,6 +20,8 @@ pub struct Patience(pub Duration);
 pub trait Watch: Sync {
     /// This many more bytes were transferred.
     fn passed(&self, _bytes: u64) {}
+    /// A file was transferred completely: no later attempt transfers it again.
+    fn kept(&self) {}
     /// The store does not answer and is being retried. Reported once per interruption.
     fn waiting(&self, _reason: &StoreError) {}
     /// Whether to stop.
@@ -31,16 +33,25 @@ pub trait Watch: Sync {
 /// Nobody watches.
 impl Watch for () {}
 
-/// Counts the bytes.
+/// Measures how far an attempt gets.
 struct Counting<'a> {
     watch: &'a dyn Watch,
-    bytes: AtomicU64,
+    /// Files that are complete, of all attempts.
+    kept: AtomicU64,
+    /// Bytes of this attempt since the last complete file. A next attempt transfers them again.
+    unkept_bytes: AtomicU64,
 }
 
 impl Watch for Counting<'_> {
     fn passed(&self, bytes: u64) {
-        self.bytes.fetch_add(bytes, Ordering::Relaxed);
+        self.unkept_bytes.fetch_add(bytes, Ordering::Relaxed);
         self.watch.passed(bytes);
+    }
+
+    fn kept(&self) {
+        self.kept.fetch_add(1, Ordering::Relaxed);
+        self.unkept_bytes.store(0, Ordering::Relaxed);
+        self.watch.kept();
     }
 
     fn waiting(&self, reason: &StoreError) {
@@ -53,8 +64,9 @@ impl Watch for Counting<'_> {
 }
 
 impl Patience {
-    /// Repeats `attempt` with growing delays while the store does not answer. An attempt resumes where the last one stopped, so the
-    /// waiting time restarts after every progress.
+    /// Repeats `attempt` with growing delays while the store does not answer. An attempt resumes where the last one stopped: the
+    /// waiting time restarts if it completes a file, or gets further into one than any attempt before. Bytes that are transferred
+    /// again are no progress: a store that always breaks off at the same place would be retried forever.
     pub async fn with<T>(
         self,
         watch: &dyn Watch,
@@ -62,27 +74,35 @@ impl Patience {
     ) -> Result<T> {
         let counting = Counting {
             watch,
-            bytes: AtomicU64::new(0),
+            kept: AtomicU64::new(0),
+            unkept_bytes: AtomicU64::new(0),
         };
-        let mut passed = 0;
+        let (mut kept, mut furthest_bytes) = (0, 0);
         let mut waiting_since: Option<Instant> = None;
         let mut pause = FIRST_PAUSE;
         loop {
             let began = Instant::now();
+            counting.unkept_bytes.store(0, Ordering::Relaxed);
             let error = match attempt(&counting).await {
                 Err(error) if error.is_passing() => error,
                 other => return other,
             };
-            let now_passed = counting.bytes.load(Ordering::Relaxed);
-            if now_passed > passed {
-                passed = now_passed;
+            let now_kept = counting.kept.load(Ordering::Relaxed);
+            let now_bytes = counting.unkept_bytes.load(Ordering::Relaxed);
+            let got_further = now_kept > kept || now_bytes > furthest_bytes;
+            if now_kept > kept {
+                furthest_bytes = 0;
+            }
+            (kept, furthest_bytes) = (now_kept, furthest_bytes.max(now_bytes));
+            if got_further {
                 waiting_since = None;
                 pause = FIRST_PAUSE;
             }
             if waiting_since.is_none() {
                 watch.waiting(&error);
             }
-            let since = *waiting_since.get_or_insert(began);
+            let since =
+                *waiting_since.get_or_insert(if got_further { Instant::now() } else { began });
             if since.elapsed() + pause > self.0 {
                 return Err(error);
             }
@@ -164,6 +184,26 @@ mod tests {
         assert!(error.is_passing());
         // The second attempt made progress: it was reported again, and a third was made.
         assert_eq!((tries, listener.told.load(Ordering::Relaxed)), (3, 2));
+    }
+
+    #[tokio::test]
+    async fn bytes_that_are_transferred_again_and_again_are_no_progress() {
+        let mut tries = 0;
+        // Complete files are: the second attempt gets further with fewer bytes.
+        let error = Patience(Duration::from_millis(600))
+            .with(&(), async |watch: &dyn Watch| {
+                tries += 1;
+                watch.passed(if tries == 1 { 7 } else { 5 });
+                if tries == 2 {
+                    watch.kept();
+                    watch.passed(5);
+                }
+                Err::<(), _>(away())
+            })
+            .await
+            .unwrap_err();
+        assert!(error.is_passing());
+        assert_eq!(tries, 3);
     }
 
     #[tokio::test]

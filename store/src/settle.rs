@@ -63,7 +63,7 @@ impl CorpusStore {
         let mut mode = PutMode::Create;
         for _ in 0..ROUNDS {
             match self.put(name, ours, mode).await {
-                Ok(()) => return Ok(Settled::Sent),
+                Ok(_) => return Ok(Settled::Sent),
                 Err(
                     object_store::Error::AlreadyExists { .. }
                     | object_store::Error::Precondition { .. }

@@ -1,5 +1,11 @@
 //! Uploading and downloading a scenario, in memory and in a folder.
 
+mod copies;
+mod faulty_store;
+mod interleavings;
+mod lost_objects;
+
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,6 +20,8 @@ use object_store::ObjectStoreExt;
 use tempfile::TempDir;
 
 use super::*;
+use crate::content_name::file_name;
+use crate::corpus_store::scenario_file;
 
 const ID: &str = "1200-clear-r1";
 /// Of the record.
@@ -67,9 +75,7 @@ fn same_files(a: &ScenarioFolder, b: &ScenarioFolder) {
 
 async fn push(store: &CorpusStore, corpus: &Corpus) -> Result<Pushed> {
     let folder = corpus.scenario(ID);
-    store
-        .push_scenario(&folder, OnOther::ReplaceOlder, &())
-        .await
+    store.push_scenario(&folder, None, &()).await
 }
 
 /// A store in memory, and the corpus whose scenario it has.
@@ -86,12 +92,36 @@ async fn put(store: &CorpusStore, name: &str, bytes: impl Into<object_store::Put
     store.store.put(&key, bytes.into()).await.unwrap();
 }
 
+/// The name of a file's object in the corpus.
+async fn object_of(store: &CorpusStore, file: &str) -> String {
+    let there = store.objects(ID).await.unwrap();
+    let mut objects = there.0.into_keys();
+    let object = objects.find(|object| file_name(object) == file).unwrap();
+    scenario_file(ID, &object)
+}
+
+/// Puts a scenario into a store as earlier versions did: under the names of the files, without notes.
+async fn put_as_before(store: &CorpusStore, id: &str, folder: &ScenarioFolder) {
+    let names = [
+        "frames.parquet",
+        "views/left.mp4",
+        "scenario.json",
+        MANIFEST,
+        DONE,
+    ];
+    for name in names {
+        if let Ok(bytes) = fs::read(folder.root().join(name)) {
+            put(store, &format!("scenarios/{id}/{name}"), bytes).await;
+        }
+    }
+}
+
 /// Why a scenario cannot be fetched; nothing of it may be there afterwards.
 async fn refusal(store: &CorpusStore, id: &str) -> String {
     let (_theirs, theirs) = empty();
-    let error = store.fetch_scenario(id, &theirs, &()).await.unwrap_err();
+    let fetched = store.fetch_scenario(id, &theirs, None, &()).await;
     assert!(theirs.scenarios().unwrap().is_empty());
-    error.to_string()
+    fetched.unwrap_err().to_string()
 }
 
 /// Stops a transfer after this many bytes.
@@ -129,14 +159,14 @@ async fn a_scenario_goes_there_and_comes_back_byte_for_byte() {
             Pushed::Committed {
                 sent: 2,
                 there: 0,
-                replaced: false
+                before: Before::Nothing
             }
         );
         assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
         let committed = store.committed().await.unwrap();
         assert_eq!(committed.into_iter().collect::<Vec<_>>(), [ID]);
         let (_theirs, theirs) = empty();
-        let fetch = || store.fetch_scenario(ID, &theirs, &());
+        let fetch = || store.fetch_scenario(ID, &theirs, None, &());
         assert_eq!(
             fetch().await.unwrap(),
             Fetched::Whole {
@@ -158,16 +188,14 @@ async fn an_upload_that_ends_early_commits_nothing_and_is_gone_on_with() {
         let folder = ours.scenario(ID);
         // After the table, and in the middle of the video.
         for (limit, there_then) in [(1, 1), (8 << 20, 1)] {
-            let stopped = store
-                .push_scenario(&folder, OnOther::Keep, &stop_after(limit))
-                .await;
+            let stopped = store.push_scenario(&folder, None, &stop_after(limit)).await;
             assert!(matches!(stopped, Err(StoreError::Stopped)));
             assert!(store.committed().await.unwrap().is_empty());
             let there = store.objects(ID).await.unwrap();
-            assert_eq!(there.len(), there_then, "{there:?}");
+            assert_eq!(there.0.len(), there_then, "{there:?}");
         }
         let (_theirs, theirs) = empty();
-        let fetched = store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+        let fetched = store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
         assert_eq!(fetched, Fetched::NotCommitted);
         let pushed = push(&store, &ours).await.unwrap();
         assert_eq!(
@@ -175,7 +203,7 @@ async fn an_upload_that_ends_early_commits_nothing_and_is_gone_on_with() {
             Pushed::Committed {
                 sent: 1,
                 there: 1,
-                replaced: false
+                before: Before::Nothing
             }
         );
     }
@@ -187,12 +215,12 @@ async fn what_has_the_right_size_but_another_content_is_sent_again() {
     for store in stores {
         let (_other, other) = corpus_with("tafel");
         let _ = store
-            .push_scenario(&other.scenario(ID), OnOther::Keep, &stop_after(1))
+            .push_scenario(&other.scenario(ID), None, &stop_after(1))
             .await;
         let (_ours, ours) = corpus_with("table");
         push(&store, &ours).await.unwrap();
         let (_theirs, theirs) = empty();
-        store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+        store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
         same_files(&ours.scenario(ID), &theirs.scenario(ID));
     }
 }
@@ -209,41 +237,21 @@ async fn a_file_that_is_not_what_was_sealed_is_not_sent() {
         let error = push(&store, &ours).await.unwrap_err();
         assert!(matches!(error, StoreError::Damaged { .. }), "{error}");
         assert!(error.to_string().contains(name), "{error}");
-        assert!(!store.objects(ID).await.unwrap().contains_key(name));
+        let there = store.objects(ID).await.unwrap();
+        assert!(!there.0.keys().any(|object| file_name(object) == name));
         assert!(store.committed().await.unwrap().is_empty());
     }
 }
 
 #[tokio::test]
-async fn other_content_is_kept_or_replaced_and_other_parameters_are_refused() {
-    let store = CorpusStore::in_memory();
-    let (_first, first) = corpus_with("table");
-    push(&store, &first).await.unwrap();
-    let (_second, second) = corpus_with("table with labels");
-    let folder = second.scenario(ID);
-    let kept = store.push_scenario(&folder, OnOther::Keep, &()).await;
-    assert_eq!(kept.unwrap(), Pushed::Other);
-    let replaced = push(&store, &second).await.unwrap();
-    assert_eq!(
-        replaced,
-        Pushed::Committed {
-            sent: 1,
-            there: 1,
-            replaced: true
-        }
-    );
-    // While it is replaced it is not committed.
-    let (_third, third) = corpus_with("more labels");
-    let folder = third.scenario(ID);
-    let stopped = store
-        .push_scenario(&folder, OnOther::ReplaceOlder, &stop_after(1))
-        .await;
-    assert!(matches!(stopped, Err(StoreError::Stopped)));
-    assert!(store.committed().await.unwrap().is_empty());
-    push(&store, &second).await.unwrap();
-
-    seal_folder(third.scenario(ID).root(), "other config").unwrap();
-    let error = push(&store, &third).await.unwrap_err().to_string();
+async fn another_recording_is_kept_and_other_parameters_are_refused() {
+    let (store, _first, first) = pushed().await;
+    let (_second, second) = corpus_with("another table");
+    assert_eq!(push(&store, &second).await.unwrap(), Pushed::OtherRecording);
+    let seal = first.scenario(ID).seal().unwrap();
+    assert_eq!(store.seal(ID).await.unwrap(), seal);
+    seal_folder(second.scenario(ID).root(), "other config").unwrap();
+    let error = push(&store, &second).await.unwrap_err().to_string();
     assert!(error.contains("other parameters"), "{error}");
 }
 
@@ -255,7 +263,7 @@ async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
     fs::create_dir_all(partial.join("views")).unwrap();
     fs::write(partial.join("frames.parquet"), "table").unwrap();
     fs::write(partial.join("views/left.mp4"), "half").unwrap();
-    let fetched = store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+    let fetched = store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
     assert_eq!(
         fetched,
         Fetched::Whole {
@@ -266,7 +274,10 @@ async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
     same_files(&ours.scenario(ID), &theirs.scenario(ID));
 
     let (_labelled, labelled) = corpus_with("table with labels");
-    let fetched = store.fetch_scenario(ID, &labelled, &()).await.unwrap();
+    let fetched = store
+        .fetch_scenario(ID, &labelled, None, &())
+        .await
+        .unwrap();
     assert_eq!(fetched, Fetched::Other);
     let table = labelled.scenario(ID).root().join("frames.parquet");
     assert_eq!(fs::read(table).unwrap(), b"table with labels");
@@ -274,19 +285,18 @@ async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
 
 #[tokio::test]
 async fn what_is_damaged_in_the_store_is_named_and_never_becomes_a_scenario() {
-    for (damage, words) in [
-        (Some("tafel"), "does not match its seal"),
-        (None, "is missing"),
-    ] {
+    for (damage, words) in [(Some("tafel"), "has another content"), (None, "is missing")] {
         let (store, ..) = pushed().await;
-        let name = format!("scenarios/{ID}/frames.parquet");
+        let name = object_of(&store, "frames.parquet").await;
         match damage {
             Some(text) => put(&store, &name, text).await,
             None => store.store.delete(&store.key(&name)).await.unwrap(),
         }
         let message = refusal(&store, ID).await;
         assert!(
-            message.contains(words) && message.contains("frames.parquet"),
+            message.contains(words)
+                && message.contains("frames.parquet")
+                && message.contains("`dtd push`"),
             "{message}"
         );
     }
@@ -354,7 +364,7 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
         assert_eq!(push().await, moved(&["abc"]));
         assert_eq!(push().await, moved(&[]));
         let (_theirs, theirs) = empty();
-        store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+        store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
         let there = theirs.scenario(ID);
         let fetch = async || store.fetch_detections(&there, &()).await.unwrap();
         assert_eq!(fetch().await, moved(&["abc"]));
@@ -375,7 +385,7 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
             .await
             .unwrap();
         let (_third, third) = empty();
-        store.fetch_scenario(ID, &third, &()).await.unwrap();
+        store.fetch_scenario(ID, &third, None, &()).await.unwrap();
         let left = store.fetch_detections(&third.scenario(ID), &()).await;
         let left = left.unwrap().left;
         assert!(left[0].reason.contains("half of them"), "{left:?}");
@@ -425,9 +435,8 @@ async fn a_fifo_in_a_folder_is_no_object_and_is_not_waited_for() {
     let (_here, corpus) = corpus_with("table");
     let (folder, [_, store]) = stores();
     push(&store, &corpus).await.unwrap();
-    let object = folder
-        .path()
-        .join(format!("a bucket/scenarios/{ID}/frames.parquet"));
+    let name = object_of(&store, "frames.parquet").await;
+    let object = folder.path().join("a bucket").join(name);
     fs::remove_file(&object).unwrap();
     rustix::fs::mknodat(
         rustix::fs::CWD,
@@ -438,10 +447,7 @@ async fn a_fifo_in_a_folder_is_no_object_and_is_not_waited_for() {
     )
     .unwrap();
     let message = refusal(&store, ID).await;
-    assert!(
-        message.contains("frames.parquet") && message.contains("FIFO"),
-        "{message}"
-    );
+    assert!(message.contains("frames.parquet is missing"), "{message}");
 }
 
 #[tokio::test]
@@ -455,7 +461,7 @@ async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
         .await
         .unwrap();
     let (_theirs, theirs) = empty();
-    store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+    store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
     let there = theirs.scenario(ID);
     // Another process detects there, and finishes while the fetch is waiting.
     let claim = there.claim().unwrap();
@@ -476,47 +482,6 @@ async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
 }
 
 #[tokio::test]
-async fn labels_are_not_replaced_by_none_however_new_the_folder_is() {
-    let (_folder, stores) = stores();
-    for store in stores {
-        let (_labelled, labelled) = corpus_with("table with labels");
-        let root = labelled.scenario(ID).root().to_owned();
-        fs::write(root.join(ScenarioFolder::TRUTH_BOXES), "boxes").unwrap();
-        seal_folder(&root, "config").unwrap();
-        push(&store, &labelled).await.unwrap();
-        let (_other, other) = corpus_with("table");
-        assert_eq!(push(&store, &other).await.unwrap(), Pushed::Labelled);
-        let seal = labelled.scenario(ID).seal().unwrap();
-        assert_eq!(store.seal(ID).await.unwrap(), seal);
-    }
-}
-
-#[tokio::test]
-async fn files_that_a_scenario_has_no_more_go_and_those_of_others_stay() {
-    let (_folder, stores) = stores();
-    for store in stores {
-        let (_first, first) = corpus_with("table");
-        let root = first.scenario(ID).root().to_owned();
-        fs::write(root.join("views/right.mov"), "video").unwrap();
-        seal_folder(&root, "config").unwrap();
-        push(&store, &first).await.unwrap();
-        put(&store, &format!("scenarios/{ID}/notes.txt"), "mine").await;
-        let (_second, second) = corpus_with("another table");
-        push(&store, &second).await.unwrap();
-        let there = store.objects(ID).await.unwrap();
-        let names: Vec<_> = there.keys().map(String::as_str).collect();
-        let expected = [
-            DONE,
-            MANIFEST,
-            "frames.parquet",
-            "notes.txt",
-            "views/left.mp4",
-        ];
-        assert_eq!(names, expected);
-    }
-}
-
-#[tokio::test]
 async fn a_scenario_that_lost_a_file_is_damaged_and_says_which() {
     let store = CorpusStore::in_memory();
     let (_ours, ours) = corpus_with("table");
@@ -534,21 +499,15 @@ async fn a_scenario_under_another_name_or_of_other_parameters_is_neither_sent_no
     let (_ours, ours) = corpus_with_record();
     push(&store, &ours).await.unwrap();
     // A copy within the store.
-    for name in [
-        "frames.parquet",
-        "views/left.mp4",
-        "scenario.json",
-        MANIFEST,
-        DONE,
-    ] {
-        let bytes = fs::read(ours.scenario(ID).root().join(name)).unwrap();
-        put(&store, &format!("scenarios/copy/{name}"), bytes).await;
-    }
+    put_as_before(&store, "copy", &ours.scenario(ID)).await;
     let message = refusal(&store, "copy").await;
     assert!(message.contains("expected \"copy\""), "{message}");
+    let (_theirs, theirs) = empty();
+    let fetched = store.fetch_scenario("copy", &theirs, None, &()).await;
+    assert!(fetched.is_err() && !theirs.partial_scenario("copy").root().exists());
     let copy = ours.scenario("copy");
     fs::rename(ours.scenario(ID).root(), copy.root()).unwrap();
-    let pushed = store.push_scenario(&copy, OnOther::ReplaceOlder, &()).await;
+    let pushed = store.push_scenario(&copy, None, &()).await;
     let error = pushed.unwrap_err();
     assert!(matches!(error, StoreError::Damaged { .. }), "{error:?}");
     assert!(error.to_string().contains("expected \"copy\""), "{error}");
@@ -574,7 +533,10 @@ async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario()
             "detections" => fs::create_dir(partial.join(name)).unwrap(),
             _ => fs::write(partial.join(name), "mine").unwrap(),
         }
-        let error = store.fetch_scenario(ID, &theirs, &()).await.unwrap_err();
+        let error = store
+            .fetch_scenario(ID, &theirs, None, &())
+            .await
+            .unwrap_err();
         assert!(
             error.to_string().contains(&format!("holds {name}")),
             "{error}"
@@ -585,7 +547,7 @@ async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario()
             _ => fs::remove_file(partial.join(name)).unwrap(),
         }
     }
-    store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+    store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
     let folder = theirs.scenario(ID);
     assert_eq!(seal::faults(folder.root()).unwrap(), Vec::<String>::new());
     same_files(&ours.scenario(ID), &folder);
@@ -615,9 +577,79 @@ async fn a_linked_folder_in_a_store_is_neither_written_through_nor_read() {
 
 #[tokio::test]
 async fn a_manifest_larger_than_readers_take_is_not_brought() {
-    let (store, ..) = pushed().await;
+    let store = CorpusStore::in_memory();
+    let (_ours, ours) = corpus_with("table");
+    put_as_before(&store, ID, &ours.scenario(ID)).await;
     let name = format!("scenarios/{ID}/{MANIFEST}");
     put(&store, &name, vec![b'\n'; (16 << 20) + 1]).await;
     let message = refusal(&store, ID).await;
     assert!(message.contains("at most 16777216"), "{message}");
+}
+
+#[tokio::test]
+async fn stores_of_earlier_versions_are_read_and_added_to() {
+    let (_folder, stores) = stores();
+    for store in stores {
+        let (_ours, ours) = corpus_with("table");
+        put_as_before(&store, ID, &ours.scenario(ID)).await;
+        let state = store.committed_state(ID, None).await.unwrap();
+        assert!(matches!(state, Committed::Whole(_)), "{state:?}");
+        let (_theirs, theirs) = empty();
+        store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+        same_files(&ours.scenario(ID), &theirs.scenario(ID));
+        assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
+        // What it lost is sent; what it has is not sent again.
+        let table = store.key(&scenario_file(ID, "frames.parquet"));
+        store.store.delete(&table).await.unwrap();
+        let pushed = push(&store, &ours).await.unwrap();
+        let before = Before::Damaged("frames.parquet is missing".into());
+        assert_eq!(
+            pushed,
+            Pushed::Committed {
+                sent: 1,
+                there: 1,
+                before
+            }
+        );
+        let (_again, again) = empty();
+        store.fetch_scenario(ID, &again, None, &()).await.unwrap();
+        same_files(&ours.scenario(ID), &again.scenario(ID));
+    }
+}
+
+#[tokio::test]
+async fn a_download_keeps_the_time_of_the_seal() {
+    let (store, _ours, ours) = pushed().await;
+    let time = |corpus: &Corpus| {
+        let seal = corpus.scenario(ID).root().join(DONE);
+        crate::stored_seal::unix_ms(fs::metadata(seal).unwrap().modified().unwrap())
+    };
+    let (_theirs, theirs) = empty();
+    store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+    assert_eq!(time(&ours), time(&theirs));
+}
+
+#[tokio::test]
+async fn a_local_scenario_that_lost_a_file_is_not_there_already() {
+    let (store, _ours, ours) = pushed().await;
+    let video = ours.scenario(ID).root().join("views/left.mp4");
+    fs::remove_file(video).unwrap();
+    let fetched = store.fetch_scenario(ID, &ours, None, &()).await;
+    let message = fetched.unwrap_err().to_string();
+    assert!(message.contains("move it away"), "{message}");
+}
+
+#[tokio::test]
+async fn names_that_no_folder_can_have_are_listed_as_foreign() {
+    let (store, ..) = pushed().await;
+    let long = "a".repeat(300);
+    for id in [long.as_str(), "thesis.tex"] {
+        put(&store, &format!("scenarios/{id}/{DONE}"), "{}").await;
+    }
+    let listing = store.listing().await.unwrap();
+    assert_eq!(listing.committed().into_iter().collect::<Vec<_>>(), [ID]);
+    let foreign: Vec<_> = listing.foreign().map(|(id, _)| id).collect();
+    assert_eq!(foreign, [long.as_str(), "thesis.tex"]);
+    let message = refusal(&store, &long).await;
+    assert!(message.contains("at most 200 characters"), "{message}");
 }

@@ -1,47 +1,47 @@
-//! Uploads one scenario from its folder: all files first, `MANIFEST.b3`, then `DONE.json`.
+//! Uploads one scenario from its folder: all files first, then the manifest, then the seal, which commits them.
 //!
-//! An interrupted upload resumes when it is repeated: files that exist with the right size and hash are not sent. A large file is
-//! sent in parts, which become visible only with the last one.
+//! Objects of files are named after their content, so nothing is ever overwritten by something else. Only `DONE.json` is replaced, and
+//! only if it is still the one that was judged ([`crate::commit`]). After that it is read again and compared with a listing: a
+//! scenario is reported as committed once the store has all of it.
+//!
+//! An interrupted upload resumes when it is repeated: files that exist with the right size and hash are not sent.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{self, Read};
-use std::path::Path;
+use std::fs;
 use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
 use dataset::json_file::json_bytes;
 use dataset::outside_file::{self, FileKind};
-use dataset::seal::{self, DONE, MANIFEST, Seal, SealedFile};
+use dataset::seal::{self, DONE, SealedFile};
 use dataset::sealed::Sealed;
 use futures_util::future::BoxFuture;
-use object_store::{PutMultipartOptions, PutOptions, WriteMultipart};
-use tokio::task::spawn_blocking;
 
-use crate::corpus_store::{CorpusStore, ObjectInfo, scenario_file};
+use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::{Result, StoreError};
+use crate::listing::Objects;
 use crate::patience::Watch;
+use crate::precedence::{First, SealedCopy, are_same_poses, first};
+use crate::stored_seal::{FoundSeal, Noted, StoredSeal, manifest_file};
 
-/// A file up to this size is one request, a larger one is sent in parts of this size. All stores accept parts of 5 MiB and more.
-const PART_BYTES: u64 = 8 << 20;
-/// Parts of one file in parallel: limits memory, and is enough to fill a link with some latency.
-const PARTS_AT_ONCE: usize = 4;
-/// No store accepts more than 10 000 parts: parts of larger files are larger.
-const MOST_PARTS: u64 = 9_000;
 /// How often a file of the folder may be renamed to its final name just before it is opened.
 const ROUNDS: u32 = 3;
+/// How often another process may commit the same scenario, or the store lose a part of it, before an upload gives up.
+const MOST_COMMITS: u32 = 8;
 
-/// What to do if the store has the scenario with other content.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum OnOther {
-    /// Leave it: it was there first.
-    Keep,
-    /// Replace it if ours is newer. In the meantime the scenario is not committed.
-    ReplaceOlder,
+/// State of a scenario in the store before it was uploaded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Before {
+    /// It was not committed.
+    Nothing,
+    /// It was committed with content that ours goes before.
+    Other,
+    /// It was committed, but not all of it was there, with the faults.
+    Damaged(String),
 }
 
 /// The result for a scenario.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Pushed {
     /// It is committed now.
     Committed {
@@ -49,21 +49,39 @@ pub enum Pushed {
         sent: usize,
         /// Files that existed already.
         there: usize,
-        /// Whether there was other content before.
-        replaced: bool,
+        /// What the store had.
+        before: Before,
     },
-    /// It was committed already, with this content.
+    /// It was committed already, with this content, and all of it is there.
     Same,
-    /// It was committed already, with another content, and was left alone.
-    Other,
-    /// The same, because that content is newer than ours.
+    /// It is committed with the same parameters, but is another recording, and was left alone.
+    OtherRecording,
+    /// Of the same recording, the store has a version that was sealed later.
     Newer,
-    /// The same, because that content has labels and ours has none, however new it is: copying a folder makes it new.
+    /// Of the same recording, the store has the labels and ours has none.
     Labelled,
 }
 
+/// What an upload has to do.
+enum Standing {
+    /// Nothing.
+    Settled(Pushed),
+    /// Send what is missing, and commit.
+    ToCommit(Before),
+}
+
+/// One state of a folder, to upload.
+struct Ours<'a> {
+    folder: &'a ScenarioFolder,
+    sealed: &'a Sealed,
+    sealed_at: SystemTime,
+    /// The sealed files and the manifest.
+    files: Vec<SealedFile>,
+}
+
 impl CorpusStore {
-    /// Uploads a sealed scenario and commits it.
+    /// Uploads a sealed scenario and commits it, if it goes before what the store has. `seen` are its objects from a listing, if there
+    /// is one.
     ///
     /// # Errors
     /// The folder does not match its seal, the scenario in the store has other parameters, or the store fails; then the same call
@@ -71,7 +89,7 @@ impl CorpusStore {
     pub fn push_scenario<'a>(
         &'a self,
         folder: &'a ScenarioFolder,
-        on_other: OnOther,
+        seen: Option<&'a Objects>,
         watch: &'a dyn Watch,
     ) -> BoxFuture<'a, Result<Pushed>> {
         Box::pin(async move {
@@ -89,7 +107,7 @@ impl CorpusStore {
                     Err(error) if error.is_bad_content() => return Err(damaged(error.to_string())),
                     Err(error) => return Err(error.into()),
                 };
-                match self.push_state(folder, &sealed, on_other, watch).await {
+                match self.push_state(folder, &sealed, seen, watch).await {
                     // It was labelled in the meantime, or a file was renamed between two looks.
                     Err(StoreError::Damaged { .. })
                         if folder.seal()?.as_ref() != Some(sealed.seal()) => {}
@@ -113,258 +131,250 @@ impl CorpusStore {
         &self,
         folder: &ScenarioFolder,
         sealed: &Sealed,
-        on_other: OnOther,
+        seen: Option<&Objects>,
         watch: &dyn Watch,
     ) -> Result<Pushed> {
-        let id = folder.id();
-        let damaged = |message: String| StoreError::Damaged {
-            place: folder.root().display().to_string(),
-            message,
-        };
         folder.check_identity(sealed)?;
-        let (ours, files) = (sealed.seal(), sealed.files());
-        let mut replaced = false;
-        match self.dated_seal(&id).await? {
-            Some((theirs, _)) if theirs == *ours => return Ok(Pushed::Same),
-            Some((theirs, _)) if theirs.config_hash != ours.config_hash => {
+        let id = folder.id();
+        let mut files = sealed.files().to_vec();
+        files.push(manifest_file(sealed.seal()));
+        let ours = Ours {
+            folder,
+            sealed,
+            sealed_at: sealed_at(folder)?,
+            files,
+        };
+        let mut seen = seen.cloned();
+        // What this call has sent and committed, which later rounds confirm.
+        let mut noted = BTreeMap::new();
+        let mut committed: Option<Pushed> = None;
+        for _ in 0..MOST_COMMITS {
+            let found = self.found_seal(&id).await?;
+            let there = self.objects_for(&ours, found.as_ref(), seen.take()).await?;
+            let standing = self.standing(&ours, found.as_ref(), &there, watch).await?;
+            let now_before = match standing {
+                Standing::Settled(Pushed::Same) => return Ok(committed.unwrap_or(Pushed::Same)),
+                Standing::Settled(pushed) => return Ok(pushed),
+                Standing::ToCommit(before) => before,
+            };
+            // The store's version is whole: it is replaced only by one that is whole, too, although what is sent has the right hash.
+            if now_before == Before::Other
+                && let Some(fault) = seal::faults(folder.root())?.into_iter().next()
+            {
                 return Err(StoreError::Damaged {
-                    place: format!("{}/scenarios/{id}", self.name()),
-                    message: format!(
-                        "is committed, but was made from other parameters than {}; delete one of them first",
-                        folder.root().display()
-                    ),
+                    place: folder.root().display().to_string(),
+                    message: fault,
                 });
             }
-            Some(_) if on_other == OnOther::Keep => return Ok(Pushed::Other),
-            Some((theirs, _))
-                if sealed.hash_of(ScenarioFolder::TRUTH_BOXES).is_none()
-                    && self.is_labelled(&id, &theirs).await? =>
+            let now_sent = self
+                .send_files(&ours, found.as_ref(), &there, &mut noted, watch)
+                .await?;
+            let stored = StoredSeal::new(sealed.seal().clone(), ours.sealed_at, noted.clone());
+            let done = json_bytes(&stored, &folder.root().join(DONE))?;
+            let version = found.map(|found| found.version);
+            if self
+                .replace_version(&id, DONE, &done, version.as_ref())
+                .await?
             {
-                return Ok(Pushed::Labelled);
-            }
-            Some((_, committed)) if committed > sealed_at(folder)? => return Ok(Pushed::Newer),
-            Some(_) => {
-                // The store's version counts until ours is known to be complete.
-                if let Some(fault) = seal::faults(folder.root())?.into_iter().next() {
-                    return Err(damaged(fault));
-                }
-                self.delete(&scenario_file(&id, DONE)).await?;
-                replaced = true;
-            }
-            None => {}
-        }
-        let there = self.objects(&id).await?;
-        let (mut sent, mut skipped) = (0, 0);
-        for file in files {
-            if self.send_if_missing(folder, file, &there, watch).await? {
-                sent += 1;
-            } else {
-                skipped += 1;
+                committed.get_or_insert(Pushed::Committed {
+                    sent: now_sent,
+                    there: sealed.files().len() - now_sent,
+                    before: now_before,
+                });
             }
         }
-        self.delete_unnamed(&id, sealed, &there).await;
-        // Only now: nobody looks at a scenario without them.
-        let done = json_bytes(ours, &folder.root().join(DONE))?;
-        for (name, bytes) in [
-            (MANIFEST, sealed.manifest().as_bytes().to_vec()),
-            (DONE, done),
-        ] {
-            self.send_bytes(&scenario_file(&id, name), bytes).await?;
-        }
-        Ok(Pushed::Committed {
-            sent,
-            there: skipped,
-            replaced,
+        Err(StoreError::Away {
+            url: self.name().into(),
+            doing: format!("commit scenario {id}"),
+            message: "others change it all the time, or the store loses what it is sent".into(),
         })
     }
 
-    /// Whether a scenario of the store is labelled; `false` if its manifest does not tell.
-    async fn is_labelled(&self, id: &str, seal: &Seal) -> Result<bool> {
-        let manifest = self.read(&scenario_file(id, MANIFEST)).await?;
-        let manifest = manifest.and_then(|manifest| String::from_utf8(manifest).ok());
-        let files = manifest.and_then(|manifest| seal::sealed_files(&manifest, seal).ok());
-        let mut files = files.unwrap_or_default().into_iter();
-        Ok(files.any(|file| file.name == ScenarioFolder::TRUTH_BOXES))
-    }
-
-    /// Deletes files of an earlier state of the scenario that the new one lacks.
-    async fn delete_unnamed(
+    /// The objects of a scenario in the store. A listing that was made before the seal was read is enough if it has all of ours, or
+    /// if there is no seal.
+    async fn objects_for(
         &self,
-        id: &str,
-        sealed: &Sealed,
-        there: &BTreeMap<String, ObjectInfo>,
-    ) {
-        let unnamed = there
-            .keys()
-            .filter(|name| seal::is_scenario_file(name) && sealed.hash_of(name).is_none());
-        for name in unnamed {
-            // Write permission does not imply permission to delete. It does no harm: files outside the manifest are ignored.
-            if let Err(error) = self.delete(&scenario_file(id, name)).await {
-                tracing::warn!(%error, "an earlier form of the scenario had it, and it is still there");
+        ours: &Ours<'_>,
+        found: Option<&FoundSeal>,
+        seen: Option<Objects>,
+    ) -> Result<Objects> {
+        let id = ours.folder.id();
+        if let Some(seen) = seen {
+            let is_enough = match found.map(|found| &found.stored) {
+                None => true,
+                Some(Ok(stored)) if stored.is_of(ours.sealed.seal()) => {
+                    self.faults_of_ours(ours, stored, &seen).await?.is_empty()
+                }
+                Some(_) => false,
+            };
+            if is_enough {
+                return Ok(seen);
             }
         }
+        self.objects(&id).await
     }
 
-    /// Whether the store has exactly this file.
-    pub(crate) async fn has(
+    async fn faults_of_ours(
         &self,
-        folder: &ScenarioFolder,
-        file: &SealedFile,
-        there: &BTreeMap<String, ObjectInfo>,
-    ) -> Result<bool> {
-        let path = seal::current_path(folder.root(), &file.name)?;
-        let bytes = size_of(&path)?;
-        let name = scenario_file(&folder.id(), &file.name);
-        Ok(
-            there.get(&file.name).map(|there| there.bytes) == Some(bytes)
-                && self.hash_of(&name).await?.as_deref() == Some(file.blake3.as_str()),
-        )
-    }
-
-    /// Whether the file had to be sent.
-    pub(crate) async fn send_if_missing(
-        &self,
-        folder: &ScenarioFolder,
-        file: &SealedFile,
-        there: &BTreeMap<String, ObjectInfo>,
-        watch: &dyn Watch,
-    ) -> Result<bool> {
-        if watch.stopped() {
-            return Err(StoreError::Stopped);
+        ours: &Ours<'_>,
+        stored: &StoredSeal,
+        there: &Objects,
+    ) -> Result<Vec<String>> {
+        let mut faults = Vec::new();
+        for file in &ours.files {
+            faults.extend(self.fault(&ours.folder.id(), file, stored, there).await?);
         }
-        if self.has(folder, file, there).await? {
+        Ok(faults)
+    }
+
+    /// How ours stands to what the store has.
+    async fn standing(
+        &self,
+        ours: &Ours<'_>,
+        found: Option<&FoundSeal>,
+        there: &Objects,
+        watch: &dyn Watch,
+    ) -> Result<Standing> {
+        let Some(found) = found else {
+            return Ok(Standing::ToCommit(Before::Nothing));
+        };
+        let damaged = |faults: Vec<String>| Standing::ToCommit(Before::Damaged(faults.join("; ")));
+        let stored = match &found.stored {
+            Ok(stored) => stored,
+            Err(fault) => return Ok(damaged(vec![fault.clone()])),
+        };
+        if stored.is_of(ours.sealed.seal()) {
+            let faults = self.faults_of_ours(ours, stored, there).await?;
+            return Ok(if faults.is_empty() {
+                Standing::Settled(Pushed::Same)
+            } else {
+                damaged(faults)
+            });
+        }
+        let id = ours.folder.id();
+        if stored.seal.config_hash != ours.sealed.seal().config_hash {
+            return Err(self.damaged(
+                &id,
+                format!(
+                    "is committed, but was made from other parameters than {}; delete one of them first",
+                    ours.folder.root().display()
+                ),
+            ));
+        }
+        let files = match self.their_files(&id, stored, there).await? {
+            Ok(files) => files,
+            Err(fault) => return Ok(damaged(vec![fault])),
+        };
+        let faults = self.mend(ours, stored, &files, there, watch).await?;
+        if !faults.is_empty() {
+            return Ok(damaged(faults));
+        }
+        let theirs = SealedCopy {
+            files: &files,
+            sealed: found.sealed(),
+            manifest_blake3: &stored.seal.manifest_blake3,
+        };
+        self.precedence(ours, &theirs, there).await
+    }
+
+    /// Sends what a committed scenario has lost and ours has; returns what remains lost.
+    async fn mend(
+        &self,
+        ours: &Ours<'_>,
+        stored: &StoredSeal,
+        theirs: &[SealedFile],
+        there: &Objects,
+        watch: &dyn Watch,
+    ) -> Result<Vec<String>> {
+        let mut faults = Vec::new();
+        for file in theirs {
+            let Some(fault) = self.fault(&ours.folder.id(), file, stored, there).await? else {
+                continue;
+            };
+            if ours.sealed.files().contains(file) {
+                self.send_if_missing(ours.folder, file, None, there, watch)
+                    .await?;
+            } else {
+                faults.push(fault);
+            }
+        }
+        Ok(faults)
+    }
+
+    /// The rule for two whole copies with the same parameters ([`crate::precedence`]).
+    async fn precedence(
+        &self,
+        ours: &Ours<'_>,
+        theirs: &SealedCopy<'_>,
+        there: &Objects,
+    ) -> Result<Standing> {
+        let copy = SealedCopy {
+            files: &ours.files,
+            sealed: ours.sealed_at,
+            manifest_blake3: &ours.sealed.seal().manifest_blake3,
+        };
+        let is_same_recording = copy.has_videos_of(theirs)
+            && (copy.has_frames_of(theirs) || self.has_poses_of(ours, theirs, there).await?);
+        if !is_same_recording {
+            return Ok(Standing::Settled(Pushed::OtherRecording));
+        }
+        Ok(match first(&copy, theirs) {
+            First::Ours => Standing::ToCommit(Before::Other),
+            First::TheirsIsLabelled => Standing::Settled(Pushed::Labelled),
+            First::TheirsIsLater => Standing::Settled(Pushed::Newer),
+        })
+    }
+
+    async fn has_poses_of(
+        &self,
+        ours: &Ours<'_>,
+        theirs: &SealedCopy<'_>,
+        there: &Objects,
+    ) -> Result<bool> {
+        let mut frames = theirs.files.iter();
+        let frames = frames.find(|file| file.name == ScenarioFolder::FRAMES);
+        let Some((object, _)) = frames.and_then(|frames| there.locate(frames)) else {
             return Ok(false);
-        }
-        let path = seal::current_path(folder.root(), &file.name)?;
-        let bytes = size_of(&path)?;
-        let name = scenario_file(&folder.id(), &file.name);
-        let hash = if bytes <= PART_BYTES {
-            self.send_whole(&path, &name, &file.blake3, watch).await?
-        } else {
-            self.send_in_parts(&path, &name, bytes, &file.blake3, watch)
-                .await?
         };
-        match hash {
-            Some(()) => Ok(true),
-            None => Err(StoreError::Damaged {
-                place: path.display().to_string(),
-                message: format!("does not match its seal: its hash differs from {MANIFEST}"),
-            }),
-        }
+        let name = scenario_file(&ours.folder.id(), &object);
+        let theirs = self.read(&name).await?;
+        let theirs = theirs.ok_or_else(|| StoreError::Away {
+            url: self.name().into(),
+            doing: format!("read {name}"),
+            message: "it was listed, and is missing now".into(),
+        })?;
+        let path = seal::current_path(ours.folder.root(), ScenarioFolder::FRAMES)?;
+        let ours = outside_file::read(&path, FileKind::TABLE.unlinked())?;
+        Ok(are_same_poses(ours, theirs))
     }
 
-    /// `None` if the file has another hash; then nothing is sent.
-    async fn send_whole(
+    /// Sends all files and the manifest, unless they are there; returns how many files were sent.
+    async fn send_files(
         &self,
-        path: &Path,
-        name: &str,
-        blake3: &str,
+        ours: &Ours<'_>,
+        found: Option<&FoundSeal>,
+        there: &Objects,
+        noted: &mut BTreeMap<String, Noted>,
         watch: &dyn Watch,
-    ) -> Result<Option<()>> {
-        let file = outside_file::open(path, FileKind::VIDEO.unlinked())?;
-        let (_, bytes) = read_part(file, PART_BYTES)
-            .await
-            .map_err(dataset::Error::io("read", path))?;
-        if blake3::hash(&bytes).to_string() != blake3 {
-            return Ok(None);
+    ) -> Result<usize> {
+        let stored = found.and_then(|found| found.stored.as_ref().ok());
+        let mut sent = 0;
+        for file in ours.sealed.files() {
+            let earlier = noted.get(&file.name);
+            let earlier = earlier.or_else(|| stored.and_then(|stored| stored.noted(file)));
+            let e_tag = earlier.and_then(|earlier| earlier.e_tag.as_deref());
+            let (object, was_sent) = self
+                .send_if_missing(ours.folder, file, e_tag, there, watch)
+                .await?;
+            noted.insert(file.name.clone(), object);
+            sent += usize::from(was_sent);
         }
-        let length = bytes.len() as u64;
-        let options = PutOptions {
-            attributes: self.attributes(blake3),
-            ..PutOptions::default()
-        };
-        self.store
-            .put_opts(&self.own_key(name)?, bytes.into(), options)
-            .await
-            .map_err(|error| self.error(&format!("write {name}"), &error))?;
-        watch.passed(length);
-        Ok(Some(()))
+        let manifest = manifest_file(ours.sealed.seal());
+        let bytes = ours.sealed.manifest().as_bytes();
+        let object = self.send_bytes(&ours.folder.id(), &manifest, bytes).await?;
+        noted.insert(manifest.name, object);
+        Ok(sent)
     }
-
-    /// The same in parts. If it fails, the parts in the store are removed.
-    async fn send_in_parts(
-        &self,
-        path: &Path,
-        name: &str,
-        bytes: u64,
-        blake3: &str,
-        watch: &dyn Watch,
-    ) -> Result<Option<()>> {
-        // A process that clears incomplete uploads cannot know that this one is still active: it starts over.
-        let failed = |error: object_store::Error| match error {
-            object_store::Error::NotFound { .. } => StoreError::Away {
-                url: self.name().into(),
-                doing: format!("write {name}"),
-                message: "another `dtd push` cleared this upload".into(),
-            },
-            error => self.error(&format!("write {name}"), &error),
-        };
-        let mut file = outside_file::open(path, FileKind::VIDEO.unlinked())?;
-        let options = PutMultipartOptions {
-            attributes: self.attributes(blake3),
-            ..PutMultipartOptions::default()
-        };
-        let upload = self
-            .store
-            .put_multipart_opts(&self.own_key(name)?, options)
-            .await
-            .map_err(|error| self.error(&format!("write {name}"), &error))?;
-        let part_bytes = PART_BYTES.max(bytes.div_ceil(MOST_PARTS));
-        let mut parts = WriteMultipart::new_with_chunk_size(upload, part_bytes as usize);
-        let mut hasher = blake3::Hasher::new();
-        let whole = async {
-            loop {
-                let part;
-                (file, part) = read_part(file, part_bytes)
-                    .await
-                    .map_err(dataset::Error::io("read", path))?;
-                if part.is_empty() {
-                    return Ok::<bool, StoreError>(hasher.finalize().to_string() == blake3);
-                }
-                if watch.stopped() {
-                    return Err(StoreError::Stopped);
-                }
-                hasher.update(&part);
-                parts
-                    .wait_for_capacity(PARTS_AT_ONCE)
-                    .await
-                    .map_err(failed)?;
-                let length = part.len() as u64;
-                parts.put(part.into());
-                watch.passed(length);
-            }
-        };
-        let whole = whole.await;
-        match whole {
-            Ok(true) => {
-                parts.finish().await.map_err(failed)?;
-                Ok(Some(()))
-            }
-            other => {
-                if let Err(error) = parts.abort().await {
-                    tracing::debug!(%error, name, "parts are left in the store");
-                }
-                other.map(|_| None)
-            }
-        }
-    }
-
-    async fn send_bytes(&self, name: &str, bytes: Vec<u8>) -> Result<()> {
-        let options = PutOptions {
-            attributes: self.attributes(&blake3::hash(&bytes).to_string()),
-            ..PutOptions::default()
-        };
-        self.store
-            .put_opts(&self.own_key(name)?, bytes.into(), options)
-            .await
-            .map_err(|error| self.error(&format!("write {name}"), &error))?;
-        Ok(())
-    }
-}
-
-fn size_of(path: &Path) -> Result<u64> {
-    let found = fs::metadata(path).map_err(dataset::Error::io("read", path))?;
-    Ok(found.len())
 }
 
 /// When a scenario got its seal.
@@ -372,15 +382,4 @@ fn sealed_at(folder: &ScenarioFolder) -> Result<SystemTime> {
     let path = folder.root().join(DONE);
     let found = fs::metadata(&path).and_then(|found| found.modified());
     Ok(found.map_err(dataset::Error::io("look at", &path))?)
-}
-
-/// The next bytes of a file, on a thread that may block on the disk; empty at the end.
-async fn read_part(mut file: File, most: u64) -> io::Result<(File, Vec<u8>)> {
-    spawn_blocking(move || {
-        let mut part = Vec::new();
-        file.by_ref().take(most).read_to_end(&mut part)?;
-        Ok((file, part))
-    })
-    .await
-    .map_err(io::Error::other)?
 }

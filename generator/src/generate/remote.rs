@@ -11,7 +11,7 @@ use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal::Seal;
 use dataset::set_aside::{FOLDER as FAILED, SetAside};
-use store::{CorpusStore, Keep};
+use store::{Committed, CorpusStore, Keep};
 
 use super::error::GenerateError;
 use crate::plan::Difference;
@@ -48,17 +48,27 @@ impl Remote {
         }
     }
 
-    /// The committed ones of `wanted`, after checking their parameters.
+    /// The committed ones of `wanted` of which the store has everything, after checking their parameters. What the store has lost is
+    /// to be sent or recorded again.
     pub(super) async fn committed(
         &self,
         wanted: &[&PlannedScenario],
     ) -> Result<BTreeMap<String, Seal>, GenerateError> {
-        let there = self.store.committed().await?;
+        let listing = self.store.listing().await?;
         let ids = wanted.iter().map(|scenario| scenario.id.clone());
-        let seals = self
-            .store
-            .seals(ids.filter(|id| there.contains(id)))
-            .await?;
+        let mut seals = BTreeMap::new();
+        for (id, state) in self.store.states(&listing, ids).await? {
+            match state {
+                Committed::Whole(seal) => {
+                    seals.insert(id, seal);
+                }
+                Committed::Damaged(faults) => tracing::warn!(
+                    id,
+                    "damaged in the store: {faults}; it is sent again from the stage, or recorded again"
+                ),
+                Committed::No => {}
+            }
+        }
         for scenario in wanted {
             if let Some(seal) = seals.get(&scenario.id)
                 && seal.config_hash != scenario.config_hash
@@ -120,8 +130,8 @@ impl Remote {
         }
     }
 
-    /// Removes a scenario that the store has from the stage, without ever leaving half of one under its name. It stays if its
-    /// detections exist nowhere else.
+    /// Removes a scenario from the stage once the store has it, of which the caller made sure, without ever leaving half of one under
+    /// its name. It stays if its detections exist nowhere else.
     pub(super) async fn unstage(&self, stage: &Corpus, id: &str) {
         let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
         match self.store.has_detections_of(&whole).await {

@@ -18,6 +18,7 @@ use dataset::plan::PlannedScenario;
 use dataset::set_aside::SetAside;
 use futures_util::future::join_all;
 use indicatif::DecimalBytes;
+use store::Committed;
 
 use super::attempt::Attempt;
 use super::error::{Blame, GenerateError, ScenarioError};
@@ -197,13 +198,13 @@ impl<'a> Run<'a> {
         self.queue().done_with(task);
     }
 
-    /// Whether another run has uploaded a scenario to the object store since this one started. An unreachable store is reported at
-    /// the next upload.
+    /// Whether another run has uploaded a scenario to the object store since this one started, and all of it is there. An unreachable
+    /// store is reported at the next upload.
     async fn is_in_store(&self, task: &Task<'a>) -> bool {
         match self.remote {
             Some(remote) => {
-                let seal = remote.store.seal(&task.scenario.id).await;
-                seal.is_ok_and(|seal| seal.is_some())
+                let state = remote.store.committed_state(&task.scenario.id, None).await;
+                matches!(state, Ok(Committed::Whole(_)))
             }
             None => false,
         }
@@ -273,7 +274,7 @@ impl<'a> Run<'a> {
     /// A scenario is complete in the corpus' folder.
     async fn made(&self, task: Task<'a>, claim: Claim, uploads: Option<&Uploads<'_, 'a>>) {
         match uploads {
-            Some(uploads) => uploads.hand_over(task.scenario, claim).await,
+            Some(uploads) => uploads.hand_over(task.scenario, claim, false).await,
             None => self.tally.committed(task.scenario),
         }
         self.queue().done_with(task);

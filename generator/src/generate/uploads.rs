@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use dataset::claim::{Claim, Claimed};
-use dataset::corpus::Corpus;
+use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::PlannedScenario;
-use store::{OnOther, Pushed, StoreError, Watch};
+use store::{Objects, Pushed, StoreError, Watch};
 use tokio::sync::mpsc;
 use tokio::time::sleep;
 
@@ -28,6 +28,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(500);
 struct Job<'a> {
     scenario: &'a PlannedScenario,
     claim: Claim,
+    /// Whether an earlier run may have sent a part of it.
+    is_resumed: bool,
 }
 
 /// The worker that uploads finished scenarios.
@@ -49,8 +51,18 @@ pub(super) struct Uploads<'r, 'a> {
 
 impl<'a> Uploads<'_, 'a> {
     /// Queues a finished scenario for upload; waits while the queue is full. If the run ends before, it stays on the stage.
-    pub(super) async fn hand_over(&self, scenario: &'a PlannedScenario, claim: Claim) {
-        let job = match self.jobs.try_send(Job { scenario, claim }) {
+    pub(super) async fn hand_over(
+        &self,
+        scenario: &'a PlannedScenario,
+        claim: Claim,
+        is_resumed: bool,
+    ) {
+        let job = Job {
+            scenario,
+            claim,
+            is_resumed,
+        };
+        let job = match self.jobs.try_send(job) {
             Ok(()) => return,
             Err(mpsc::error::TrySendError::Full(job) | mpsc::error::TrySendError::Closed(job)) => {
                 job
@@ -73,7 +85,7 @@ impl<'a> Uploads<'_, 'a> {
     pub(super) async fn hand_over_staged(self, staged: &[&'a PlannedScenario]) {
         for scenario in staged {
             match self.claim_staged(scenario).await {
-                Ok(Some(claim)) => self.hand_over(scenario, claim).await,
+                Ok(Some(claim)) => self.hand_over(scenario, claim, true).await,
                 Ok(None) => {}
                 Err(error) => self.uploader.tally.fail(error),
             }
@@ -132,29 +144,31 @@ impl<'r, 'a> Uploader<'r, 'a> {
             uploader: self,
         };
         let work = async move {
-            while let Some(Job { scenario, claim }) = jobs.recv().await {
-                match self.tally.halt.is_cancelled() {
-                    true => self.tally.stays_staged(scenario),
-                    false => self.upload(scenario).await,
+            while let Some(job) = jobs.recv().await {
+                if self.tally.halt.is_cancelled() {
+                    self.tally.stays_staged(job.scenario);
+                } else {
+                    self.upload(job.scenario, job.is_resumed).await;
                 }
-                drop(claim);
+                drop(job.claim);
             }
         };
         (uploads, work)
     }
 
-    async fn upload(&self, scenario: &PlannedScenario) {
+    async fn upload(&self, scenario: &PlannedScenario, is_resumed: bool) {
         let id = scenario.id.as_str();
         let began = Instant::now();
-        match self.push(id).await {
+        match self.push(id, is_resumed).await {
+            // The store has been compared with a listing: it has all of this scenario, or of the one that goes before it.
             Ok(pushed) => {
                 self.remote.forget_failure(id).await;
-                if !self.remote.keep_staged {
+                if self.is_superseded(id, &pushed) && !self.remote.keep_staged {
                     self.remote.unstage(self.stage, id).await;
                 }
                 match pushed {
                     Pushed::Committed { .. } => self.tally.committed(scenario),
-                    Pushed::Same | Pushed::Other | Pushed::Newer | Pushed::Labelled => {
+                    Pushed::Same | Pushed::OtherRecording | Pushed::Newer | Pushed::Labelled => {
                         self.tally.skipped(scenario);
                     }
                 }
@@ -188,13 +202,33 @@ impl<'r, 'a> Uploader<'r, 'a> {
         }
     }
 
+    /// Whether a scenario is needed on the stage no longer. Labels of a recording that the store does not take exist nowhere else.
+    fn is_superseded(&self, id: &str, pushed: &Pushed) -> bool {
+        let labels = self
+            .stage
+            .scenario(id)
+            .root()
+            .join(ScenarioFolder::TRUTH_BOXES);
+        if *pushed != Pushed::OtherRecording || !labels.exists() {
+            return true;
+        }
+        tracing::warn!(
+            id,
+            "stays on the stage: it is labelled, and the store has another recording of it; move it away to keep it"
+        );
+        false
+    }
+
     /// Sends a scenario, as long as the store can be reached and the run does not end.
-    async fn push(&self, id: &str) -> store::Result<Pushed> {
+    async fn push(&self, id: &str, is_resumed: bool) -> store::Result<Pushed> {
         let folder = self.stage.scenario(id);
+        // Nothing of a scenario that was recorded just now is in the store: one listing, after the upload, is enough.
+        let mut seen = (!is_resumed).then(Objects::default);
         let watching = Watching { uploader: self, id };
         let pushing = store::Patience(self.patience).with(&watching, async |watch| {
             let store = &self.remote.store;
-            store.push_scenario(&folder, OnOther::Keep, watch).await
+            let seen = seen.take();
+            store.push_scenario(&folder, seen.as_ref(), watch).await
         });
         let no_longer = async {
             self.tally.halt.cancelled().await;
