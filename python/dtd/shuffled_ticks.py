@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dtd.tick_dataset import TickDataset
+from dtd.tick_dataset import Run, TickDataset
 from dtd.video import Video
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ else:
 
 RUN_TICKS = 240
 """Length of a run. A multiple of the distance of key frames in a corpus (60), so that no picture is decoded for nothing."""
-
-Run = list[int]
 
 
 class ShuffledTicks(_IterableDataset):
@@ -68,15 +66,15 @@ class ShuffledTicks(_IterableDataset):
     def __iter__(self) -> Iterator[Any]:
         """The samples; in a worker of a `DataLoader`, its share of the runs."""
         worker, workers = _worker()
-        runs = iter(self._shuffled_runs()[worker::workers])
+        runs = self._shuffled_runs()[worker::workers]
         random = np.random.default_rng([self._seed, self._epoch, worker, 1])
         open_runs: list[_OpenRun] = []
         try:
-            while True:
-                while len(open_runs) < self._runs_at_once and (run := next(runs, None)) is not None:
-                    open_runs.append(_OpenRun(self._of_ticks, run))
-                if not open_runs:
-                    return
+            while runs or open_runs:
+                while runs and len(open_runs) < self._runs_at_once:
+                    open_scenarios = {run.scenario for run in open_runs}
+                    others = (at for at, run in enumerate(runs) if run.scenario not in open_scenarios)
+                    open_runs.append(_OpenRun(self._of_ticks, runs.pop(next(others, 0))))
                 for place in random.permutation(len(open_runs)):
                     yield open_runs[place].next_sample()
                 for ended in [run for run in open_runs if run.has_ended()]:
@@ -87,23 +85,18 @@ class ShuffledTicks(_IterableDataset):
                 left.close()
 
     def _shuffled_runs(self) -> list[Run]:
-        """All runs; scenarios take turns, so that neighbours in this order are of different scenarios."""
-        random = np.random.default_rng([self._seed, self._epoch])
-        runs_of = self._of_ticks.runs(RUN_TICKS)
-        for runs in runs_of:
-            random.shuffle(runs)
-        shuffled: list[Run] = []
-        while runs_of := [runs for runs in runs_of if runs]:
-            shuffled.extend(runs_of[at].pop() for at in random.permutation(len(runs_of)))
-        return shuffled
+        runs = self._of_ticks.runs(RUN_TICKS)
+        order = np.random.default_rng([self._seed, self._epoch]).permutation(len(runs))
+        return [runs[at] for at in order]
 
 
 class _OpenRun:
     """A run, and the videos that it is read from."""
 
     def __init__(self, ticks: TickDataset, run: Run) -> None:
+        self.scenario = run.scenario
         self._ticks = ticks
-        self._left = iter(run)
+        self._left = iter(run.samples)
         self._following = next(self._left, None)
         self._videos: dict[str, Video] = {}
 

@@ -16,7 +16,7 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +53,14 @@ class Sample(TypedDict):
     """Centre right, centre down, width, height in pixels of the whole picture; NaN where there is no box."""
     corners_px: dict[str, npt.NDArray[np.int64]]
     """Right and down: the place of the crop's top-left pixel in the whole picture."""
+
+
+class Run(NamedTuple):
+    """Samples of a scenario in their order."""
+
+    scenario: str
+    samples: list[int]
+    """Their numbers in the dataset."""
 
 
 class TickDataset(_Dataset):
@@ -150,12 +158,12 @@ class TickDataset(_Dataset):
         )
         return sample if self.transform is None else self.transform(sample)
 
-    def runs(self, ticks: int) -> list[list[list[int]]]:
-        """The numbers of all samples by scenario, cut into runs of at most so many ticks, each of which begins at a multiple of it."""
-        runs: dict[str, dict[int, list[int]]] = {}
+    def runs(self, ticks: int) -> list[Run]:
+        """All samples in runs of at most so many ticks, each of which begins at a multiple of it."""
+        runs: dict[tuple[str, int], Run] = {}
         for index, (scenario, tick) in enumerate(zip(self._scenarios, self._ticks.tolist(), strict=True)):
-            runs.setdefault(scenario, {}).setdefault(tick // ticks, []).append(index)
-        return [list(of_scenario.values()) for of_scenario in runs.values()]
+            runs.setdefault((scenario, tick // ticks), Run(scenario, [])).samples.append(index)
+        return list(runs.values())
 
     def open_video(self, scenario: str, view: str) -> Video:
         """The pictures of a view of a scenario of this dataset; to be closed by the caller."""
