@@ -151,6 +151,7 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
             out: out.to_owned(),
             holder: holder.map_or("another process".into(), |holder| holder.to_string()),
         }),
+        Err(error) if error.is_of_disk() => Err(error.into()),
         Err(dataset::Error::Io { source, .. }) => Err(refused(OutputFault::NotMade(source))),
         Err(error) => Err(error.into()),
     }
