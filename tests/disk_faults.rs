@@ -275,6 +275,19 @@ impl Undisturbed {
     }
 }
 
+/// Faults of each kind of operation in turn: there are far more reads than others.
+fn in_turn(faults: &[Fault]) -> impl Iterator<Item = &Fault> {
+    let mut turns = BTreeMap::new();
+    let mut numbered = Vec::new();
+    for fault in faults {
+        let turn = turns.entry(&fault.operation).or_insert(0_usize);
+        numbered.push((*turn, fault));
+        *turn += 1;
+    }
+    numbered.sort_by_key(|(turn, _)| *turn);
+    numbered.into_iter().map(|(_, fault)| fault)
+}
+
 fn setting(variable: &str) -> Option<String> {
     env::var(variable).ok()
 }
@@ -303,14 +316,8 @@ fn after_one_fault_of_the_disk_the_same_command_ends_with_the_files_of_an_undist
             return skipped("nothing can be preloaded into a process");
         };
         undisturbed.faults.shuffle(&mut random);
-        // One operation of each kind in turn: there are far more reads than others.
-        let mut turns = BTreeMap::new();
-        undisturbed.faults.sort_by_cached_key(|fault| {
-            let turn = turns.entry(fault.operation.clone()).or_insert(0);
-            *turn += 1;
-            *turn
-        });
-        let chosen = undisturbed.faults.iter().take(number);
+        let chosen = in_turn(&undisturbed.faults);
+        let chosen: Vec<_> = chosen.take(number).collect();
         println!(
             "{verb}: {} of {} faults, varying {:?}",
             chosen.len(),

@@ -312,8 +312,12 @@ impl TableParts {
             return Ok(());
         };
         let file = writer.into_inner();
-        file.map_err(|error| not_written(&self.path, error))?
-            .commit()
+        let failed = |error| match error {
+            // Only the disk is left to fail here, and its error is wrapped as text.
+            ParquetError::General(said) => Error::io("write", &self.path)(io::Error::other(said)),
+            error => not_written(&self.path, error),
+        };
+        file.map_err(failed)?.commit()
     }
 }
 

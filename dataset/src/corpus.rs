@@ -142,6 +142,7 @@ impl Corpus {
     pub fn scenarios(&self) -> Result<Vec<ScenarioFolder>> {
         let mut committed = Vec::new();
         for scenario in self.folders()? {
+            refuse_link(scenario.root())?;
             match scenario.seal() {
                 Ok(None) => {}
                 Ok(Some(_)) => committed.push(scenario),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use dataset::claim::{Claim, Claimed};
-use dataset::corpus::{Corpus, own_folder_around};
+use dataset::corpus::Corpus;
 use dataset::json_file::{read_json, write_atomically, write_json};
 use dataset::progress::Progress;
 use dataset::splits::Side;
@@ -136,11 +136,6 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     if out.is_dir() || out.file_name().is_none() {
         return Err(refused(OutputFault::Folder));
     }
-    if let Some(own) = own_folder_around(out) {
-        return Err(refused(OutputFault::InCorpus {
-            own: own.to_owned(),
-        }));
-    }
     let report = beside(out, "json");
     let is_report = |found: Value| found.get("model_blake3").is_some_and(Value::is_string);
     if report.exists() && !read_json(&report, "report of a detector").is_ok_and(is_report) {
@@ -156,6 +151,7 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
             out: out.to_owned(),
             holder: holder.map_or("another process".into(), |holder| holder.to_string()),
         }),
+        Err(error) if error.is_of_disk() => Err(error.into()),
         Err(dataset::Error::Io { source, .. }) => Err(refused(OutputFault::NotMade(source))),
         Err(error) => Err(error.into()),
     }

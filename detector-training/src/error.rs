@@ -93,12 +93,6 @@ pub enum OutputFault {
     /// It is no file.
     #[error("is a folder; expected the name of a file")]
     Folder,
-    /// It would lie among the files of a corpus.
-    #[error("lies in {}, which a corpus reserves for its own files; name a file outside", own.display())]
-    InCorpus {
-        /// The corpus's folder.
-        own: PathBuf,
-    },
     /// It is another file.
     #[error(
         "is not a detector that `dtd train-detector` wrote there, with its report beside it; move it away, or give another --out"

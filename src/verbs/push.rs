@@ -266,9 +266,10 @@ async fn send_corpus_files(
     sent: &mut Sent,
 ) -> Result<(), Failure> {
     let mut said: Vec<(&str, String)> = Vec::new();
-    let mut same_sweep = false;
+    // Plans of the same bytes are not judged.
+    let mut same_sweep = true;
     let judge = |name, theirs: &[u8], plan| {
-        // Judged first.
+        // It comes first.
         if name == Corpus::PLAN {
             same_sweep = files.has_sweep_of(theirs);
         }

@@ -105,6 +105,7 @@ impl RunPlace {
                     holder: holder.map_or("another process".into(), |holder| holder.to_string()),
                 });
             }
+            Err(error) if error.is_of_disk() => return Err(error.into()),
             Err(dataset::Error::Io { source, .. }) => return Err(cannot_be_made(&run, source)),
             Err(error) => return Err(error.into()),
         };

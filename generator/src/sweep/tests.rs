@@ -604,11 +604,6 @@ fn names_that_are_one_file_where_case_does_not_count_are_refused() {
             "Clear",
         ),
         ("id = \"right\"", "id = \"Left\"", "Left"),
-        (
-            "[weather.foggy]",
-            "[profile.ILS_3deg]\n[profile.ils_3deg]\n[weather.foggy]",
-            "ILS_3deg",
-        ),
     ] {
         let message = parse(&SMALL.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(
