@@ -121,11 +121,6 @@ impl CorpusStore {
         })
     }
 
-    /// Identifiers of all committed scenarios.
-    pub fn committed(&self) -> BoxFuture<'_, Result<BTreeSet<String>>> {
-        Box::pin(async move { Ok(self.listing().await?.committed()) })
-    }
-
     /// The states of several scenarios of a listing; the ones without a seal are left out.
     pub async fn states(
         &self,

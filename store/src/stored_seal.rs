@@ -158,17 +158,6 @@ impl CorpusStore {
         })
     }
 
-    /// The seal of a scenario, if it is committed.
-    pub fn seal<'a>(&'a self, id: &'a str) -> BoxFuture<'a, Result<Option<Seal>>> {
-        Box::pin(async move {
-            let Some(found) = self.found_seal(id).await? else {
-                return Ok(None);
-            };
-            let stored = found.stored.map_err(|fault| self.damaged(id, fault))?;
-            Ok(Some(stored.seal))
-        })
-    }
-
     /// A sealed file of a committed scenario, if it is there.
     ///
     /// # Errors

@@ -152,7 +152,7 @@ async fn a_scenario_goes_there_and_comes_back_byte_for_byte() {
     let (_folder, stores) = stores();
     for store in stores {
         let (_ours, ours) = corpus_with("table");
-        assert!(store.committed().await.unwrap().is_empty());
+        assert!(store.listing().await.unwrap().committed().is_empty());
         let pushed = push(&store, &ours).await.unwrap();
         assert_eq!(
             pushed,
@@ -163,7 +163,7 @@ async fn a_scenario_goes_there_and_comes_back_byte_for_byte() {
             }
         );
         assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
-        let committed = store.committed().await.unwrap();
+        let committed = store.listing().await.unwrap().committed();
         assert_eq!(committed.into_iter().collect::<Vec<_>>(), [ID]);
         let (_theirs, theirs) = empty();
         let fetch = || store.fetch_scenario(ID, &theirs, None, &());
@@ -190,7 +190,7 @@ async fn an_upload_that_ends_early_commits_nothing_and_is_gone_on_with() {
         for (limit, there_then) in [(1, 1), (8 << 20, 1)] {
             let stopped = store.push_scenario(&folder, None, &stop_after(limit)).await;
             assert!(matches!(stopped, Err(StoreError::Stopped)));
-            assert!(store.committed().await.unwrap().is_empty());
+            assert!(store.listing().await.unwrap().committed().is_empty());
             let there = store.objects(ID).await.unwrap();
             assert_eq!(there.0.len(), there_then, "{there:?}");
         }
@@ -239,7 +239,7 @@ async fn a_file_that_is_not_what_was_sealed_is_not_sent() {
         assert!(error.to_string().contains(name), "{error}");
         let there = store.objects(ID).await.unwrap();
         assert!(!there.0.keys().any(|object| file_name(object) == name));
-        assert!(store.committed().await.unwrap().is_empty());
+        assert!(store.listing().await.unwrap().committed().is_empty());
     }
 }
 
@@ -248,8 +248,9 @@ async fn another_recording_is_kept_and_other_parameters_are_refused() {
     let (store, _first, first) = pushed().await;
     let (_second, second) = corpus_with("another table");
     assert_eq!(push(&store, &second).await.unwrap(), Pushed::OtherRecording);
-    let seal = first.scenario(ID).seal().unwrap();
-    assert_eq!(store.seal(ID).await.unwrap(), seal);
+    let seal = first.scenario(ID).seal().unwrap().unwrap();
+    let state = store.committed_state(ID, None).await.unwrap();
+    assert_eq!(state, Committed::Whole(seal));
     seal_folder(second.scenario(ID).root(), "other config").unwrap();
     let error = push(&store, &second).await.unwrap_err().to_string();
     assert!(error.contains("other parameters"), "{error}");
