@@ -69,7 +69,7 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let examples = match Estimator::ALL.iter().position(recommended) {
         Some(number) => {
             let outcomes = ticks.outcomes(answers, number);
-            examples::examples(corpus, samples, ticks.ticks(), &outcomes)
+            examples::examples(corpus, samples, ticks.ticks(), &outcomes)?
         }
         None => Vec::new(),
     };
