@@ -252,7 +252,9 @@ fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected() {
         let (line, column) = line_and_column(text, place);
         let start = format!("error: {}:{line}:{column}: ", path.display());
         let good = output.status.code() == Some(2)
-            && message.starts_with(&start)
+            && message
+                .split_once(' ')
+                .is_some_and(|(_, said)| said.starts_with(&start))
             && message.contains(words)
             && message.trim_end().ends_with('^');
         if !good {

@@ -227,7 +227,7 @@ class Pictures(unittest.TestCase):
                 np.testing.assert_array_equal(video[tick], in_order[tick])
 
     def test_a_video_that_counts_in_another_unit_has_the_same_picture_at_the_same_time(self) -> None:
-        path, timestamps, unit = self.corpus.video_source(SCENARIO, "mast")
+        path, timestamps, unit, _ = self.corpus.video_source(SCENARIO, "mast")
         with tempfile.TemporaryDirectory() as folder:
             for scale, can_tell in [(60_000, True), (30_000, True), (1_000, False)]:
                 copy = Path(folder) / f"{scale}.mp4"
