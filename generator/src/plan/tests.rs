@@ -511,7 +511,8 @@ fn computed_flights_take_no_time_to_fly_and_the_plan_of_live_ones_is_what_it_was
     let said = expand(&sweep_of(
         &SMALL.replace("[start]", "[start]\nfly = \"live\""),
     ));
-    assert_eq!(live, said);
+    assert_eq!(live.plan_hash, said.plan_hash);
+    assert_eq!(live.scenarios, said.scenarios);
     let computed = expand(&sweep_of(
         &SMALL.replace("[start]", "[start]\nfly = \"computed\""),
     ));
