@@ -257,7 +257,7 @@ impl Undisturbed {
             match found.get(name) {
                 None => wrong.push(format!("{} is missing", name.display())),
                 Some(found) if found != content => {
-                    wrong.push(format!("{} differs", name.display()))
+                    wrong.push(format!("{} differs", name.display()));
                 }
                 Some(_) => {}
             }

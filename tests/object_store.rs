@@ -21,7 +21,7 @@ use dataset::pixel_box::PixelBox;
 use s3_server::{S3Server, Way};
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
-use testkit::command::{Dtd, json, said};
+use testkit::command::{Dtd, json, said, text};
 use testkit::files::{assert_same_contents, contents};
 use testkit::{program_of_venv, repository};
 
@@ -820,6 +820,29 @@ fn what_the_store_lost_stays_on_the_stage_until_it_is_sent_again() {
     let output = run(&[]);
     assert_eq!(number(&json(&output), "committed"), 1, "{}", said(&output));
     assert_same(&url);
+}
+
+#[test]
+fn a_damaged_split_or_sweep_of_a_store_is_replaced_from_the_stage_and_never_the_other_way() {
+    let (store, stage) = (tempdir().unwrap(), tempdir().unwrap());
+    let url = format!("file://{}", text(store.path()));
+    let run = || {
+        let output = generate(SERVER.address, &url, stage.path())
+            .arg("--keep-staged")
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+    };
+    run();
+    for name in ["splits.json", "corpus.toml"] {
+        let whole = fs::read(stage.path().join(name)).unwrap();
+        for damaged in [&whole[..whole.len() / 2], &[]] {
+            fs::write(store.path().join(name), damaged).unwrap();
+            run();
+            assert_eq!(fs::read(stage.path().join(name)).unwrap(), whole, "{name}");
+            assert_eq!(fs::read(store.path().join(name)).unwrap(), whole, "{name}");
+        }
+    }
 }
 
 #[test]

@@ -182,8 +182,15 @@ pub fn own_folder_around(path: &Path) -> Option<&Path> {
     path.ancestors().find(|folder| {
         let name = folder.file_name().and_then(|name| name.to_str());
         let corpus = folder.parent().unwrap_or(folder);
-        name.is_some_and(|name| OWN_FOLDERS.contains(&name)) && corpus.join(SCENARIOS).is_dir()
+        name.is_some_and(|name| OWN_FOLDERS.contains(&name))
+            && (Corpus::is_at(corpus) || has_sealed_scenario(corpus))
     })
+}
+
+/// Whether a folder has scenarios of a corpus without plan and split, such as an imported one.
+fn has_sealed_scenario(root: &Path) -> bool {
+    let entries = fs::read_dir(root.join(SCENARIOS));
+    entries.is_ok_and(|entries| entries.flatten().any(|entry| seal::is_at(&entry.path())))
 }
 
 /// Rejects a path that cannot hold a corpus, before anything is done: FFmpeg accepts only UTF-8 paths, and so do most tools that

@@ -1,7 +1,8 @@
 //! A folder of files that appears as a whole.
 //!
 //! The files are written into `<name>.partial` beside it, which is renamed when all of them are on disk. If a process is killed or the
-//! disk fails, the same command writes them again.
+//! disk fails, the same command writes them again. An empty folder that is there already, such as `.` or the root of a volume, cannot be
+//! renamed over in every place: it is filled, and is complete with the last file.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -22,6 +23,9 @@ pub fn write<'a>(
     files: impl IntoIterator<Item = (&'a str, &'a [u8])>,
 ) -> Result<()> {
     let folder: PathBuf = folder.components().collect();
+    if folder.is_dir() {
+        return fill(&folder, files);
+    }
     let mut partial = folder.clone().into_os_string();
     partial.push(PARTIAL_SUFFIX);
     let partial = PathBuf::from(partial);
@@ -33,12 +37,22 @@ pub fn write<'a>(
     for (name, content) in files {
         write_atomically(&partial.join(name), content)?;
     }
-    // Only an empty folder is replaced.
     fs::rename(&partial, &folder).map_err(Error::io("rename into place", &folder))?;
     match folder.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => sync(parent),
         _ => sync(Path::new(".")),
     }
+}
+
+/// Writes files into a folder that contains nothing else, file by file.
+fn fill<'a>(folder: &Path, files: impl IntoIterator<Item = (&'a str, &'a [u8])>) -> Result<()> {
+    let files: Vec<_> = files.into_iter().collect();
+    clear_leftovers(folder);
+    refuse_strangers(folder, &files)?;
+    for (name, content) in files {
+        write_atomically(&folder.join(name), content)?;
+    }
+    sync(folder)
 }
 
 fn refuse_strangers(partial: &Path, files: &[(&str, &[u8])]) -> Result<()> {
@@ -52,6 +66,20 @@ fn refuse_strangers(partial: &Path, files: &[(&str, &[u8])]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether a folder contains some of these files with this content and nothing else: an interrupted [`write()`] into an empty folder.
+///
+/// # Errors
+/// It cannot be read.
+pub fn is_begun<'a>(
+    folder: &Path,
+    files: impl IntoIterator<Item = (&'a str, &'a [u8])>,
+) -> Result<bool> {
+    let present = files
+        .into_iter()
+        .filter(|(name, _)| folder.join(name).exists());
+    is_written(folder, present)
 }
 
 /// Whether a folder contains exactly these files with this content.
@@ -102,6 +130,24 @@ mod tests {
                 break;
             }
         }
+    }
+
+    #[test]
+    fn an_empty_folder_is_filled_and_an_interrupted_call_goes_on() {
+        for before in 0.. {
+            let folder = tempfile::tempdir().unwrap();
+            let (result, struck) = failing_sync::after(before, || write(folder.path(), FILES));
+            assert_eq!(result.is_err(), struck, "sync {before}: {result:?}");
+            assert!(is_begun(folder.path(), FILES).unwrap(), "sync {before}");
+            write(folder.path(), FILES).unwrap();
+            assert!(is_written(folder.path(), FILES).unwrap());
+            if !struck {
+                break;
+            }
+        }
+        let other = tempfile::tempdir().unwrap();
+        fs::write(other.path().join("a.onnx"), "another model").unwrap();
+        assert!(!is_begun(other.path(), FILES).unwrap());
     }
 
     #[test]

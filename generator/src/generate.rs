@@ -123,7 +123,10 @@ pub fn generate<'a>(
             restart::check(&options.simulators)?;
         }
         let (split_there, in_store) = match &options.remote {
-            Some(remote) => (remote.look(&plan).await?, remote.committed(&wanted).await?),
+            Some(remote) => (
+                remote.look(&plan, corpus_root).await?,
+                remote.committed(&wanted).await?,
+            ),
             None => (None, BTreeMap::new()),
         };
         if let Some(remote) = &options.remote {

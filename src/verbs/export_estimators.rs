@@ -37,9 +37,6 @@ struct Exported<'a> {
 /// Runs the verb.
 pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
     let began = Instant::now();
-    if !args.out.join(CARD).exists() {
-        refuse_filled(&args.out)?;
-    }
     let ExportedRun {
         models,
         card,
@@ -65,7 +62,9 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
         .map(|model| (model.file.as_str(), model.onnx));
     let files: Vec<_> = files.chain([card]).collect();
     if !new_folder::is_written(&args.out, files.iter().copied())? {
-        refuse_filled(&args.out)?;
+        if !new_folder::is_begun(&args.out, files.iter().copied())? {
+            refuse_filled(&args.out)?;
+        }
         new_folder::write(&args.out, files)?;
     }
     if args.json {

@@ -11,6 +11,7 @@ use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal::Seal;
 use dataset::set_aside::{FOLDER as FAILED, SetAside};
+use dataset::splits::Splits;
 use store::{Committed, CorpusStore, Keep};
 
 use super::error::GenerateError;
@@ -27,13 +28,27 @@ pub struct Remote {
 
 impl Remote {
     /// Checks that the store grants access, and rejects a corpus that was started from a different sweep. Returns the split of that
-    /// corpus, if it has one.
-    pub(super) async fn look(&self, plan: &Plan) -> Result<Option<Vec<u8>>, GenerateError> {
+    /// corpus, if it has one. In the place of a damaged one, the split of the stage holds.
+    pub(super) async fn look(
+        &self,
+        plan: &Plan,
+        stage: &Path,
+    ) -> Result<Option<Vec<u8>>, GenerateError> {
         self.store.check().await?;
         if let Some(theirs) = self.store.read(Corpus::PLAN).await? {
             self.agrees(plan, &theirs)?;
         }
-        Ok(self.store.read(Corpus::SPLITS).await?)
+        let Some(split) = self.store.read(Corpus::SPLITS).await? else {
+            return Ok(None);
+        };
+        match Splits::parse(&split, &self.path_of(Corpus::SPLITS)) {
+            Ok(_) => Ok(Some(split)),
+            Err(error) if stage.join(Corpus::SPLITS).is_file() => {
+                tracing::warn!(%error, "the store's split is damaged; the stage's takes its place");
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
     }
 
     /// The plan of the store, if ours may replace it.
@@ -96,7 +111,8 @@ impl Remote {
             .settle_files(named, |name, theirs, settled_plan| {
                 Ok(match name {
                     Corpus::PLAN if self.agrees(plan, theirs)? == *plan => Keep::Theirs,
-                    Corpus::SWEEP => settled_plan,
+                    // A text that the plan was not expanded from is damaged, or of an interrupted run.
+                    Corpus::SWEEP if plan.is_of_sweep(theirs) == Some(true) => settled_plan,
                     _ => Keep::Ours,
                 })
             })

@@ -55,7 +55,7 @@ impl Suspect {
                 && sight.is_before_smooth()
                 && sight.contrast >= LEAST_CONTRAST
                 && is_central;
-            is_clear.then(|| Self {
+            is_clear.then_some(Self {
                 tick,
                 place,
                 other,
