@@ -52,7 +52,7 @@ impl Corpus {
     /// The files that belong to the whole corpus, in the order in which they are written.
     pub const FILES: [&str; 3] = [Self::PLAN, Self::SPLITS, Self::SWEEP];
 
-    /// Whether there is a corpus with a plan or a split. A folder that only has scenarios may be anyone's.
+    /// Returns true for a corpus with a plan or a split. A folder that only has scenarios may belong to another program.
     pub fn is_at(root: &Path) -> bool {
         root.join(SCENARIOS).is_dir()
             && [Self::PLAN, Self::SPLITS]
@@ -187,7 +187,7 @@ pub fn own_folder_around(path: &Path) -> Option<&Path> {
     })
 }
 
-/// Whether a folder has scenarios of a corpus without plan and split, such as an imported one.
+/// Returns true for a corpus without plan and split, such as an imported one.
 fn has_sealed_scenario(root: &Path) -> bool {
     let entries = fs::read_dir(root.join(SCENARIOS));
     entries.is_ok_and(|entries| entries.flatten().any(|entry| seal::is_at(&entry.path())))

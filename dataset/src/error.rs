@@ -171,7 +171,7 @@ impl Error {
         matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::NotFound)
     }
 
-    /// Whether a disk is full or broken: the same operation succeeds once that is mended.
+    /// Returns true for a full or broken disk: the same operation succeeds after the repair.
     pub fn is_of_disk(&self) -> bool {
         let Self::Io { source, .. } = self else {
             return false;

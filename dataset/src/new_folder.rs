@@ -44,7 +44,7 @@ pub fn write<'a>(
     }
 }
 
-/// Writes files into a folder that contains nothing else, file by file.
+/// Writes the files one by one into an existing folder. Other files in it are an error.
 fn fill<'a>(folder: &Path, files: impl IntoIterator<Item = (&'a str, &'a [u8])>) -> Result<()> {
     let files: Vec<_> = files.into_iter().collect();
     clear_leftovers(folder);
@@ -68,7 +68,7 @@ fn refuse_strangers(partial: &Path, files: &[(&str, &[u8])]) -> Result<()> {
     Ok(())
 }
 
-/// Whether a folder contains some of these files with this content and nothing else: an interrupted [`write()`] into an empty folder.
+/// Returns true for a folder that an interrupted [`write()`] has filled in part: it contains some of these files, unchanged, and no others.
 ///
 /// # Errors
 /// It cannot be read.
@@ -82,7 +82,7 @@ pub fn is_begun<'a>(
     is_written(folder, present)
 }
 
-/// Whether a folder contains exactly these files with this content.
+/// Returns true for a folder with exactly these files, unchanged.
 ///
 /// # Errors
 /// It cannot be read.

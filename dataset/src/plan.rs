@@ -122,7 +122,7 @@ impl Plan {
         }
     }
 
-    /// Whether this is the text that the plan was expanded from; `None` if the plan does not record that.
+    /// Compares a text with the hash of the sweep that the plan was expanded from; `None` if the plan does not record the hash.
     pub fn is_of_sweep(&self, sweep: &[u8]) -> Option<bool> {
         let sealed = self.sweep_blake3.as_deref()?;
         Some(blake3::hash(sweep).to_string() == sealed)

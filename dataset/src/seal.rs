@@ -253,7 +253,7 @@ pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     Ok(None)
 }
 
-/// Whether a folder is sealed, intact or not.
+/// Returns true for a sealed folder, intact or damaged.
 pub fn is_at(folder: &Path) -> bool {
     [DONE, MANIFEST]
         .iter()

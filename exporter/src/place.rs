@@ -91,13 +91,7 @@ impl Place {
         };
         if !partial.join(NEW).is_dir() {
             // Killed after its files were moved: what is noted of them is no longer here.
-            let parts = partial.join(PARTS);
-            match fs::remove_dir_all(&parts) {
-                Err(error) if error.kind() != ErrorKind::NotFound => {
-                    return Err(dataset::Error::io("remove", &parts)(error).into());
-                }
-                _ => {}
-            }
+            remove_parts(&partial)?;
         }
         let begun = partial.join(BEGUN);
         let mine = Begun {
@@ -181,16 +175,20 @@ impl Place {
 
 /// Removes what was noted of an export whose files are in their place.
 fn remove_notes(partial: &Path) -> Result<()> {
-    let parts = partial.join(PARTS);
-    match fs::remove_dir_all(&parts) {
-        Err(error) if error.kind() != ErrorKind::NotFound => {
-            return Err(dataset::Error::io("remove", &parts)(error).into());
-        }
-        _ => {}
-    }
+    remove_parts(partial)?;
     let begun = partial.join(BEGUN);
     fs::remove_file(&begun).map_err(dataset::Error::io("remove", &begun))?;
     Ok(())
+}
+
+fn remove_parts(partial: &Path) -> Result<()> {
+    let parts = partial.join(PARTS);
+    match fs::remove_dir_all(&parts) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(dataset::Error::io("remove", &parts)(error).into())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Where an export is made.

@@ -132,9 +132,10 @@ mod detector {
         let decoding = Decoding {
             meaning,
             class: made.class.into(),
-            origin: match made.corner {
-                true => BoxOrigin::PixelCorner,
-                false => meaning.layout.usual_origin(),
+            origin: if made.corner {
+                BoxOrigin::PixelCorner
+            } else {
+                meaning.layout.usual_origin()
             },
             window_px,
             score_floor: f64::from(made.floor) / 255.0,

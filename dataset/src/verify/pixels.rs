@@ -196,7 +196,7 @@ impl<'a> Watcher<'a> {
         self.seen.push(seen);
     }
 
-    /// Where an aircraft is in pictures of other ticks and views.
+    /// Places of the aircraft in pictures of other ticks and views.
     fn other_places(&self, tick: usize) -> impl Iterator<Item = (Other, PixelBox)> {
         let ticks = Suspect::ticks_near(tick, self.boxes.len()).filter_map(|other| {
             let (_, truth) = self.boxes[other]?;

@@ -60,7 +60,7 @@ fn beside(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// Copies all packets with timestamps in another unit, which divides that of the file; returns how many there were.
+/// Copies all packets, converts their timestamps to a finer unit that divides the file's unit, and returns their number.
 fn copy(
     from: &Path,
     to: &Path,

@@ -12,7 +12,7 @@ pub(crate) struct TimeBase {
 }
 
 impl TimeBase {
-    /// The unit in which every tick of a rate has a whole timestamp: that of recorded videos and of `pts` in tables.
+    /// The unit in which every tick of a rate has a whole timestamp. Recorded videos and `pts` in tables use it.
     pub(crate) fn of_ticks(rate: FrameRate) -> Self {
         Self {
             numerator: 1,

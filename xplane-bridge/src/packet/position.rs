@@ -73,10 +73,20 @@ pub struct Position {
 }
 
 impl Position {
-    /// Whether all of it are finite numbers.
+    /// Returns true if every number is finite.
     pub fn is_finite(&self) -> bool {
-        let place = [self.longitude_deg, self.latitude_deg, self.elevation_msl_m];
-        let motion = [
+        self.place().iter().all(|number| number.is_finite())
+            && self.motion().iter().all(|number| number.is_finite())
+    }
+
+    /// The 64-bit numbers in the order of the datagram.
+    fn place(&self) -> [f64; 3] {
+        [self.longitude_deg, self.latitude_deg, self.elevation_msl_m]
+    }
+
+    /// The 32-bit numbers in the order of the datagram.
+    fn motion(&self) -> [f32; 10] {
+        [
             self.height_agl_m,
             self.pitch_deg,
             self.heading_true_deg,
@@ -87,9 +97,7 @@ impl Position {
             self.roll_rate_rad_s,
             self.pitch_rate_rad_s,
             self.yaw_rate_rad_s,
-        ];
-        place.iter().all(|number| number.is_finite())
-            && motion.iter().all(|number| number.is_finite())
+        ]
     }
 
     pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
@@ -113,21 +121,10 @@ impl Position {
 
     pub(super) fn encode(&self) -> Vec<u8> {
         let mut datagram = start(b"RPOS", 64);
-        for coordinate in [self.longitude_deg, self.latitude_deg, self.elevation_msl_m] {
+        for coordinate in self.place() {
             datagram.extend(coordinate.to_le_bytes());
         }
-        for value in [
-            self.height_agl_m,
-            self.pitch_deg,
-            self.heading_true_deg,
-            self.roll_deg,
-            self.velocity_east_mps,
-            self.velocity_up_mps,
-            self.velocity_south_mps,
-            self.roll_rate_rad_s,
-            self.pitch_rate_rad_s,
-            self.yaw_rate_rad_s,
-        ] {
+        for value in self.motion() {
             datagram.extend(value.to_le_bytes());
         }
         datagram

@@ -1,7 +1,7 @@
-//! Pictures that show the aircraft in another place than that of their tick: those of another tick, or of another view.
+//! Pictures that show the aircraft where another tick or another view has it.
 //!
 //! An empty box alone proves nothing, because paint and sky may have the same grey. But if the aircraft stands out where another tick or
-//! view has it, the picture is of that one. What stands there in pictures that have the aircraft in their own box, too, is no aircraft.
+//! view has it, the picture is of that one. What is there even in pictures with the aircraft in their own box is not the aircraft.
 //! One picture is enough for that conclusion, whereas the share of filled boxes needs several.
 
 use super::Faults;
@@ -14,7 +14,7 @@ const REACH_TICKS: usize = 32;
 const LEAST_CONTRAST: f64 = 10.0;
 /// ... and not farther from the middle of the box than this part of its sides.
 const LARGEST_OFFSET: f64 = 0.35;
-/// A place is that of something else if it is filled in this part of the pictures that have the aircraft in their own box.
+/// A place belongs to a fixture if it is filled in more than this share of the pictures that have the aircraft in their own box.
 const MOST_FILLED: f64 = 0.3;
 
 /// Where the aircraft of a picture should be, if it is a picture of something else.
@@ -33,7 +33,7 @@ pub(super) struct Suspect {
     place: PixelBox,
     other: Other,
     contrast: f64,
-    /// Pictures with the aircraft in their own box, and those of them that have something in this place.
+    /// Pictures with the aircraft in their own box, and how many of them are filled in this place.
     compared: usize,
     filled: usize,
 }
@@ -67,7 +67,7 @@ impl Suspect {
         clear.max_by(|a, b| a.contrast.total_cmp(&b.contrast))
     }
 
-    /// The ticks whose boxes are looked at, besides that of the picture.
+    /// The ticks near that of the picture, whose boxes are searched for its aircraft.
     pub(super) fn ticks_near(tick: usize, ticks: usize) -> impl Iterator<Item = usize> {
         let near = tick.saturating_sub(REACH_TICKS)..(tick + REACH_TICKS + 1).min(ticks);
         near.filter(move |other| *other != tick)
