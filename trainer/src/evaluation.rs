@@ -1,7 +1,15 @@
 //! Accuracy of a run on trajectories that it never saw: `evaluation.json`, `metrics.json`, `predictions.parquet` and `report.html`.
 //!
-//! Estimators get one whole flight after the other, as observed, and then again for each removal of views ([`crate::view_removal`]). Which
-//! ticks count, and how, is in `evaluation-rules.toml`.
+//! Estimators get one whole flight after the other, as observed, and then again for each removal of views
+//! ([`crate::evaluation::view_removal`]). Which ticks count, and how, is in `evaluation-rules.toml`.
+
+pub(crate) mod answers;
+pub(crate) mod metrics;
+pub(crate) mod prediction;
+pub(crate) mod prediction_table;
+pub(crate) mod report;
+pub(crate) mod rules;
+pub(crate) mod view_removal;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -13,24 +21,23 @@ use dataset::progress::Progress;
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 
-use crate::answers::{Answered, Answers, JudgedTicks};
 use crate::error::{CorpusFault, Error, Result, RunFault};
-use crate::estimator::{Estimator, Task};
-use crate::evaluation_rules::EvaluationRules;
-use crate::leave_out::LeftOut;
-use crate::marked_scenarios;
-use crate::metrics::{
+use crate::evaluation::answers::{Answered, Answers, JudgedTicks};
+use crate::evaluation::metrics::{
     EstimatorMetrics, Metrics, RemovedFigures, SideCount, SplitSummary, TickCounts,
 };
-use crate::prediction_table::add_answers;
-use crate::report;
-use crate::rig::{Rig, are_same, differences, form};
-use crate::run_folder::RunFolder;
-use crate::run_place::RunPlace;
+use crate::evaluation::prediction_table::add_answers;
+use crate::evaluation::rules::EvaluationRules;
+use crate::evaluation::view_removal::{Remaining, ViewRemoval};
+use crate::run::estimator::{Estimator, Task};
+use crate::run::folder::RunFolder;
+use crate::run::place::RunPlace;
+use crate::run::sealed::SealedRun;
+use crate::run::trained::{RunSummary, TrainedRun};
+use crate::samples::leave_out::LeftOut;
+use crate::samples::marked_scenarios;
+use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
-use crate::sealed_run::SealedRun;
-use crate::trained_run::{RunSummary, TrainedRun};
-use crate::view_removal::{Remaining, ViewRemoval};
 
 /// Which scenarios of a corpus are judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

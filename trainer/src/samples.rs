@@ -1,11 +1,19 @@
 //! From a corpus to samples: one per tick before touchdown, seen or not.
 //!
 //! Input: `splits.json`, and per scenario its record, calibration, labelled ticks, one model's detections and their registrations. Boxes
-//! cut off by the picture's edge are ignored (see [`crate::trusted_boxes`]); of the others of a view at a tick the one with the highest
-//! score counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed scenario
-//! that is missing from the split is an error.
+//! cut off by the picture's edge are ignored (see [`crate::samples::trusted_boxes`]); of the others of a view at a tick the one with the
+//! highest score counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed
+//! scenario that is missing from the split is an error.
 
+pub(crate) mod flight_parts;
+pub(crate) mod json_differences;
+pub(crate) mod lateral_spread;
+pub(crate) mod leave_out;
+pub(crate) mod marked_scenarios;
+pub(crate) mod rig;
 mod sample;
+pub(crate) mod trusted_boxes;
+pub(crate) mod view_shift;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -28,9 +36,9 @@ use dataset::splits::{Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::error::{CorpusFault, Error, Result};
-use crate::rig::Rig;
-use crate::trusted_boxes::{holds_aircraft, is_whole};
-use crate::view_shift::ViewShift;
+use crate::samples::rig::Rig;
+use crate::samples::trusted_boxes::{holds_aircraft, is_whole};
+use crate::samples::view_shift::ViewShift;
 
 pub(crate) use sample::{Observation, Sample};
 

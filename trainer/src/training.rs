@@ -1,5 +1,10 @@
 //! A training from corpus to run folder.
 
+pub(crate) mod choice;
+pub(crate) mod refit;
+pub(crate) mod search;
+pub(crate) mod start;
+
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::slice;
@@ -13,31 +18,31 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
 use crate::background::Backgrounds;
-use crate::calibration_training::train_calibration;
-use crate::checkpoint::{Checkpoints, Origin};
-use crate::choice::Choice;
 use crate::config::TrainConfig;
-use crate::encoded::Encoded;
 use crate::error::{CorpusFault, Error, Result};
+use crate::estimators::geometry::self_calibration::SelfCalibrated;
+use crate::estimators::geometry::triangulation::CentreOffset;
+use crate::estimators::inverse_range::CrossFitted;
+use crate::estimators::inverse_range::flight_filter::FlightFilter;
+use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
+use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::paper_lstm::calibration_training::train_calibration;
+use crate::estimators::paper_lstm::trajectory_mixing::{Corridor, mix};
+use crate::estimators::paper_lstm::{EstimatorSamples, train_estimator};
 use crate::evaluation::split_again;
-use crate::flight_filter::FlightFilter;
-use crate::inverse_range::CrossFitted;
-use crate::marked_scenarios;
-use crate::memory::{self, SampleCounts};
-use crate::mono_network::{MonoInputs, MonoNetworks};
-use crate::normalisation::Normalisation;
-use crate::paper_lstm::{EstimatorSamples, train_estimator};
-use crate::pinhole::Pinhole;
-use crate::run_folder::RunFolder;
-use crate::run_place::RunPlace;
+use crate::networks::checkpoint::{Checkpoints, Origin};
+use crate::networks::encoded::Encoded;
+use crate::networks::memory::{self, SampleCounts};
+use crate::networks::normalisation::Normalisation;
+use crate::networks::training_loop::{Setup, Watch};
+use crate::run::folder::RunFolder;
+use crate::run::place::RunPlace;
+use crate::run::sealed::SealedRun;
+use crate::run::trained::{Baselines, Convergence, Networks, RUN_FORMAT, RunSummary, TrainedRun};
+use crate::samples::marked_scenarios;
 use crate::samples::{DistanceRange, Sample, Samples};
-use crate::sealed_run::SealedRun;
-use crate::self_calibration::SelfCalibrated;
-use crate::start::Start;
-use crate::trained_run::{Baselines, Convergence, Networks, RUN_FORMAT, RunSummary, TrainedRun};
-use crate::training_loop::{Setup, Watch};
-use crate::trajectory_mixing::{Corridor, mix};
-use crate::triangulation::CentreOffset;
+use crate::training::choice::Choice;
+use crate::training::start::Start;
 use dataset::progress::Progress;
 
 /// The result of a training.

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::motion::Motion;
 use super::*;
 use crate::samples::Sample;
-use crate::view_shift::ViewShift;
+use crate::samples::view_shift::ViewShift;
 
 fn planned() -> CameraEntry {
     let pose = Pose {

@@ -5,8 +5,8 @@ use std::ops::RangeInclusive;
 
 use super::{Optimisation, TrainConfig};
 use crate::error::{Error, Result};
-use crate::leave_out::LeftOut;
 use crate::samples::FARTHEST_NM;
+use crate::samples::leave_out::LeftOut;
 
 /// Units of a layer, and layers of a stack.
 const WIDTHS: RangeInclusive<usize> = 1..=16_384;

@@ -7,7 +7,7 @@ use burn::store::{RecordError, SafetensorsStoreError};
 use dataset::limits::FieldOutOfLimits;
 use dataset::seal::{DONE, MANIFEST};
 
-use crate::trained_run::RUN_FORMAT;
+use crate::run::trained::RUN_FORMAT;
 
 /// What is wrong with a run's folder or with a file of it, and what to do.
 #[derive(Debug, thiserror::Error)]

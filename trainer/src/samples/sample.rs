@@ -5,7 +5,7 @@ use std::ops::Deref;
 use dataset::geodesy::Geodetic;
 use dataset::pixel_box::PixelBox;
 
-use crate::view_shift::ViewShift;
+use crate::samples::view_shift::ViewShift;
 
 /// What the cameras saw at one tick. An estimator knows nothing else about it.
 #[derive(Debug, Clone, PartialEq)]

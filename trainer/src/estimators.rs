@@ -1,0 +1,7 @@
+//! The estimators of distance to touchdown, each with its training.
+
+pub(crate) mod geometry;
+pub(crate) mod inverse_range;
+pub(crate) mod minimum;
+pub(crate) mod mono;
+pub(crate) mod paper_lstm;

@@ -1,0 +1,345 @@
+//! The inverse range as a quadratic of the aircraft's places in the views: a formula that learns the cameras from labelled flights.
+//!
+//! For cameras that look up the approach from a distance `s` behind the touchdown target, `1 / (d + s)` is nearly linear in pixels, and
+//! quadratics take up the rest: lens, aim, flight paths beside and below the usual one. So `s` is searched, and for each `s` the
+//! coefficients are a linear least-squares problem. Residuals are relative errors of the distance. They count by Huber's loss
+//! ("Robust estimation of a location parameter", 1964), so that a few wrong labels or shifts hardly matter; it is convex, so the
+//! solution is one.
+//!
+//! Each set of views has fits of its own, because a missing view leaves no formula to the others: one from the boxes, and, with two views
+//! or more, one from their registered shifts ([`crate::samples::view_shift`]). At a tick the first fit applies whose views all saw the
+//! aircraft; a training sorts them by precision. Prediction does not read the calibration; training does only to leave out boxes that do
+//! not hold the aircraft, and registered shifts were measured with its help, which tells scale and rotation between two views.
+
+pub(crate) mod flight_filter;
+
+#[cfg(test)]
+mod contrast_samples;
+mod cross_fitted;
+mod measurement;
+mod new_camera;
+mod onnx;
+mod residual;
+mod residual_training;
+mod robust_fit;
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
+use crate::estimators::minimum::Search;
+use crate::samples::view_shift::Places;
+use crate::samples::{FARTHEST_M, Observation, Sample};
+
+pub(crate) use cross_fitted::CrossFitted;
+pub(crate) use measurement::{Measurement, scale_m};
+pub(crate) use new_camera::NewCamera;
+pub use new_camera::{Outcome, RefittedResidual};
+use residual::Residual;
+pub(crate) use residual_training::ResidualRecord;
+use robust_fit::{
+    Rows, Scales, Solution, coordinates, dot, normalise, sensitivity_m, terms_of, write_terms,
+};
+
+/// Ticks per coefficient below which there is no fit.
+const TICKS_PER_COEFFICIENT: usize = 3;
+/// Sets of more views have no fit of their own, because the number of coefficients grows with the square; pairs of them have.
+const MOST_VIEWS: usize = 4;
+/// Maximum distance of the cameras behind the touchdown target, unless the training side reaches farther, metres.
+const FARTHEST_SETBACK_M: f64 = 20_000.0;
+/// Moves of residuals that end an iteration, in deviations: while `s` is searched, and for the coefficients.
+const ROUGHLY: f64 = 1e-2;
+const EXACTLY: f64 = 1e-6;
+/// Ticks by which `s` is chosen; more do not change it.
+const TICKS_OF_SEARCH: usize = 2_000;
+
+/// The fits of all sets of views, in the order in which they are asked: the most precise of the training first. That of a refitted run is
+/// that of its training, because the flight filter has learned which fit corrects which.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct InverseRange {
+    fits: Vec<Fit>,
+    /// What one of them leaves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    residual: Option<Residual>,
+}
+
+/// Views whose places a formula is about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct ViewSet {
+    /// Their indices, ascending.
+    views: Vec<usize>,
+    /// Whether the places are registered; else they are the boxes' centres.
+    registered: bool,
+}
+
+/// The formula of one set of views.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Fit {
+    /// What it needs.
+    #[serde(flatten)]
+    set: ViewSet,
+    /// `s`: distance of the cameras behind the touchdown target, metres.
+    setback_m: f64,
+    /// Means of the places, right and down by view, pixels.
+    offset_px: Vec<f64>,
+    /// Their standard deviations, pixels.
+    scale_px: Vec<f64>,
+    /// Of 1, the normalised places, and their products (first with itself and all after it, second with itself, ...); 1/m.
+    coefficients_per_m: Vec<f64>,
+    /// Standard deviation of the relative error on the training side, robust, and corrected for the number of coefficients.
+    deviation: f64,
+    /// Of a view by itself, the covariance of the coefficients, row by row, in squares of the deviation, if each training flight were one
+    /// tick. Empty of several views, which need no other flights than these.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    covariance_per_m2: Vec<f64>,
+}
+
+impl InverseRange {
+    /// Fits all sets of views that saw the aircraft together often enough on the training side, and each view alone.
+    pub(crate) fn fit(views: usize, training: &[&Sample]) -> Self {
+        Self::fit_sets(sets_of_views(views, training), training)
+    }
+
+    /// The network on the residual of a fit.
+    fn residual_of(&self, fit: usize) -> Option<&Residual> {
+        self.residual.as_ref().filter(|of| of.fit() == fit)
+    }
+
+    /// The network on the residual of a fit that contains this view.
+    fn residual_of_view(&self, view: usize) -> Option<&Residual> {
+        let residual = self.residual.as_ref();
+        residual.filter(|of| self.fits[of.fit()].set.views.contains(&view))
+    }
+
+    /// The registered fit that answers most of these ticks, the more precise of two that answer as many; `None` if none does.
+    fn most_asked(&self, ticks: &[&Sample]) -> Option<usize> {
+        let mut asked = vec![0; self.fits.len()];
+        for tick in ticks {
+            if let Some(fit) = self.asked(tick) {
+                asked[fit] += 1;
+            }
+        }
+        let registered = (0..self.fits.len()).filter(|&fit| self.fits[fit].set.registered);
+        let best = registered.rev().max_by_key(|&fit| asked[fit])?;
+        (asked[best] > 0).then_some(best)
+    }
+
+    /// The first fit whose views all saw the aircraft.
+    fn asked(&self, observed: &Observation) -> Option<usize> {
+        let applies = |fit: &Fit| fit.set.places(observed).is_some();
+        self.fits.iter().position(applies)
+    }
+
+    /// Whether each of the fits contains this view.
+    pub(crate) fn contain(&self, view: usize) -> impl Iterator<Item = bool> {
+        self.fits
+            .iter()
+            .map(move |fit| fit.set.views.contains(&view))
+    }
+
+    /// What a new camera of this view leaves as it is: the fits that do without it, and the network if it is on the residual of one of
+    /// them.
+    pub(crate) fn without(&self, view: usize) -> Self {
+        let others = self
+            .fits
+            .iter()
+            .filter(|fit| !fit.set.views.contains(&view));
+        Self {
+            fits: others.cloned().collect(),
+            residual: match self.residual_of_view(view) {
+                Some(_) => None,
+                None => self.residual.clone(),
+            },
+        }
+    }
+
+    fn fit_sets(sets: BTreeSet<Vec<usize>>, training: &[&Sample]) -> Self {
+        let sets = sets.into_iter().flat_map(|views| {
+            [false, true].map(|registered| ViewSet {
+                views: views.clone(),
+                registered,
+            })
+        });
+        let mut fits: Vec<Fit> = sets.filter_map(|set| Fit::of(set, training)).collect();
+        fits.sort_by(|a, b| a.deviation.total_cmp(&b.deviation));
+        Self {
+            fits,
+            residual: None,
+        }
+    }
+
+    /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the first such has no distance for such
+    /// places.
+    pub(crate) fn predict(&self, observed: &Observation) -> Option<f64> {
+        let fit = self.asked(observed)?;
+        Some(self.measurement(fit, observed)?.distance_m)
+    }
+
+    /// Whether each fit is of some of this many views and has as many numbers as these need.
+    pub(crate) fn is_of(&self, views: usize) -> bool {
+        let residual = self.residual.as_ref();
+        let completes = |residual: &Residual| {
+            let fit = self.fits.get(residual.fit());
+            fit.is_some_and(|fit| residual.is_of(fit))
+        };
+        residual.is_none_or(completes)
+            && self.fits.iter().all(|fit| {
+                let set = &fit.set.views;
+                let coordinates = 2 * set.len();
+                set.last().is_some_and(|&last| last < views)
+                    && set.windows(2).all(|pair| pair[0] < pair[1])
+                    && fit.offset_px.len() == coordinates
+                    && fit.scale_px.len() == coordinates
+                    && fit.coefficients_per_m.len() == terms_of(coordinates)
+                    && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
+            })
+    }
+
+    /// Means of places, pixels.
+    pub(crate) fn offsets_px(&self) -> impl Iterator<Item = f64> {
+        self.fits
+            .iter()
+            .flat_map(|fit| fit.offset_px.iter().copied())
+    }
+
+    /// Standard deviations of places, pixels.
+    pub(crate) fn scales_px(&self) -> impl Iterator<Item = f64> {
+        self.fits
+            .iter()
+            .flat_map(|fit| fit.scale_px.iter().copied())
+    }
+
+    /// The other numbers of the formulas.
+    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
+        let residual = self.residual.iter().flat_map(Residual::constants);
+        let of_fits = self.fits.iter().flat_map(|fit| {
+            let others = [fit.setback_m, fit.deviation];
+            others
+                .into_iter()
+                .chain(fit.coefficients_per_m.iter().copied())
+                .chain(fit.covariance_per_m2.iter().copied())
+        });
+        of_fits.chain(residual)
+    }
+}
+
+/// Each view alone, the sets of views that saw the aircraft together, and the pairs of sets that are too large.
+fn sets_of_views(views: usize, training: &[&Sample]) -> BTreeSet<Vec<usize>> {
+    let mut sets: BTreeSet<Vec<usize>> = (0..views).map(|view| vec![view]).collect();
+    let seen = |sample: &&Sample| -> Vec<usize> {
+        (0..views)
+            .filter(|&view| sample.boxes[view].is_some())
+            .collect()
+    };
+    let together: BTreeSet<Vec<usize>> = training.iter().map(seen).collect();
+    for set in together {
+        if set.len() <= MOST_VIEWS {
+            sets.insert(set);
+            continue;
+        }
+        for (index, &first) in set.iter().enumerate() {
+            sets.extend(set[index + 1..].iter().map(|&second| vec![first, second]));
+        }
+    }
+    sets.remove(&Vec::new());
+    sets
+}
+
+impl ViewSet {
+    fn places(&self, observed: &Observation) -> Option<Places> {
+        match self.registered {
+            true => Places::registered(observed, &self.views),
+            false => Places::of_boxes(observed, &self.views),
+        }
+    }
+
+    /// The ticks at which all views saw the aircraft, their places normalised.
+    fn rows(&self, training: &[&Sample]) -> (Rows, Scales) {
+        let mut rows = Rows::new(self.views.len());
+        for sample in training {
+            if let Some(places) = self.places(sample) {
+                rows.push(&places, sample.dtd_m, sample.scenario);
+            }
+        }
+        let scales = Scales::of(&rows.coordinates, rows.width);
+        for row in rows.coordinates.chunks_exact_mut(rows.width) {
+            normalise(row, &scales.offset_px, &scales.scale_px);
+        }
+        (rows, scales)
+    }
+}
+
+impl Fit {
+    /// `None` if there are too few ticks.
+    fn of(set: ViewSet, training: &[&Sample]) -> Option<Self> {
+        let (rows, scales) = set.rows(training);
+        if rows.len() < TICKS_PER_COEFFICIENT * terms_of(rows.width) {
+            return None;
+        }
+        let distances_m = || rows.distances_m.iter().copied();
+        let (nearest_m, farthest_m) = (
+            distances_m().reduce(f64::min)?,
+            distances_m().reduce(f64::max)?,
+        );
+        let some = rows.thinned(rows.len().div_ceil(TICKS_OF_SEARCH));
+        let search = Search {
+            from: -nearest_m,
+            to: farthest_m.max(FARTHEST_SETBACK_M),
+            parts: 20,
+            rounds: 5,
+        };
+        let setback_m = search.lowest(|setback_m| {
+            let size = |solution: Solution| solution.residuals.iter().map(|r| r.abs()).sum();
+            some.solve(setback_m, ROUGHLY).map_or(f64::INFINITY, size)
+        });
+        Self::at(set, setback_m, &rows, scales)
+    }
+
+    /// The fit with the cameras at this distance behind the target.
+    fn at(set: ViewSet, setback_m: f64, rows: &Rows, scales: Scales) -> Option<Self> {
+        let solution = rows.solve(setback_m, EXACTLY)?;
+        let free = rows.len().saturating_sub(terms_of(rows.width)).max(1);
+        let freedom = (rows.len() as f64 / free as f64).sqrt();
+        let covariance = match set.views.len() {
+            1 => solution.inverse,
+            _ => Vec::new(),
+        };
+        let together = rows.ticks_per_scenario();
+        Some(Self {
+            set,
+            setback_m,
+            offset_px: scales.offset_px,
+            scale_px: scales.scale_px,
+            coefficients_per_m: solution.coefficients_per_m,
+            deviation: solution.deviation * freedom,
+            covariance_per_m2: covariance.iter().map(|v| v * together).collect(),
+        })
+    }
+
+    /// The normalised terms of places.
+    fn terms(&self, places: &Places) -> Vec<f64> {
+        let mut coordinates = coordinates(places);
+        normalise(&mut coordinates, &self.offset_px, &self.scale_px);
+        let mut terms = Vec::new();
+        write_terms(&coordinates, &mut terms);
+        terms
+    }
+
+    fn distance_m(&self, terms: &[f64]) -> Option<f64> {
+        let inverse_range_per_m = dot(terms, &self.coefficients_per_m);
+        let distance_m = inverse_range_per_m.recip() - self.setback_m;
+        (inverse_range_per_m > 0.0 && (0.0..=FARTHEST_M).contains(&distance_m))
+            .then_some(distance_m)
+    }
+
+    /// Variance of the relative error of a distance that the coefficients are to blame for, in squares of the deviation: small where the
+    /// training flights were, and large far from there. 0 where it is not known.
+    fn leverage(&self, terms: &[f64], distance_m: f64) -> f64 {
+        let rows = self.covariance_per_m2.chunks_exact(terms.len());
+        let moved: Vec<f64> = rows.map(|row| dot(row, terms)).collect();
+        sensitivity_m(distance_m, self.setback_m).powi(2) * dot(&moved, terms)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,258 @@
+//! The distance over a whole flight: a causal filter and an offline smoother over what the fits of [`crate::estimators::inverse_range`]
+//! measure.
+//!
+//! Unknown are distance to touchdown, ground speed and acceleration ([`motion`]), and the smooth part of the error of each fit
+//! ([`correlated_error`]), because such errors last for many ticks. At a tick any views may be missing: the most precise fit of those
+//! that are there corrects the distance, and without any the aircraft flies on. The calibration counts as little as for those fits.
+//!
+//! Input: the observations of one flight in the order of time. Output: per tick distance, ground speed and time to touchdown, each with
+//! a standard deviation and a 90 % interval. Variances grow with the misfits of the flight itself ([`forward`]); the widths of the
+//! intervals are such that they hold 90 % ([`held_share`]) of the labels of flights that the fits did not see ([`labelled_flight`]).
+
+mod correlated_error;
+mod estimate;
+mod forward;
+mod gaussian;
+mod held_share;
+mod labelled_flight;
+mod matrix;
+mod motion;
+
+use std::borrow::Borrow;
+
+use dataset::spread::Spread;
+use serde::{Deserialize, Serialize};
+
+use crate::estimators::inverse_range::{CrossFitted, InverseRange};
+use crate::networks::normalisation::Normalisation;
+use crate::samples::flight_parts::MOST_PARTS;
+use crate::samples::{Observation, Sample, Samples};
+
+use correlated_error::CorrelatedError;
+use estimate::HalfWidths;
+pub(crate) use estimate::{Estimate, Estimated};
+use forward::{Model, Moment, Tick, filter};
+#[cfg(test)]
+use gaussian::Gaussian;
+use labelled_flight::LabelledFlight;
+use motion::Motion;
+
+/// What a training learned about motion and errors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FlightFilter {
+    motion: Motion,
+    /// Of the fits of `inverse_range`, in their order.
+    errors: Vec<CorrelatedError>,
+    /// Usual time between the ticks at which these were seen, seconds.
+    tick_s: f64,
+    /// Half widths of the 90 % intervals of the filter ...
+    filtered: HalfWidths,
+    /// ... and of the smoother.
+    smoothed: HalfWidths,
+}
+
+/// Which ticks an answer may know.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Knowing {
+    /// Its own and those before: what a controller's screen can show.
+    Past,
+    /// All of the flight.
+    All,
+}
+
+impl FlightFilter {
+    /// Fits motion, errors and intervals to flights of the training side, held out from the fits in turn, and of the validation side.
+    pub(crate) fn fit(
+        fits: &CrossFitted,
+        samples: &Samples,
+        normalisation: &Normalisation,
+    ) -> Self {
+        let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
+        let flights = LabelledFlight::held_out(fits, samples, believed);
+        Self::fit_to(&flights, fits.all.deviations())
+    }
+
+    /// The same with the errors of those fits that contain the view of a new camera, which its approaches tell: each is measured by fits
+    /// that did not see it. Of one approach nothing is learned.
+    pub(crate) fn with_camera_refitted(
+        &self,
+        view: usize,
+        fits: &CrossFitted,
+        approaches: &[&Sample],
+        normalisation: &Normalisation,
+    ) -> Self {
+        let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
+        let flights = LabelledFlight::left_out(fits, approaches, believed);
+        let errors = self.errors.iter().zip(fits.all.contain(view)).enumerate();
+        let errors = errors.map(|(fit, (known, is_of_view))| {
+            let errors: Vec<_> = flights.iter().map(|flight| flight.errors_of(fit)).collect();
+            let fitted = is_of_view.then(|| CorrelatedError::fit(&errors)).flatten();
+            fitted.unwrap_or_else(|| known.clone())
+        });
+        Self {
+            errors: errors.collect(),
+            ..self.clone()
+        }
+    }
+
+    /// The same without the errors of the fits that contain a view.
+    pub(crate) fn without(&self, view: usize, fits: &InverseRange) -> Self {
+        let errors = self.errors.iter().zip(fits.contain(view));
+        let others = errors.filter(|(_, is_of_view)| !is_of_view);
+        Self {
+            errors: others.map(|(error, _)| error.clone()).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// `deviations`: what is known about the errors of fits that no flight tells about.
+    fn fit_to(flights: &[LabelledFlight], deviations: impl Iterator<Item = f64>) -> Self {
+        let labels: Vec<_> = flights.iter().map(LabelledFlight::labels).collect();
+        let errors_of = |fit: usize, is_used: &dyn Fn(&LabelledFlight) -> bool| -> Vec<_> {
+            let used = flights.iter().filter(|flight| is_used(flight));
+            used.map(|flight| flight.errors_of(fit)).collect()
+        };
+        let errors = deviations.enumerate().map(|(fit, deviation)| {
+            let fitted = CorrelatedError::fit(&errors_of(fit, &|_| true));
+            fitted.unwrap_or_else(|| CorrelatedError::of_deviation(deviation))
+        });
+        let mut fitted = Self {
+            motion: Motion::fit(&labels),
+            errors: errors.collect(),
+            tick_s: usual_tick_s(flights).unwrap_or(1.0),
+            filtered: HalfWidths::NORMAL,
+            smoothed: HalfWidths::NORMAL,
+        };
+        // A flight is judged by what other flights tell about the size of errors, as a new flight will be.
+        let parts: Vec<Self> = (0..MOST_PARTS)
+            .map(|part| {
+                let is_outside = |flight: &LabelledFlight| flight.flown % MOST_PARTS != part;
+                let errors = fitted.errors.iter().enumerate();
+                let of_others = errors
+                    .map(|(fit, error)| error.with_deviations_of(&errors_of(fit, &is_outside)));
+                Self {
+                    errors: of_others.collect(),
+                    ..fitted.clone()
+                }
+            })
+            .collect();
+        let widths = |knowing| {
+            HalfWidths::fit(flights, |flight| {
+                parts[flight.flown % MOST_PARTS].of_ticks(&flight.ticks, knowing)
+            })
+        };
+        let (filtered, smoothed) = (widths(Knowing::Past), widths(Knowing::All));
+        fitted.filtered = filtered;
+        fitted.smoothed = smoothed;
+        fitted
+    }
+
+    /// The estimates of one flight, tick by tick; `None` before the first measurement, and where the distance is too uncertain. `fits`
+    /// are those that the filter was fitted with.
+    pub(crate) fn predict(
+        &self,
+        fits: &InverseRange,
+        flight: &[Observation],
+        knowing: Knowing,
+    ) -> Vec<Option<Estimate>> {
+        self.of_ticks(&ticks(fits, flight), knowing)
+    }
+
+    fn of_ticks(&self, ticks: &[Tick], knowing: Knowing) -> Vec<Option<Estimate>> {
+        let model = Model {
+            motion: &self.motion,
+            errors: &self.errors,
+            tick_s: self.tick_s,
+        };
+        let mut moments = filter(model, ticks);
+        let widths = match knowing {
+            Knowing::Past => &self.filtered,
+            Knowing::All => {
+                smooth(&mut moments);
+                &self.smoothed
+            }
+        };
+        let estimate =
+            |moment: &Moment| widths.estimate(&self.motion, &moment.known, moment.inflation);
+        moments
+            .iter()
+            .map(|moment| moment.as_ref().and_then(estimate))
+            .collect()
+    }
+
+    /// Whether it has an error for each fit, and numbers that are possible.
+    pub(crate) fn is_of(&self, fits: &InverseRange) -> bool {
+        let whole = |error: &CorrelatedError| {
+            !error.distances_m.is_empty()
+                && error.distances_m.len() == error.deviations.len()
+                && error.distances_m.is_sorted()
+                && error.new_share < 1.0
+        };
+        self.errors.len() == fits.deviations().len()
+            && self.errors.iter().all(whole)
+            && self.constants().all(|number| number > 0.0)
+    }
+
+    /// All of its numbers.
+    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
+        let motion = &self.motion;
+        let errors = self.errors.iter().flat_map(|error| {
+            let distances = error.distances_m.iter();
+            let numbers = distances.chain(&error.deviations).copied();
+            numbers.chain([error.new_share, error.half_time_s])
+        });
+        [
+            motion.mean_speed_mps,
+            motion.speed_sd_mps,
+            motion.acceleration_sd_mps2,
+            motion.acceleration_time_s,
+            self.tick_s,
+        ]
+        .into_iter()
+        .chain(errors)
+        .chain(self.filtered.to_array())
+        .chain(self.smoothed.to_array())
+    }
+}
+
+/// Median time between ticks, seconds; `None` without any.
+fn usual_tick_s(flights: &[LabelledFlight]) -> Option<f64> {
+    let between = |flight: &LabelledFlight| -> Vec<f64> {
+        let pairs = flight.ticks.windows(2);
+        pairs.map(|pair| pair[1].time_s - pair[0].time_s).collect()
+    };
+    let usual = Spread::of(flights.iter().flat_map(between).collect())?;
+    (usual.median > 0.0).then_some(usual.median)
+}
+
+/// What the fits measure at each tick of a flight.
+fn ticks<O: Borrow<Observation>>(
+    fits: &InverseRange,
+    flight: impl IntoIterator<Item = O>,
+) -> Vec<Tick> {
+    let tick = |observed: O| Tick {
+        time_s: observed.borrow().time_ns as f64 * 1e-9,
+        measurements: fits.measurements(observed.borrow()),
+    };
+    flight.into_iter().map(tick).collect()
+}
+
+/// Replaces what is known at each moment from the ticks so far by what is known from all, backwards from the last one.
+fn smooth(moments: &mut [Option<Moment>]) {
+    let inflation = moments
+        .last()
+        .and_then(|last| Some(last.as_ref()?.inflation));
+    for next in (0..moments.len()).rev() {
+        let (before, after) = moments.split_at_mut(next);
+        let Some(after) = &mut after[0] else { break };
+        after.inflation = inflation.unwrap_or(after.inflation);
+        if let (Some(Some(before)), Some(step)) = (before.last_mut(), &after.step)
+            && let Some(known) = before.known.smoothed(step, &after.expected, &after.known)
+        {
+            before.known = known;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,4 @@
+//! Monoscopic baselines: estimators that see a single view.
+
+pub(crate) mod network;
+pub(crate) mod pinhole;

@@ -1,0 +1,328 @@
+//! Stage two, `paper_lstm`: a stacked LSTM over the views' feature vectors, and a regression of its last output.
+//!
+//! The sequence runs over views, not over time: its length is the number of views that saw the aircraft. The calibration networks
+//! are frozen. Whole views are dropped at random per mini-batch (see [`crate::networks::view_dropout`]).
+
+pub(crate) mod calibration_training;
+pub(crate) mod gap_balance;
+pub(crate) mod head_refit;
+pub(crate) mod trajectory_mixing;
+
+use burn::module::Module;
+use burn::optim::GradientsParams;
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha12Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::config::{EstimatorConfig, Loss, Optimisation};
+use crate::error::Result;
+use crate::estimators::paper_lstm::calibration_training::CalibrationNetworks;
+use crate::estimators::paper_lstm::head_refit::HeadRefit;
+use crate::networks::dense::{Dense, widths};
+use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
+use crate::networks::estimator_graph::EstimatorGraph;
+use crate::networks::lstm::{StackedLstm, ViewFeatures};
+use crate::networks::training_loop::{Kept, Setup, Task, Watch, learn};
+use crate::networks::view_dropout::{BatchKind, ViewDropout, ViewSelection};
+
+/// The estimator behind the calibration networks.
+#[derive(Module, Debug)]
+pub(crate) struct PaperLstm {
+    lstm: StackedLstm,
+    head: Dense,
+}
+
+impl PaperLstm {
+    /// An untrained estimator over feature vectors of length `features`.
+    pub(crate) fn new(
+        features: usize,
+        config: &EstimatorConfig,
+        random: &mut ChaCha12Rng,
+        device: &Device,
+    ) -> Self {
+        let last = config.lstm.last().copied().unwrap_or(features);
+        Self {
+            lstm: StackedLstm::new(features, &config.lstm, random, device),
+            head: Dense::new(&widths(last, &config.head_hidden, 1), random, device),
+        }
+    }
+
+    /// Distances in the coordinate of the loss, `[batch, 1]`.
+    pub(crate) fn forward(&self, views: &[ViewFeatures]) -> Tensor<2> {
+        self.head.forward(self.lstm.forward(views))
+    }
+
+    /// The distance in metres, with these calibration networks, in an ONNX graph.
+    pub(crate) fn to_onnx(
+        &self,
+        calibration: &CalibrationNetworks,
+        loss: Loss,
+        graph: &mut EstimatorGraph,
+    ) -> String {
+        let views: Vec<[String; 2]> = (0..graph.views())
+            .map(|view| {
+                let boxes = graph.features(view);
+                let features = calibration.features_to_onnx(&mut graph.graph, view, &boxes);
+                [features, graph.presence(view)]
+            })
+            .collect();
+        let last = self.lstm.to_onnx(&mut graph.graph, &views);
+        let predicted = self.head.to_onnx(&mut graph.graph, &last);
+        let distance = graph.distance(predicted, loss);
+        graph.metres(&distance)
+    }
+}
+
+/// One entry of the convergence log.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct EstimatorLogEntry {
+    /// Steps done.
+    pub step: usize,
+    /// Error over all validation samples, percent.
+    pub validation_mape_pct: f64,
+}
+
+/// The samples of the estimator.
+pub(crate) struct EstimatorSamples<'a> {
+    /// For training batches of one view.
+    pub alone: &'a Encoded,
+    /// For training batches of all views.
+    pub together: &'a Encoded,
+    /// To be judged by.
+    pub validation: &'a Encoded,
+}
+
+/// Trains the estimator on the features, vectors of length `features`, of trained calibration networks: from a random one or `start`.
+pub(crate) fn train_estimator(
+    start: Option<&PaperLstm>,
+    calibration: &CalibrationNetworks,
+    samples: &EstimatorSamples,
+    config: &EstimatorConfig,
+    features: usize,
+    mut setup: Setup,
+    watch: &mut Watch,
+) -> Result<(Kept<PaperLstm>, Vec<EstimatorLogEntry>)> {
+    let random = PaperLstm::new(features, config, &mut setup.random, &setup.device);
+    let estimator = start.map_or(random, |start| start.clone().train());
+    let mut task = EstimatorTask {
+        calibration,
+        dropout: ViewDropout::new(samples.alone, samples.together),
+        validation: samples.validation,
+        config,
+        log: Vec::new(),
+        setup,
+    };
+    let kept = learn(&mut task, estimator, &config.optimisation, watch)?;
+    Ok((kept, task.log))
+}
+
+struct EstimatorTask<'a> {
+    calibration: &'a CalibrationNetworks,
+    dropout: ViewDropout<'a>,
+    validation: &'a Encoded,
+    config: &'a EstimatorConfig,
+    log: Vec<EstimatorLogEntry>,
+    setup: Setup,
+}
+
+impl Task for EstimatorTask<'_> {
+    type Network = PaperLstm;
+    type State = Vec<EstimatorLogEntry>;
+    const NAME: &'static str = "paper_lstm";
+    const STAGE: &'static str = "distance estimator";
+
+    fn judged_every(&self) -> usize {
+        self.config.log_every
+    }
+
+    fn patience(&self) -> Option<usize> {
+        self.config.patience
+    }
+
+    fn random(&mut self) -> &mut ChaCha12Rng {
+        &mut self.setup.random
+    }
+
+    fn state(&self) -> Vec<EstimatorLogEntry> {
+        self.log.clone()
+    }
+
+    fn restore(&mut self, log: Vec<EstimatorLogEntry>) {
+        self.log = log;
+    }
+
+    fn gradients(&mut self, estimator: &PaperLstm, step: usize) -> GradientsParams {
+        let plain_device = self.setup.plain_device();
+        let by_hand = self.setup.is_on_processor();
+        let Setup {
+            loss,
+            device,
+            random,
+        } = &mut self.setup;
+        let Optimisation {
+            steps, batch_size, ..
+        } = self.config.optimisation;
+        let only_together = (step as f64) < self.config.together_first * steps as f64;
+        let BatchKind {
+            selection,
+            samples,
+            from,
+        } = (self.dropout.together())
+            .filter(|_| only_together)
+            .unwrap_or_else(|| self.dropout.draw(random));
+        let batch = draw(from, batch_size, random);
+        let views = features_of(self.calibration, samples, &batch, *selection, &plain_device);
+        let size = batch.len() as f32 / kind_weight(*selection, self.config);
+        let error = |predicted| samples.squared_error(predicted, &batch, size, *loss, device);
+        if !by_hand {
+            let views: Vec<_> = views.into_iter().map(ViewFeatures::with_autodiff).collect();
+            let gradients = error(estimator.forward(&views)).backward();
+            return GradientsParams::from_grads(gradients, estimator);
+        }
+        let plain = estimator.valid();
+        let traced = plain.lstm.trace(&views);
+        let last = Tensor::from_inner(traced.output()).require_grad();
+        let predicted = estimator.head.forward(last.clone());
+        let mut gradients = error(predicted).backward();
+        let of_last = last.grad_remove(&mut gradients);
+        let mut gradients = GradientsParams::from_grads(gradients, &estimator.head);
+        if let Some(of_last) = of_last {
+            traced.add_gradients(of_last, &mut gradients);
+        }
+        gradients
+    }
+
+    fn finish(&mut self, estimator: PaperLstm) -> PaperLstm {
+        match self.config.refit_head {
+            true => self.refit_head(estimator.valid()),
+            false => estimator,
+        }
+    }
+
+    fn errors_pct(&self, estimator: &PaperLstm) -> Vec<Option<f64>> {
+        let predicted = predict(
+            self.calibration,
+            &estimator.valid(),
+            self.validation,
+            self.setup.loss,
+            &self.setup.plain_device(),
+        );
+        let pairs = predicted
+            .into_iter()
+            .enumerate()
+            .map(|(sample, p)| (p, self.validation.distance(sample)));
+        vec![mape_pct(pairs)]
+    }
+
+    fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
+        let entries = errors_pct.into_iter().flatten();
+        let entries = entries.map(|validation_mape_pct| EstimatorLogEntry {
+            step: done,
+            validation_mape_pct,
+        });
+        self.log.extend(entries);
+        let error = self.log.last().map(|entry| entry.validation_mape_pct);
+        error.map_or_else(String::new, |error| format!("MAPE {error:.3} %"))
+    }
+}
+
+impl EstimatorTask<'_> {
+    /// Solves the last layer over all kinds of batches that training draws, each with the same total weight as there.
+    fn refit_head(&self, estimator: PaperLstm) -> PaperLstm {
+        let (loss, device) = (self.setup.loss, self.setup.plain_device());
+        let mut refit = HeadRefit::new(estimator.head.last_inputs());
+        for BatchKind {
+            selection,
+            samples,
+            from,
+        } in self.dropout.kinds()
+        {
+            let weight = kind_weight(*selection, self.config) / from.len() as f32;
+            for batch in from.chunks(CHUNK) {
+                let last = estimator.lstm.forward(&features_of(
+                    self.calibration,
+                    samples,
+                    batch,
+                    *selection,
+                    &device,
+                ));
+                let hidden = numbers(estimator.head.hidden(last));
+                let of = |f: &dyn Fn(f32) -> f32| {
+                    batch
+                        .iter()
+                        .map(|&s| f(samples.distance(s)))
+                        .collect::<Vec<_>>()
+                };
+                refit.add(
+                    &hidden,
+                    &of(&|d| loss.target(d)),
+                    &of(&|d| loss.weight(d) * weight),
+                );
+            }
+        }
+        match refit.solve(&device) {
+            Some(layer) => PaperLstm {
+                head: estimator.head.with_last(layer),
+                ..estimator
+            },
+            None => estimator,
+        }
+    }
+}
+
+/// Weight of a batch's loss.
+fn kind_weight(selection: ViewSelection, config: &EstimatorConfig) -> f32 {
+    match selection {
+        ViewSelection::Only(_) => config.alone_weight as f32,
+        ViewSelection::All => 1.0,
+    }
+}
+
+/// Samples predicted at once.
+const CHUNK: usize = 2_048;
+
+/// Predictions for all samples, units of 10 NM. Networks and device must be without autodiff.
+pub(crate) fn predict(
+    calibration: &CalibrationNetworks,
+    estimator: &PaperLstm,
+    samples: &Encoded,
+    loss: Loss,
+    device: &Device,
+) -> Vec<f32> {
+    let all: Vec<usize> = (0..samples.len()).collect();
+    all.chunks(CHUNK)
+        .flat_map(|batch| {
+            numbers(estimator.forward(&features_of(
+                calibration,
+                samples,
+                batch,
+                ViewSelection::All,
+                device,
+            )))
+        })
+        .map(|predicted| loss.distance(predicted))
+        .collect()
+}
+
+fn features_of(
+    calibration: &CalibrationNetworks,
+    samples: &Encoded,
+    batch: &[usize],
+    selection: ViewSelection,
+    device: &Device,
+) -> Vec<ViewFeatures> {
+    let views = match selection {
+        ViewSelection::Only(view) => view..view + 1,
+        ViewSelection::All => 0..samples.views(),
+    };
+    views
+        .map(|view| {
+            let mask = samples.mask(batch, view);
+            let all_present = mask.iter().all(|&present| present > 0.0);
+            ViewFeatures {
+                features: calibration.features(view, samples.inputs(batch, view, device)),
+                present: (!all_present).then(|| column(mask, device)),
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,203 @@
+//! What all estimators answered at the judged ticks, in as few bytes as figures need: a full corpus has 770,000 ticks, each of which every
+//! estimator answers with all views and without some.
+
+use crate::estimators::inverse_range::flight_filter::Estimate;
+use crate::evaluation::metrics::{Group, Outcome};
+use crate::evaluation::rules::EvaluationRules;
+use crate::run::estimator::{Estimator, Task};
+use crate::samples::{Observation, Sample, Samples};
+use dataset::splits::Side;
+
+/// The ticks that count, flight by flight.
+pub(crate) struct JudgedTicks<'a> {
+    rules: &'a EvaluationRules,
+    ticks: Vec<&'a Sample>,
+    /// Of each scenario.
+    groups: Vec<Group<'a>>,
+}
+
+impl<'a> JudgedTicks<'a> {
+    /// Those of the test side.
+    pub(crate) fn of(samples: &'a Samples, rules: &'a EvaluationRules) -> Self {
+        let tested = samples.ticks_of_side(Side::Test);
+        Self {
+            rules,
+            ticks: tested.filter(|sample| rules.is_there(sample)).collect(),
+            groups: samples.scenarios.iter().map(Group::of).collect(),
+        }
+    }
+
+    /// In their order.
+    pub(crate) fn ticks(&self) -> &[&'a Sample] {
+        &self.ticks
+    }
+
+    /// An answer to one of them.
+    fn outcome(&self, tick: usize, answers: &Answers, estimator: usize) -> Outcome<'_> {
+        let sample = self.ticks[tick];
+        let of = &answers.by_estimator[estimator];
+        let interval_m = of.intervals_m.get(tick).copied();
+        Outcome {
+            dtd_m: sample.dtd_m,
+            predicted_m: Some(of.distances_m[tick]).filter(|distance_m| distance_m.is_finite()),
+            interval_m: interval_m.filter(|[from_m, _]| from_m.is_finite()),
+            detections: answers.detections[tick].into(),
+            is_hidden: self.rules.is_hidden(sample),
+            is_removed: answers.removed[tick],
+            of: &self.groups[sample.scenario],
+        }
+    }
+
+    /// What an estimator answered, tick by tick.
+    pub(crate) fn outcomes(&self, answers: &Answers, estimator: usize) -> Vec<Outcome<'_>> {
+        let ticks = 0..self.ticks.len();
+        ticks
+            .map(|tick| self.outcome(tick, answers, estimator))
+            .collect()
+    }
+
+    /// The ticks of one scenario, and what an estimator answered.
+    pub(crate) fn outcomes_of_scenario(
+        &self,
+        scenario: usize,
+        answers: &Answers,
+        estimator: usize,
+    ) -> Vec<(&'a Sample, Outcome<'_>)> {
+        let ticks = self.ticks.iter().enumerate();
+        ticks
+            .filter(|(_, sample)| sample.scenario == scenario)
+            .map(|(tick, sample)| (*sample, self.outcome(tick, answers, estimator)))
+            .collect()
+    }
+}
+
+/// What one estimator answered to some ticks.
+pub(crate) struct Answered {
+    /// Distances, metres.
+    pub distances_m: Vec<Option<f64>>,
+    /// What else it knows; `None` of an estimator that answers with a distance alone.
+    pub estimates: Option<Vec<Option<Estimate>>>,
+}
+
+impl Answered {
+    /// What each estimator answers, in the order of [`Estimator::ALL`].
+    pub(crate) fn of_all(task: &Task) -> Vec<Self> {
+        let of = |estimator: Estimator| {
+            let estimates = estimator.estimates(task);
+            let distances_m = match &estimates {
+                Some(estimates) => Estimate::distances_m(estimates),
+                None => estimator.predict(task),
+            };
+            Self {
+                distances_m,
+                estimates,
+            }
+        };
+        Estimator::ALL.map(of).into()
+    }
+}
+
+/// The answers of all estimators.
+pub(crate) struct Answers {
+    /// Views whose boxes count.
+    detections: Vec<u8>,
+    /// Whether a view was removed.
+    removed: Vec<bool>,
+    /// In the order of [`Estimator::ALL`].
+    by_estimator: [OfEstimator; Estimator::ALL.len()],
+}
+
+/// The answers of one; not a number where there is none.
+struct OfEstimator {
+    distances_m: Vec<f64>,
+    /// Ends of 90 % intervals; empty of an estimator that states none.
+    intervals_m: Vec<[f64; 2]>,
+}
+
+impl Answers {
+    /// None yet, with room for those to this many ticks: vectors that grow take up to twice what they hold.
+    pub(crate) fn with_room_for(ticks: usize) -> Self {
+        Self {
+            detections: Vec::with_capacity(ticks),
+            removed: Vec::with_capacity(ticks),
+            by_estimator: std::array::from_fn(|_| OfEstimator {
+                distances_m: Vec::with_capacity(ticks),
+                intervals_m: Vec::new(),
+            }),
+        }
+    }
+
+    /// Adds those of the ticks of a flight that count.
+    pub(crate) fn add(
+        &mut self,
+        is_judged: &[bool],
+        (observed, removed): (&[Observation], &[bool]),
+        answered: &[Answered],
+    ) {
+        let judged = || (0..is_judged.len()).filter(|&tick| is_judged[tick]);
+        let seen = |tick: usize| observed[tick].detections().try_into().unwrap_or(u8::MAX);
+        self.detections.extend(judged().map(seen));
+        self.removed.extend(judged().map(|tick| removed[tick]));
+        for (of, answered) in self.by_estimator.iter_mut().zip(answered) {
+            let distances_m = judged().map(|tick| answered.distances_m[tick]);
+            of.distances_m
+                .extend(distances_m.map(|d| d.unwrap_or(f64::NAN)));
+            if let Some(estimates) = &answered.estimates {
+                let interval_m = |tick: usize| {
+                    let estimate = estimates[tick].as_ref();
+                    estimate.map_or([f64::NAN; 2], |estimate| estimate.distance_m.interval)
+                };
+                of.intervals_m
+                    .reserve_exact(of.distances_m.capacity() - of.intervals_m.len());
+                of.intervals_m.extend(judged().map(interval_m));
+            }
+        }
+    }
+
+    /// Boxes at all ticks.
+    pub(crate) fn boxes(&self) -> usize {
+        self.detections.iter().copied().map(usize::from).sum()
+    }
+
+    /// Ticks that a view saw.
+    pub(crate) fn seen(&self) -> usize {
+        self.detections.iter().filter(|&&views| views > 0).count()
+    }
+
+    /// Which ticks every estimator with any answer has answered.
+    pub(crate) fn common(&self) -> Vec<bool> {
+        let is_answered = |distance_m: &f64| distance_m.is_finite();
+        let of_estimators = self.by_estimator.iter().map(|of| &of.distances_m);
+        let answering: Vec<_> = of_estimators
+            .filter(|distances_m| distances_m.iter().any(is_answered))
+            .collect();
+        let is_common =
+            |tick: usize| !answering.is_empty() && answering.iter().all(|d| is_answered(&d[tick]));
+        (0..self.detections.len()).map(is_common).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn common_ticks_are_those_of_all_estimators_that_answer_at_all() {
+        let answers = |of_estimators: [[Option<f64>; 3]; 3]| {
+            let answered = of_estimators.map(|distances_m| Answered {
+                distances_m: distances_m.to_vec(),
+                estimates: None,
+            });
+            let observed = Sample::of_boxes(1_000.0, vec![None]).observed;
+            let mut answers = Answers::with_room_for(3);
+            answers.add(&[true; 3], (&vec![observed; 3], &[false; 3]), &answered);
+            answers.common()
+        };
+        let [first, second] = [
+            [Some(1_010.0), None, Some(1_020.0)],
+            [None, Some(1.0), Some(1.0)],
+        ];
+        assert_eq!(answers([first, second, [None; 3]]), [false, false, true]);
+        assert_eq!(answers([[None; 3]; 3]), [false; 3]);
+    }
+}

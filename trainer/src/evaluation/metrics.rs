@@ -1,0 +1,524 @@
+//! `metrics.json`: how an evaluation judged, what it judged, and the figures of every estimator.
+//!
+//! `PE = |predicted - true| / true * 100`; MAPE is its mean and SD its standard deviation (over all answers, not n - 1). *Dual* are
+//! the ticks at which two or more views saw the aircraft, *combination* those at which at least one did. Answers that are not finite are
+//! no answers. A tick without an answer counts against coverage. Figures over no answer are `null`, all others are numbers.
+
+mod bootstrap;
+mod figures;
+mod stated_intervals;
+
+use std::collections::BTreeMap;
+
+use dataset::effective_weather::ReportedWeather;
+use serde::{Deserialize, Serialize};
+
+use crate::background::Alignment;
+use crate::config::PaperDeviation;
+use crate::evaluation::Judged;
+use crate::evaluation::rules::EvaluationRules;
+use crate::samples::ScenarioSummary;
+
+pub(crate) use bootstrap::Intervals;
+pub(crate) use figures::ErrorFigures;
+pub(crate) use stated_intervals::StatedIntervals;
+
+/// Figures with and without the ticks that only one view saw, or none.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SplitFigures {
+    /// All ticks at which the aircraft is there.
+    #[serde(flatten)]
+    pub all: ErrorFigures,
+    /// Two or more views saw the aircraft.
+    pub dual: ErrorFigures,
+    /// At least one view saw the aircraft.
+    pub combination: ErrorFigures,
+}
+
+/// Figures of a bin of distances.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DistanceBin {
+    /// Smallest distance, nautical miles, included.
+    pub from_nm: f64,
+    /// Largest distance, nautical miles, excluded.
+    pub to_nm: f64,
+    /// The figures.
+    #[serde(flatten)]
+    pub figures: ErrorFigures,
+}
+
+/// Figures of one flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlightFigures {
+    /// Scenario.
+    pub scenario: String,
+    /// The trajectory that it flies.
+    pub trajectory: String,
+    /// Share of the stated intervals that hold the truth, if the estimator states any.
+    #[serde(default)]
+    pub intervals_held: Option<f64>,
+    /// The figures.
+    #[serde(flatten)]
+    pub figures: ErrorFigures,
+}
+
+/// Figures while views fail.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RemovedFigures {
+    /// Of all ticks.
+    #[serde(flatten)]
+    pub all: ErrorFigures,
+    /// Of the ticks at which a view was removed.
+    pub removed: ErrorFigures,
+    /// Intervals of the figures of all ticks.
+    pub intervals: Option<Intervals>,
+    /// The intervals that the estimator states, if it states any.
+    pub stated_intervals: Option<StatedIntervals>,
+}
+
+/// All figures of one estimator.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EstimatorMetrics {
+    /// Over everything.
+    #[serde(flatten)]
+    pub overall: SplitFigures,
+    /// Intervals of the figures over everything.
+    pub intervals: Option<Intervals>,
+    /// The intervals that the estimator states, if it states any.
+    pub stated_intervals: Option<StatedIntervals>,
+    /// Over the ticks that every estimator with any answer has answered.
+    pub common: ErrorFigures,
+    /// By removal of views.
+    pub views_removed: BTreeMap<String, RemovedFigures>,
+    /// By name of the weather.
+    pub by_weather: BTreeMap<String, SplitFigures>,
+    /// By local time.
+    pub by_time: BTreeMap<String, SplitFigures>,
+    /// By distance, without gaps.
+    pub by_distance_nm: Vec<DistanceBin>,
+    /// By scenario.
+    pub by_flight: Vec<FlightFigures>,
+}
+
+/// One side of the split in numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SideCount {
+    /// Scenarios.
+    pub scenarios: usize,
+    /// Trajectories.
+    pub trajectories: usize,
+    /// Ticks that at least one view saw, within the distances evaluated (test) or trained on (the others).
+    pub samples: usize,
+}
+
+/// How the samples were split.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SplitSummary {
+    /// The unit that is kept together: `trajectory`.
+    pub by: String,
+    /// For training.
+    pub train: SideCount,
+    /// For decisions during training.
+    pub validation: SideCount,
+    /// For all figures.
+    pub test: SideCount,
+}
+
+/// The judged ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TickCounts {
+    /// The aircraft is there: the ticks that coverage is of.
+    pub there: usize,
+    /// Of these, fog hides it in every picture.
+    pub hidden_by_fog: usize,
+    /// Of these, at least one view has a box that counts.
+    pub seen: usize,
+    /// Every estimator with any answer has answered.
+    pub common: usize,
+}
+
+/// The whole file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    /// How it was judged.
+    pub rules: EvaluationRules,
+    /// What was judged.
+    pub judged: Judged,
+    /// The split.
+    pub split: SplitSummary,
+    /// The judged ticks.
+    pub ticks: TickCounts,
+    /// Boxes at these ticks that were ignored because the training side has none at such a position or of such a size.
+    pub disbelieved_boxes: usize,
+    /// Pictures of these ticks in which the detector found only boxes that the picture's edge cuts off, which are ignored.
+    pub cut_off_boxes: usize,
+    /// What the training of `paper_lstm` did otherwise than the paper, by its settings; missing in earlier evaluations.
+    #[serde(default)]
+    pub deviations_from_paper: Vec<PaperDeviation>,
+    /// How the cameras were aligned by their backgrounds; missing if the training did not ask for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alignment: Option<Alignment>,
+    /// The weather that simulators reported at the aircraft in the judged scenarios, by name of the planned weather; missing if none did.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub weather_at_aircraft: BTreeMap<String, ReportedWeather>,
+    /// Figures by name of the estimator.
+    pub estimators: BTreeMap<String, EstimatorMetrics>,
+}
+
+/// One judged tick and what an estimator answered, with what is needed to group it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Outcome<'a> {
+    /// Truth, metres.
+    pub dtd_m: f64,
+    /// Prediction, metres, if there was one.
+    pub predicted_m: Option<f64>,
+    /// Ends of its 90 % interval, metres, if the estimator states one.
+    pub interval_m: Option<[f64; 2]>,
+    /// Number of views that saw the aircraft.
+    pub detections: usize,
+    /// Whether fog hides the aircraft.
+    pub is_hidden: bool,
+    /// Whether a view was removed.
+    pub is_removed: bool,
+    /// What it is grouped by.
+    pub of: &'a Group<'a>,
+}
+
+/// What outcomes of one scenario are grouped by.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Group<'a> {
+    /// Identifier of the scenario.
+    pub scenario: &'a str,
+    /// The trajectory that it flies.
+    pub trajectory: &'a str,
+    /// What that trajectory is, whatever it is called.
+    pub flight: &'a str,
+    /// Name of the weather.
+    pub weather: &'a str,
+    /// Local time.
+    pub time_of_day: &'a str,
+}
+
+impl<'a> Group<'a> {
+    pub(crate) fn of(scenario: &'a ScenarioSummary) -> Self {
+        Self {
+            scenario: &scenario.id,
+            trajectory: &scenario.trajectory,
+            flight: &scenario.flight,
+            weather: &scenario.weather,
+            time_of_day: &scenario.time_of_day,
+        }
+    }
+
+    /// For tests, whose outcomes own nothing.
+    #[cfg(test)]
+    pub(crate) fn leaked(self) -> &'a Self {
+        Box::leak(Box::new(self))
+    }
+}
+
+impl Outcome<'_> {
+    /// Signed percentage error: positive if the prediction is too far. None where it is not finite.
+    pub(crate) fn signed_error_pct(&self) -> Option<f64> {
+        let error_pct = (self.predicted_m? - self.dtd_m) / self.dtd_m * 100.0;
+        Some(error_pct).filter(|error| error.is_finite())
+    }
+
+    /// Absolute error, metres.
+    fn error_m(&self) -> Option<f64> {
+        Some((self.predicted_m? - self.dtd_m).abs())
+    }
+}
+
+impl SplitFigures {
+    fn of(outcomes: &[&Outcome]) -> Self {
+        let seen_by = |least: usize| {
+            let outcomes = outcomes.iter().copied();
+            ErrorFigures::of(outcomes.filter(|outcome| outcome.detections >= least))
+        };
+        Self {
+            all: seen_by(0),
+            dual: seen_by(2),
+            combination: seen_by(1),
+        }
+    }
+}
+
+impl RemovedFigures {
+    /// Figures of all ticks, in their order.
+    pub(crate) fn of(outcomes: &[Outcome], rules: &EvaluationRules) -> Self {
+        Self {
+            all: ErrorFigures::of(outcomes),
+            removed: ErrorFigures::of(outcomes.iter().filter(|outcome| outcome.is_removed)),
+            intervals: Intervals::of(outcomes, &rules.bootstrap),
+            stated_intervals: StatedIntervals::of(outcomes),
+        }
+    }
+}
+
+impl EstimatorMetrics {
+    /// All figures of one estimator; `common` are the ticks that all have answered. Distance bins cover everything between the nearest
+    /// and the farthest outcome.
+    pub(crate) fn of(
+        outcomes: &[Outcome],
+        common: &[bool],
+        views_removed: BTreeMap<String, RemovedFigures>,
+        rules: &EvaluationRules,
+    ) -> Self {
+        let by = |name: fn(&Outcome) -> String| {
+            let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
+            for outcome in outcomes {
+                groups.entry(name(outcome)).or_default().push(outcome);
+            }
+            groups
+                .into_iter()
+                .map(|(name, group)| (name, SplitFigures::of(&group)))
+                .collect()
+        };
+        let shared = outcomes.iter().zip(common).filter(|(_, common)| **common);
+        Self {
+            overall: SplitFigures::of(&outcomes.iter().collect::<Vec<_>>()),
+            intervals: Intervals::of(outcomes, &rules.bootstrap),
+            stated_intervals: StatedIntervals::of(outcomes),
+            common: ErrorFigures::of(shared.map(|(outcome, _)| outcome)),
+            views_removed,
+            by_weather: by(|outcome| outcome.of.weather.to_owned()),
+            by_time: by(|outcome| outcome.of.time_of_day.to_owned()),
+            by_distance_nm: distance_bins(outcomes, rules.distance_bin_nm)
+                .into_iter()
+                .map(|([from_nm, to_nm], inside)| DistanceBin {
+                    from_nm,
+                    to_nm,
+                    figures: ErrorFigures::of(inside),
+                })
+                .collect(),
+            by_flight: outcomes
+                .chunk_by(|a, b| a.of.scenario == b.of.scenario)
+                .map(|flight| FlightFigures {
+                    scenario: flight[0].of.scenario.to_owned(),
+                    trajectory: flight[0].of.trajectory.to_owned(),
+                    intervals_held: StatedIntervals::of(flight).map(|stated| stated.held),
+                    figures: ErrorFigures::of(flight),
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Maximum number of bins. If `bin_nm` would give more, bins are an integer number of times as wide.
+const MOST_BINS: f64 = 200.0;
+
+/// Outcomes by bins `[from, to)` of distance in nautical miles, from the bin of the nearest to that of the farthest.
+pub(crate) fn distance_bins<'a>(
+    outcomes: &'a [Outcome<'a>],
+    bin_nm: f64,
+) -> Vec<([f64; 2], Vec<&'a Outcome<'a>>)> {
+    let distance_nm = |outcome: &Outcome| outcome.dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+    let distances = || outcomes.iter().map(distance_nm);
+    let (Some(nearest), Some(farthest)) =
+        (distances().reduce(f64::min), distances().reduce(f64::max))
+    else {
+        return Vec::new();
+    };
+    let wanted = (farthest / bin_nm).floor() - (nearest / bin_nm).floor() + 1.0;
+    let width_nm = bin_nm * (wanted / MOST_BINS).ceil().max(1.0);
+    let bin_of = |outcome: &Outcome| (distance_nm(outcome) / width_nm) as usize;
+    let first = (nearest / width_nm) as usize;
+    let count = (farthest / width_nm) as usize - first + 1;
+    let mut bins: Vec<_> = (first..first + count)
+        .map(|bin| {
+            let bounds = [bin as f64 * width_nm, (bin + 1) as f64 * width_nm];
+            (bounds, Vec::new())
+        })
+        .collect();
+    for outcome in outcomes {
+        bins[bin_of(outcome) - first].1.push(outcome);
+    }
+    bins
+}
+
+#[cfg(test)]
+impl Outcome<'_> {
+    /// An answer at a tick that two views saw.
+    pub(crate) fn of_answer(dtd_m: f64, predicted_m: Option<f64>) -> Self {
+        Self {
+            dtd_m,
+            predicted_m,
+            interval_m: None,
+            detections: 2,
+            is_hidden: false,
+            is_removed: false,
+            of: &Group {
+                scenario: "0000",
+                trajectory: "a",
+                flight: "a",
+                weather: "clear",
+                time_of_day: "08:00",
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outcome(
+        dtd_m: f64,
+        predicted_m: Option<f64>,
+        detections: usize,
+        weather: &'static str,
+    ) -> Outcome<'static> {
+        let alike = Outcome::of_answer(dtd_m, predicted_m);
+        Outcome {
+            detections,
+            of: Group {
+                weather,
+                ..*alike.of
+            }
+            .leaked(),
+            ..alike
+        }
+    }
+
+    fn judged(outcomes: &[Outcome<'static>]) -> EstimatorMetrics {
+        let is_answered = |outcome: &Outcome| outcome.signed_error_pct().is_some();
+        let common: Vec<bool> = outcomes.iter().map(is_answered).collect();
+        let rules = EvaluationRules::current();
+        EstimatorMetrics::of(outcomes, &common, BTreeMap::new(), &rules)
+    }
+
+    #[test]
+    fn mape_and_sd_of_a_case_computed_by_hand() {
+        // Errors of 1 %, 3 % and 2 %: mean 2 %, variance (1 + 1 + 0) / 3.
+        let outcomes = [
+            outcome(1_000.0, Some(1_010.0), 2, "clear"),
+            outcome(2_000.0, Some(1_940.0), 1, "clear"),
+            outcome(10_000.0, Some(9_800.0), 2, "foggy"),
+            outcome(10_000.0, None, 1, "foggy"),
+        ];
+        let metrics = judged(&outcomes);
+        let all = metrics.overall.combination;
+        assert_eq!(all.samples, 3);
+        assert!((all.mape_pct.unwrap() - 2.0).abs() < 1e-9);
+        assert!((all.sd_pct.unwrap() - (2.0_f64 / 3.0).sqrt()).abs() < 1e-9);
+        let dual = metrics.overall.dual;
+        assert_eq!(dual.samples, 2);
+        assert!((dual.mape_pct.unwrap() - 1.5).abs() < 1e-9);
+        assert!((metrics.by_weather["clear"].combination.mape_pct.unwrap() - 2.0).abs() < 1e-9);
+        assert_eq!(metrics.by_weather["clear"].dual.samples, 1);
+        assert_eq!(metrics.by_time["08:00"].combination.samples, 3);
+        assert_eq!((all.ticks, all.coverage), (4, Some(0.75)));
+        assert!((all.median_pct.unwrap() - 2.0).abs() < 1e-9);
+        assert!((all.p95_pct.unwrap() - 3.0).abs() < 1e-9);
+        // Off by 10, 60 and 200 m.
+        assert!((all.mae_m.unwrap() - 90.0).abs() < 1e-9);
+        assert!((all.p95_m.unwrap() - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn distance_bins_leave_no_gap_and_an_empty_bin_has_no_figures() {
+        let outcomes = [
+            outcome(1_000.0, Some(1_000.0), 2, "clear"),
+            outcome(4_000.0, Some(4_040.0), 2, "clear"),
+        ];
+        let bins = judged(&outcomes).by_distance_nm;
+        let bounds: Vec<_> = bins
+            .iter()
+            .map(|bin| (bin.from_nm, bin.to_nm, bin.figures.samples))
+            .collect();
+        assert_eq!(bounds, [(0.0, 1.0, 1), (1.0, 2.0, 0), (2.0, 3.0, 1)]);
+        assert_eq!(bins[1].figures.mape_pct, None);
+        assert!((bins[2].figures.mape_pct.unwrap() - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_far_reach_has_wider_bins_and_never_more_than_a_page_can_show() {
+        let half_around_the_world_m = 2.0e7;
+        let outcomes = [
+            outcome(1_000.0, Some(1_000.0), 2, "clear"),
+            outcome(half_around_the_world_m, Some(1.0), 2, "clear"),
+        ];
+        for bin_nm in [0.01, 1.0] {
+            let bins = distance_bins(&outcomes, bin_nm);
+            assert!(bins.len() <= MOST_BINS as usize + 1, "{}", bins.len());
+            let held: usize = bins.iter().map(|(_, inside)| inside.len()).sum();
+            assert_eq!(held, 2);
+            let ([from_nm, to_nm], inside) = bins.last().unwrap();
+            let distance_nm = inside[0].dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+            assert!((*from_nm..*to_nm).contains(&distance_nm));
+        }
+    }
+
+    #[test]
+    fn answers_beyond_all_measure_are_no_numbers_and_end_nothing() {
+        let answers = [f64::INFINITY, f64::NAN, 3e307, -3e307, 1e300];
+        let outcomes = answers.map(|answer| outcome(20.0, Some(answer), 2, "clear"));
+        let metrics = judged(&outcomes);
+        let json = serde_json::to_string(&metrics).unwrap();
+        let read: EstimatorMetrics = serde_json::from_str(&json).unwrap();
+        assert_eq!(read, metrics);
+        let ErrorFigures {
+            mape_pct,
+            sd_pct,
+            samples,
+            ..
+        } = metrics.overall.all;
+        assert_eq!(samples, 3, "those that are numbers");
+        assert!(
+            mape_pct.unwrap().is_finite() && sd_pct.unwrap().is_finite(),
+            "samples without figures: {json}"
+        );
+    }
+
+    #[test]
+    fn what_is_missing_is_null_in_json_and_never_zero() {
+        let metrics = judged(&[outcome(1_000.0, None, 1, "clear")]);
+        let json = serde_json::to_value(&metrics).unwrap();
+        assert!(
+            json["mape_pct"].is_null() && json["dual"]["sd_pct"].is_null(),
+            "{json}"
+        );
+        assert_eq!(json["samples"], 0);
+        assert_eq!(json["by_distance_nm"][0]["to_nm"], 1.0);
+        assert_eq!(
+            serde_json::from_value::<EstimatorMetrics>(json).unwrap(),
+            metrics
+        );
+    }
+
+    #[test]
+    fn a_tick_without_an_answer_counts_against_coverage_and_fog_is_told_apart() {
+        let hidden = Outcome {
+            is_hidden: true,
+            ..outcome(2_000.0, None, 0, "foggy")
+        };
+        let outcomes = [
+            outcome(2_000.0, Some(2_020.0), 2, "foggy"),
+            outcome(2_000.0, None, 0, "foggy"),
+            outcome(2_000.0, Some(f64::NAN), 1, "foggy"),
+            hidden,
+        ];
+        let SplitFigures {
+            all,
+            dual,
+            combination,
+        } = judged(&outcomes).overall;
+        assert_eq!((all.samples, all.ticks, all.coverage), (1, 4, Some(0.25)));
+        assert_eq!(all.coverage_in_sight, Some(1.0 / 3.0));
+        assert!((all.mape_pct.unwrap() - 1.0).abs() < 1e-9);
+        assert_eq!((dual.ticks, dual.coverage), (1, Some(1.0)));
+        assert_eq!((combination.ticks, combination.coverage), (2, Some(0.5)));
+    }
+
+    #[test]
+    fn figures_of_the_common_ticks_are_of_these_alone() {
+        let outcomes =
+            [Some(1_010.0), Some(1_030.0), None].map(|a| outcome(1_000.0, a, 2, "clear"));
+        let common = [true, false, false];
+        let rules = EvaluationRules::current();
+        let figures = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), &rules).common;
+        assert_eq!((figures.samples, figures.ticks), (1, 1));
+        assert!((figures.mape_pct.unwrap() - 1.0).abs() < 1e-9);
+    }
+}

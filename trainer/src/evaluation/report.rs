@@ -1,0 +1,199 @@
+//! `report.html`: the results of a run in one file that opens offline.
+//!
+//! The page is a template (`report/report.html`) in the look of all pages (`report-page/`); its plots are SVG, drawn by [`plots`], and its
+//! pictures are cut out of the corpus's videos, if they are there.
+//! Figures of the paper are shown next to ours where it has them (its table 3).
+
+mod examples;
+mod plots;
+mod tables;
+
+use dataset::corpus::Corpus;
+use dataset::json_file::write_unsynced;
+use dataset::splits::Side;
+use minijinja::{Value, context};
+use report_page::chart::css_colour;
+use report_page::page::{drawn, render, value};
+use serde::Serialize;
+
+use crate::error::Result;
+use crate::evaluation::answers::{Answers, JudgedTicks};
+use crate::evaluation::metrics::Metrics;
+use crate::run::estimator::Estimator;
+use crate::run::folder::RunFolder;
+use crate::run::trained::TrainedRun;
+use crate::samples::{DistanceRange, Samples};
+
+const TEMPLATE: &str = include_str!("report/report.html");
+
+/// A scenario in the data summary.
+#[derive(Serialize)]
+struct ScenarioRow<'a> {
+    id: &'a str,
+    trajectory: &'a str,
+    side: String,
+    weather: &'a str,
+    time_of_day: &'a str,
+    ticks: usize,
+    detected_pct: Vec<String>,
+}
+
+/// What an evaluation found, and what it was made from.
+pub(crate) struct Results<'a> {
+    /// Where the pictures are.
+    pub corpus: &'a Corpus,
+    pub trained: &'a TrainedRun,
+    pub samples: &'a Samples,
+    /// The ticks that count.
+    pub ticks: &'a JudgedTicks<'a>,
+    /// What was answered to them, with all views.
+    pub answers: &'a Answers,
+    pub metrics: &'a Metrics,
+}
+
+/// Writes the report of an evaluation.
+pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
+    let Results {
+        corpus,
+        trained,
+        samples,
+        ticks,
+        answers,
+        metrics,
+    } = *results;
+    let rules = &metrics.rules;
+    let seen = ticks_seen(samples, rules.range());
+    let flown = tables::best_covered_scenario(samples, ticks.ticks());
+    let outcomes = (0..Estimator::ALL.len()).map(|number| ticks.outcomes(answers, number));
+    let recommended = |estimator: &Estimator| estimator.name() == trained.summary.choice.estimator;
+    let examples = match Estimator::ALL.iter().position(recommended) {
+        Some(number) => {
+            let outcomes = ticks.outcomes(answers, number);
+            examples::examples(corpus, samples, ticks.ticks(), &outcomes)?
+        }
+        None => Vec::new(),
+    };
+    let page = render(
+        TEMPLATE,
+        context! {
+            headline => value(tables::headline(metrics)),
+            legend => value(legend()),
+            conditions => value(tables::conditions(metrics)),
+            weather_at_aircraft => value(tables::weather_at_aircraft(metrics)),
+            scenarios => value(scenario_rows(samples, &seen)),
+            views => value(&samples.views),
+            detected_total => value(detected_total(samples, &seen)),
+            split => value(&metrics.split),
+            rules => value(rules),
+            judged => value(&metrics.judged),
+            ticks => value(metrics.ticks),
+            disbelieved => metrics.disbelieved_boxes,
+            cut_off => metrics.cut_off_boxes,
+            removed => value(tables::removed(metrics)),
+            flights => value(tables::flights(metrics)),
+            examples => value(examples),
+            model => samples.detections.model.as_deref(),
+            model_hash => samples.detections.hash.as_str(),
+            absent => samples.absent_scenarios.len(),
+            summary => value(&trained.summary),
+            loss => value(trained.config.loss),
+            version => env!("CARGO_PKG_VERSION"),
+            flown => value(flown.map(|index| &samples.scenarios[index].id)),
+            boxes_plot => drawn(plots::errors_by_distance(outcomes, rules.distance_bin_nm)?),
+            convergence_plot => drawn(plots::convergence(&trained.convergence)?),
+            flight_plot => match flown {
+                Some(index) => {
+                    let of = |number| ticks.outcomes_of_scenario(index, answers, number);
+                    drawn(plots::flight(of)?)
+                }
+                None => Value::UNDEFINED,
+            },
+        },
+    )?;
+    Ok(write_unsynced(&run.report_path(), page.as_bytes())?)
+}
+
+/// An estimator's colour in the plots.
+#[derive(Serialize)]
+struct LegendEntry {
+    colour: String,
+    is_hollow: bool,
+    name: &'static str,
+}
+
+fn legend() -> Vec<LegendEntry> {
+    let entry = |(which, estimator): (usize, Estimator)| LegendEntry {
+        colour: css_colour(which),
+        is_hollow: plots::is_hollow(which),
+        name: estimator.name(),
+    };
+    Estimator::ALL.into_iter().enumerate().map(entry).collect()
+}
+
+/// Ticks of a scenario within the judged distances.
+#[derive(Clone, Default)]
+struct TicksSeen {
+    all: usize,
+    /// Those at which each view saw the aircraft.
+    by_view: Vec<usize>,
+}
+
+fn ticks_seen(samples: &Samples, range: DistanceRange) -> Vec<TicksSeen> {
+    let none = TicksSeen {
+        all: 0,
+        by_view: vec![0; samples.views.len()],
+    };
+    let mut seen = vec![none; samples.scenarios.len()];
+    for sample in &samples.samples {
+        if range.contains(sample.dtd_m) {
+            let TicksSeen { all, by_view } = &mut seen[sample.scenario];
+            *all += 1;
+            for (count, found) in by_view.iter_mut().zip(&sample.boxes) {
+                *count += usize::from(found.is_some());
+            }
+        }
+    }
+    seen
+}
+
+fn scenario_rows<'a>(samples: &'a Samples, seen: &[TicksSeen]) -> Vec<ScenarioRow<'a>> {
+    samples
+        .scenarios
+        .iter()
+        .zip(seen)
+        .map(|(scenario, seen)| ScenarioRow {
+            id: &scenario.id,
+            trajectory: &scenario.trajectory,
+            side: match scenario.side {
+                Side::Train => "train",
+                Side::Validation => "validation",
+                Side::Test => "test",
+            }
+            .into(),
+            weather: &scenario.weather,
+            time_of_day: &scenario.time_of_day,
+            ticks: seen.all,
+            detected_pct: seen
+                .by_view
+                .iter()
+                .map(|&count| percent(count, seen.all))
+                .collect(),
+        })
+        .collect()
+}
+
+fn detected_total(samples: &Samples, seen: &[TicksSeen]) -> Vec<String> {
+    let ticks = seen.iter().map(|scenario| scenario.all).sum();
+    let by_view = |view: usize| seen.iter().map(|scenario| scenario.by_view[view]).sum();
+    (0..samples.views.len())
+        .map(|view| percent(by_view(view), ticks))
+        .collect()
+}
+
+fn percent(part: usize, whole: usize) -> String {
+    if whole == 0 {
+        "–".into()
+    } else {
+        format!("{:.1}", part as f64 / whole as f64 * 100.0)
+    }
+}

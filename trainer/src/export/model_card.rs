@@ -1,0 +1,150 @@
+//! What a user of exported models must know: inputs, what happens when views are missing, what they were trained on, and their figures.
+
+use std::fmt::Write;
+
+use crate::evaluation::metrics::{ErrorFigures, Metrics};
+use crate::export::{ExportedModel, REGISTRATION_COLUMNS, TOLERANCE};
+use crate::run::estimator::{Description, Estimator};
+use crate::run::trained::TrainedRun;
+
+/// The card as Markdown.
+pub(super) fn text(
+    run: &TrainedRun,
+    metrics: Option<&Metrics>,
+    exported: &[ExportedModel],
+) -> String {
+    let mut card = format!(
+        "# Distance to touchdown from boxes\n\n\
+         Estimators of a run of dtd {}, as ONNX models. Each was compared with this program's own answers when it was exported: \
+         relative differences are at most {TOLERANCE:e}.\n\n",
+        run.summary.dtd
+    );
+    models(&mut card, metrics, exported);
+    inputs(&mut card, run);
+    training(&mut card, run);
+    card
+}
+
+fn models(card: &mut String, metrics: Option<&Metrics>, exported: &[ExportedModel]) {
+    card.push_str(
+        "| file | method | MAPE, two views or more | MAPE, at least one view |\n|---|---|---|---|\n",
+    );
+    for estimator in Estimator::ALL {
+        let Description { name, how, .. } = estimator.description();
+        let file = match exported.iter().any(|model| model.name == name) {
+            true => format!("`{name}.onnx`"),
+            false => format!("{name}: not exported, it needs cameras or whole flights"),
+        };
+        let figures = metrics.and_then(|metrics| metrics.estimators.get(name));
+        let [dual, combination] = [
+            figures.map(|of| &of.overall.dual),
+            figures.map(|of| &of.overall.combination),
+        ]
+        .map(percent);
+        let _ = writeln!(card, "| {file} | {how} | {dual} | {combination} |");
+    }
+    card.push_str(match metrics {
+        Some(_) => "\nFigures are of trajectories that no training saw, on the corpus of `metrics.json`.\n\n",
+        None => "\nThe run was not evaluated when this was written: `dtd evaluate`, then export again.\n\n",
+    });
+}
+
+fn percent(figures: Option<&ErrorFigures>) -> String {
+    match figures {
+        Some(ErrorFigures {
+            mape_pct: Some(mape_pct),
+            samples,
+            ..
+        }) => format!("{mape_pct:.3} % of {samples}"),
+        _ => "–".into(),
+    }
+}
+
+fn inputs(card: &mut String, run: &TrainedRun) {
+    let normalisation = &run.normalisation;
+    let views = normalisation.views.len();
+    let _ = write!(
+        card,
+        "## Inputs and output\n\n\
+         All numbers are double precision.\n\n\
+         - `boxes` `[batch, {views}, 4]`: the aircraft's box in each view, in this order: {}. Centre right, centre down, width, height in \
+         pixels of the full picture; pixel (0, 0) is the centre of the top-left pixel. A box that the edge of the picture cuts off is no \
+         measurement: leave it out.\n\
+         - `registrations` `[batch, {views}, {}]`, for `inverse_range.onnx` only: {} of `registrations/*.parquet`, the first two of them \
+         where the aircraft of a view is, right and down of where it is in the reference view, in pixels. 0, 0 for the reference view \
+         itself, whose other columns are ignored. Give only registrations of the object in the boxes. With NaN behind the first two, the \
+         formula is not corrected by its network.\n\
+         - `distance_m` `[batch]`: distance to touchdown in metres.\n\n\
+         A view that saw nothing has four NaN in `boxes`; a view that is not registered has NaN in `registrations`. A missing view is not \
+         guessed: `paper_lstm` leaves it out of its sequence, the monoscopic estimators average over the others, and `inverse_range` \
+         answers with the formula of the views that are there. Without a usable box, or without a formula for the views that are there, \
+         `distance_m` is NaN.\n\n\
+         Boxes unlike those of the training side count as missing, as in `dtd evaluate`:\n\n\
+         | view | picture | centre right | centre down | width | height |\n|---|---|---|---|---|---|\n",
+        normalisation.views.join(", "),
+        REGISTRATION_COLUMNS.len(),
+        REGISTRATION_COLUMNS
+            .map(|column| format!("`{column}`"))
+            .join(", ")
+    );
+    for (view, name) in normalisation.views.iter().enumerate() {
+        let picture = run.summary.cameras.get(name).map_or("–".into(), |camera| {
+            format!("{}x{}", camera.width_px, camera.height_px)
+        });
+        let ranges = normalisation
+            .believed_px(view)
+            .map(|[least, most]| match least <= most {
+                false => "none".into(),
+                true => format!("{least:.1} to {most:.1}"),
+            });
+        let _ = writeln!(card, "| {name} | {picture} | {} |", ranges.join(" | "));
+    }
+    if run.config.align_backgrounds {
+        card.push_str(
+            "\nThe cameras of this run were aligned by their backgrounds (`align_backgrounds`). The models expect boxes and registrations that were \
+             corrected in the same way, and do not correct them.\n",
+        );
+    }
+}
+
+fn training(card: &mut String, run: &TrainedRun) {
+    let (summary, config) = (&run.summary, &run.config);
+    let rig = &summary.rig;
+    let vary = match summary.cameras_vary {
+        true => ", whose cameras varied between scenarios",
+        false => "",
+    };
+    let moved = match config.align_backgrounds {
+        true => "one that was moved or zoomed needs a training of its own, and so do other cameras",
+        false => {
+            "one that was moved or zoomed needs `dtd refit`, other cameras a training of their own"
+        }
+    };
+    let farthest = config
+        .max_dtd_nm
+        .map_or(String::new(), |most| format!(" to {most}"));
+    let deviations: Vec<String> = run
+        .deviations_from_paper()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    let method = match deviations.as_slice() {
+        [] => "as in the paper".to_owned(),
+        named => format!("as in the paper, except for: {}", named.join(", ")),
+    };
+    let _ = write!(
+        card,
+        "\n## Training\n\n\
+         - Rig `{rig}`{vary}. The models apply to these cameras only: {moved}.\n\
+         - Boxes of the detector {} (`{}`); boxes of another detector need a training of their own.\n\
+         - {} ticks of {} trajectories, decisions on {} of {} others; from {}{farthest} NM.\n\
+         - `paper_lstm` was trained {method}.\n",
+        summary.model.as_deref().unwrap_or("of unknown name"),
+        summary.model_hash,
+        summary.training_samples,
+        summary.training_trajectories.len(),
+        summary.validation_samples,
+        summary.validation_trajectories.len(),
+        config.min_dtd_nm,
+    );
+}

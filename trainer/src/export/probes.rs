@@ -1,0 +1,126 @@
+//! Ticks to hold a runtime against: boxes all over the range of the training side, views that miss the aircraft, boxes of something
+//! else, and registrations.
+
+use dataset::pixel_box::PixelBox;
+use glam::DVec2;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
+
+use crate::networks::normalisation::Normalisation;
+use crate::samples::Observation;
+use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::view_shift::ViewShift;
+
+const TICKS: usize = 500;
+/// Share of views that see nothing and of shifts without a correlation, and of boxes that no training side has.
+const MISSING: f64 = 0.2;
+const FALSE: f64 = 0.05;
+/// Share of ticks with shifts, and how far they are from the difference of the boxes, pixels.
+const REGISTERED: f64 = 0.6;
+const APART_PX: f64 = 2.0;
+
+/// The inputs of the models at some ticks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Probes {
+    /// How many.
+    pub ticks: usize,
+    /// Number of views.
+    pub views: usize,
+    /// `[ticks, views, 4]`.
+    pub boxes: Vec<f64>,
+    /// `[ticks, views, 7]`.
+    pub registrations: Vec<f64>,
+}
+
+impl Probes {
+    /// Errors at smaller distances count as at this one, a nautical mile: a network's rounding does not shrink with the distance.
+    pub const NEAREST_M: f64 = dataset::units::METERS_PER_NAUTICAL_MILE;
+}
+
+/// Probes, and the same ticks as estimators see them.
+pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) {
+    let random = &mut ChaCha12Rng::seed_from_u64(0);
+    let views = normalisation.views.len();
+    let mut probes = Probes {
+        ticks: TICKS,
+        views,
+        boxes: Vec::new(),
+        registrations: Vec::new(),
+    };
+    let mut believed = Vec::new();
+    for tick in 0..TICKS {
+        let boxes: Vec<Option<PixelBox>> = (0..views)
+            .map(|view| box_in(normalisation, view, random))
+            .collect();
+        let registered = random.random_bool(REGISTERED);
+        let shifts: Vec<Option<ViewShift>> = (0..views)
+            .map(|view| {
+                let (reference, seen) = (boxes[0].as_ref()?, boxes[view].as_ref()?);
+                let centre = |seen| centre_and_size(seen).0;
+                let apart = DVec2::new(
+                    random.random_range(-APART_PX..APART_PX),
+                    random.random_range(-APART_PX..APART_PX),
+                );
+                (registered && view > 0).then(|| ViewShift {
+                    reference: 0,
+                    shift_px: centre(seen) - centre(reference) + apart,
+                    sd_px: DVec2::new(
+                        random.random_range(0.02..0.2),
+                        random.random_range(0.02..0.2),
+                    ),
+                    scale: random.random_range(0.95..1.05),
+                    gain: random.random_range(0.7..1.4),
+                    // A shift may come without the rest.
+                    correlation: match random.random_bool(MISSING) {
+                        true => f64::NAN,
+                        false => random.random_range(0.8..1.0),
+                    },
+                })
+            })
+            .collect();
+        for (view, (seen, shift)) in boxes.iter().zip(&shifts).enumerate() {
+            probes.boxes.extend(seen.map_or([f64::NAN; 4], |b| {
+                [b.cx_px, b.cy_px, b.width_px, b.height_px]
+            }));
+            let (shift_px, quality) = match shift {
+                None if view == 0 => (DVec2::ZERO, [f64::NAN; 5]),
+                None => (DVec2::NAN, [f64::NAN; 5]),
+                Some(shift) => {
+                    let DVec2 { x, y } = shift.sd_px;
+                    let quality = [x, y, shift.scale, shift.gain, shift.correlation];
+                    (shift.shift_px, quality)
+                }
+            };
+            probes.registrations.extend(shift_px.to_array());
+            probes.registrations.extend(quality);
+        }
+        let observed = Observation {
+            scenario: 0,
+            tick: tick as u32,
+            time_ns: 0,
+            boxes,
+            shifts,
+            cut_off: 0,
+        };
+        believed.push(normalisation.without_outliers(&observed, false));
+    }
+    (probes, believed)
+}
+
+/// A box among those of the training side, mostly.
+fn box_in(
+    normalisation: &Normalisation,
+    view: usize,
+    random: &mut ChaCha12Rng,
+) -> Option<PixelBox> {
+    let range = normalisation.range_px[view]?;
+    let [cx_px, cy_px, width_px, height_px] =
+        range.map(|[least, most]| least + (most - least) * random.random_range(0.0..=1.0));
+    let is_false = random.random_bool(FALSE);
+    (!random.random_bool(MISSING)).then_some(PixelBox {
+        cx_px,
+        cy_px,
+        width_px,
+        height_px: if is_false { 9.0 * height_px } else { height_px },
+    })
+}

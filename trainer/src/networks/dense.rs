@@ -1,0 +1,198 @@
+//! Stacks of linear layers with LeakyReLU between: calibration networks, regression heads and the monoscopic baselines.
+//!
+//! Initial weights come from the caller's generator, not from burn's global one, so that a seed gives the same network whatever
+//! else runs in the process.
+
+mod gradients;
+
+use burn::module::{Module, Param};
+use burn::nn::Linear;
+use burn::tensor::activation::leaky_relu;
+use burn::tensor::{Device, Tensor, TensorData};
+use onnx_graph::Graph;
+use onnx_graph::proto::AttributeProto;
+use rand::RngExt;
+use rand_chacha::ChaCha12Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::networks::encoded::numbers;
+
+pub(crate) use gradients::{DenseTrace, LinearGradients};
+
+/// Slope of LeakyReLU below zero, as in PyTorch.
+pub(crate) const LEAKY_SLOPE: f64 = 0.01;
+
+/// A linear layer with weights and biases uniform within `+-gain / sqrt(inputs)` (PyTorch's choice is a gain of 1).
+pub(crate) fn linear(
+    inputs: usize,
+    outputs: usize,
+    gain: f64,
+    random: &mut ChaCha12Rng,
+    device: &Device,
+) -> Linear {
+    let bound = (gain / (inputs as f64).sqrt()) as f32;
+    let mut draw = |count: usize| {
+        (0..count)
+            .map(|_| random.random_range(-bound..=bound))
+            .collect::<Vec<f32>>()
+    };
+    let weights = draw(inputs * outputs);
+    linear_of(weights, draw(outputs), device)
+}
+
+/// A linear layer with these weights, input by input, and a bias for each output.
+fn linear_of(weights: Vec<f32>, biases: Vec<f32>, device: &Device) -> Linear {
+    let outputs = biases.len();
+    let weights_of = [weights.len() / outputs, outputs];
+    Linear {
+        weight: Param::from_data(TensorData::new(weights, weights_of), device),
+        bias: Some(Param::from_data(TensorData::new(biases, [outputs]), device)),
+    }
+}
+
+/// A linear layer in an ONNX graph.
+pub(crate) fn linear_to_onnx(layer: &Linear, graph: &mut Graph, input: &str) -> String {
+    let dims = layer.weight.dims().map(|length| length as i64);
+    let weight = graph.floats(&dims, &numbers(layer.weight.val()));
+    let product = graph.plain("MatMul", &[input, &weight]);
+    match &layer.bias {
+        None => product,
+        Some(bias) => {
+            let bias = numbers(bias.val().unsqueeze());
+            let bias = graph.floats(&[bias.len() as i64], &bias);
+            graph.plain("Add", &[&product, &bias])
+        }
+    }
+}
+
+/// A linear layer that gives nothing but zeros.
+pub(crate) fn zeros(inputs: usize, outputs: usize, device: &Device) -> Linear {
+    linear_of(vec![0.0; inputs * outputs], vec![0.0; outputs], device)
+}
+
+/// The numbers of a linear layer, for networks so small that they are stored with formulas.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Layer {
+    /// Input by input.
+    pub(crate) weights: Vec<f32>,
+    /// One for each output.
+    pub(crate) biases: Vec<f32>,
+}
+
+impl Layer {
+    fn forward(&self, input: &[f32]) -> Vec<f32> {
+        let mut output = self.biases.clone();
+        for (value, weights) in input.iter().zip(self.weights.chunks_exact(output.len())) {
+            for (sum, weight) in output.iter_mut().zip(weights) {
+                *sum += value * weight;
+            }
+        }
+        output
+    }
+}
+
+/// The same as [`Dense::forward`] of the stack with these layers, for one row.
+pub(crate) fn forward(layers: &[Layer], input: Vec<f32>) -> Vec<f32> {
+    let last = layers.len().saturating_sub(1);
+    layers
+        .iter()
+        .enumerate()
+        .fold(input, |value, (number, layer)| {
+            let mut output = layer.forward(&value);
+            if number < last {
+                for value in output.iter_mut().filter(|value| **value < 0.0) {
+                    *value *= LEAKY_SLOPE as f32;
+                }
+            }
+            output
+        })
+}
+
+/// Linear layers with LeakyReLU between them and none after the last.
+#[derive(Module, Debug)]
+pub(crate) struct Dense {
+    layers: Vec<Linear>,
+}
+
+impl Dense {
+    /// A stack with these widths, the input's first; at least two.
+    pub(crate) fn new(widths: &[usize], random: &mut ChaCha12Rng, device: &Device) -> Self {
+        Self {
+            layers: widths
+                .windows(2)
+                .map(|pair| linear(pair[0], pair[1], 1.0, random, device))
+                .collect(),
+        }
+    }
+
+    /// `[batch, first width]` to `[batch, last width]`.
+    pub(crate) fn forward(&self, input: Tensor<2>) -> Tensor<2> {
+        let hidden = self.hidden(input);
+        self.last().forward(hidden)
+    }
+
+    /// Input of the last layer, `[batch, last width but one]`.
+    pub(crate) fn hidden(&self, input: Tensor<2>) -> Tensor<2> {
+        let before_last = &self.layers[..self.layers.len() - 1];
+        before_last.iter().fold(input, |value, layer| {
+            leaky_relu(layer.forward(value), LEAKY_SLOPE)
+        })
+    }
+
+    /// The same stack with another last layer.
+    pub(crate) fn with_last(mut self, layer: Linear) -> Self {
+        *self.layers.last_mut().expect("a stack has a layer") = layer;
+        self
+    }
+
+    /// Number of inputs of the last layer.
+    pub(crate) fn last_inputs(&self) -> usize {
+        self.last().weight.val().dims()[0]
+    }
+
+    /// The same as [`Dense::forward`] in an ONNX graph.
+    pub(crate) fn to_onnx(&self, graph: &mut Graph, input: &str) -> String {
+        let before_last = &self.layers[..self.layers.len() - 1];
+        let hidden = before_last.iter().fold(input.to_owned(), |value, layer| {
+            let value = linear_to_onnx(layer, graph, &value);
+            let slope = AttributeProto::float("alpha", LEAKY_SLOPE as f32);
+            graph.node("LeakyRelu", &[&value], vec![slope])
+        });
+        linear_to_onnx(self.last(), graph, &hidden)
+    }
+
+    /// Its numbers.
+    pub(crate) fn layers(&self) -> Vec<Layer> {
+        let layer = |layer: &Linear| {
+            let biases = layer
+                .bias
+                .as_ref()
+                .map(|bias| numbers(bias.val().unsqueeze()));
+            Layer {
+                weights: numbers(layer.weight.val()),
+                biases: biases.unwrap_or_default(),
+            }
+        };
+        self.layers.iter().map(layer).collect()
+    }
+
+    /// The stack with such numbers.
+    pub(crate) fn of_layers(layers: &[Layer], device: &Device) -> Self {
+        let linear = |of: &Layer| linear_of(of.weights.clone(), of.biases.clone(), device);
+        Self {
+            layers: layers.iter().map(linear).collect(),
+        }
+    }
+
+    fn last(&self) -> &Linear {
+        self.layers.last().expect("a stack has a layer")
+    }
+}
+
+/// Widths of a stack: input, hidden layers, output.
+pub(crate) fn widths(input: usize, hidden: &[usize], output: usize) -> Vec<usize> {
+    std::iter::once(input)
+        .chain(hidden.iter().copied())
+        .chain([output])
+        .collect()
+}

@@ -1,0 +1,173 @@
+//! Samples in the networks' input form, and batches of them as tensors.
+
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::RngExt;
+use rand_chacha::ChaCha12Rng;
+
+use crate::config::Loss;
+use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
+use crate::samples::{Observation, Sample};
+
+/// Normalised features and true distances of many samples.
+pub(crate) struct Encoded {
+    views: usize,
+    /// Sample-major, view-minor; zeros where a view saw nothing.
+    features: Vec<[f32; BOX_FEATURES]>,
+    seen: Vec<bool>,
+    /// Of samples; observations have none.
+    distances: Vec<f32>,
+}
+
+impl Encoded {
+    /// Encodes samples in their order.
+    pub(crate) fn new<'a>(
+        samples: impl IntoIterator<Item = &'a Sample>,
+        normalisation: &Normalisation,
+    ) -> Self {
+        let mut encoded = Self::empty(normalisation);
+        for sample in samples {
+            encoded.push(sample, normalisation);
+            encoded
+                .distances
+                .push((sample.dtd_m / TARGET_UNIT_M) as f32);
+        }
+        encoded
+    }
+
+    /// Encodes observations in their order, to predict: there are no distances.
+    pub(crate) fn of_observations(
+        observations: &[Observation],
+        normalisation: &Normalisation,
+    ) -> Self {
+        let mut encoded = Self::empty(normalisation);
+        for observed in observations {
+            encoded.push(observed, normalisation);
+        }
+        encoded
+    }
+
+    fn empty(normalisation: &Normalisation) -> Self {
+        Self {
+            views: normalisation.views.len(),
+            features: Vec::new(),
+            seen: Vec::new(),
+            distances: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, observed: &Observation, normalisation: &Normalisation) {
+        for (view, pixel_box) in observed.boxes.iter().enumerate() {
+            self.seen.push(pixel_box.is_some());
+            self.features
+                .push(pixel_box.map_or([0.0; BOX_FEATURES], |b| normalisation.features(view, &b)));
+        }
+    }
+
+    /// Number of samples.
+    pub(crate) fn len(&self) -> usize {
+        self.seen.len() / self.views
+    }
+
+    /// Number of views.
+    pub(crate) fn views(&self) -> usize {
+        self.views
+    }
+
+    /// Whether a view saw the aircraft.
+    pub(crate) fn seen(&self, sample: usize, view: usize) -> bool {
+        self.seen[sample * self.views + view]
+    }
+
+    /// Number of views that saw the aircraft.
+    pub(crate) fn detections(&self, sample: usize) -> usize {
+        (0..self.views)
+            .filter(|&view| self.seen(sample, view))
+            .count()
+    }
+
+    /// Distance to touchdown in units of 10 NM.
+    pub(crate) fn distance(&self, sample: usize) -> f32 {
+        self.distances[sample]
+    }
+
+    /// The samples that a view saw.
+    pub(crate) fn seen_by(&self, view: usize) -> Vec<usize> {
+        (0..self.len())
+            .filter(|&sample| self.seen(sample, view))
+            .collect()
+    }
+
+    /// Features of one view, `[batch, 4]`.
+    pub(crate) fn inputs(&self, batch: &[usize], view: usize, device: &Device) -> Tensor<2> {
+        let rows: Vec<f32> = batch
+            .iter()
+            .flat_map(|&sample| self.features[sample * self.views + view])
+            .collect();
+        Tensor::from_data(TensorData::new(rows, [batch.len(), BOX_FEATURES]), device)
+    }
+
+    /// 1 where the view saw the aircraft and 0 elsewhere.
+    pub(crate) fn mask(&self, batch: &[usize], view: usize) -> Vec<f32> {
+        batch
+            .iter()
+            .map(|&sample| f32::from(u8::from(self.seen(sample, view))))
+            .collect()
+    }
+
+    /// What a network should predict under `loss`, `[batch, 1]`.
+    pub(crate) fn target_column(&self, batch: &[usize], loss: Loss, device: &Device) -> Tensor<2> {
+        column(
+            batch
+                .iter()
+                .map(|&sample| loss.target(self.distances[sample]))
+                .collect(),
+            device,
+        )
+    }
+
+    /// Squared errors of predictions `[batch, 1]`, weighted as `loss` has it, divided by `size`.
+    pub(crate) fn squared_error(
+        &self,
+        predicted: Tensor<2>,
+        batch: &[usize],
+        size: f32,
+        loss: Loss,
+        device: &Device,
+    ) -> Tensor<1> {
+        let weights = batch
+            .iter()
+            .map(|&sample| loss.weight(self.distances[sample]) / size)
+            .collect();
+        let apart = predicted - self.target_column(batch, loss, device);
+        (apart.square() * column(weights, device)).sum()
+    }
+}
+
+/// Numbers as a tensor `[count, 1]`.
+pub(crate) fn column(values: Vec<f32>, device: &Device) -> Tensor<2> {
+    let count = values.len();
+    Tensor::from_data(TensorData::new(values, [count, 1]), device)
+}
+
+/// The numbers of a tensor, row by row.
+pub(crate) fn numbers(tensor: Tensor<2>) -> Vec<f32> {
+    tensor
+        .into_data()
+        .try_into_vec()
+        .expect("networks compute in f32")
+}
+
+/// A batch drawn with replacement from `from`, which must not be empty.
+pub(crate) fn draw(from: &[usize], size: usize, random: &mut ChaCha12Rng) -> Vec<usize> {
+    (0..size)
+        .map(|_| from[random.random_range(0..from.len())])
+        .collect()
+}
+
+/// Mean absolute percentage error of pairs of prediction and truth; `None` if there are none.
+pub(crate) fn mape_pct(pairs: impl Iterator<Item = (f32, f32)>) -> Option<f64> {
+    let errors: Vec<f64> = pairs
+        .map(|(predicted, truth)| f64::from((predicted - truth).abs() / truth))
+        .collect();
+    (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64 * 100.0)
+}

@@ -1,0 +1,208 @@
+//! What all estimators share in ONNX: inputs in pixels, the boxes that count, their features, and the answer in metres.
+//!
+//! Inputs and formulas are in double precision, as in this crate: differences between views are a hundredth of a pixel in a thousand.
+
+use std::ops::Range;
+
+use onnx_graph::proto::{AttributeProto, DOUBLE, Dimension, FLOAT, ModelProto, ValueInfoProto};
+use onnx_graph::{Graph, ModelTexts};
+
+use crate::config::Loss;
+use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
+use crate::run::estimator::Estimator;
+
+/// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN where a view saw nothing.
+pub(crate) const BOXES: &str = "boxes";
+/// Input: `[batch, views, 7]`, [`REGISTRATION_COLUMNS`] of `registrations/*.parquet` for a view. The shift of the reference view itself is
+/// 0, and NaN is where there is no registration. Where only the shift is given, no network corrects the formula.
+pub(crate) const REGISTRATIONS: &str = "registrations";
+/// Columns of a registration.
+pub(crate) const REGISTRATION_COLUMNS: [&str; 7] = [
+    "dx_px",
+    "dy_px",
+    "sd_x_px",
+    "sd_y_px",
+    "scale",
+    "gain",
+    "correlation",
+];
+/// Output: `[batch]`, metres; NaN for no answer.
+const DISTANCE: &str = "distance_m";
+
+/// A graph that begins at the boxes. Values of single views and of answers are `[batch, ..]`.
+pub(crate) struct EstimatorGraph<'a> {
+    /// The nodes.
+    pub(crate) graph: Graph,
+    normalisation: &'a Normalisation,
+    /// Whether each view saw the aircraft, `[batch, views, 1]`.
+    seen: String,
+    takes_registrations: bool,
+}
+
+impl<'a> EstimatorGraph<'a> {
+    /// The boxes that count, as in an evaluation: those that are like one of the training side.
+    pub(crate) fn new(normalisation: &'a Normalisation) -> Self {
+        let mut graph = Graph::default();
+        let views = normalisation.views.len();
+        let dims = [1, views as i64, BOX_FEATURES as i64];
+        let believed: Vec<_> = (0..views)
+            .flat_map(|view| normalisation.believed_px(view))
+            .collect();
+        let mut bound = |which: usize| {
+            let bounds: Vec<f64> = believed.iter().map(|range| range[which]).collect();
+            graph.doubles(&dims, &bounds)
+        };
+        let (least, most) = (bound(0), bound(1));
+        // Comparisons with NaN are false, so a missing box is not seen.
+        let above = graph.plain("GreaterOrEqual", &[BOXES, &least]);
+        let below = graph.plain("LessOrEqual", &[BOXES, &most]);
+        let inside = graph.plain("And", &[&above, &below]);
+        let seen = reduced(&mut graph, "ReduceMin", &inside, 2, true);
+        Self {
+            graph,
+            normalisation,
+            seen,
+            takes_registrations: false,
+        }
+    }
+
+    /// Number of views.
+    pub(crate) fn views(&self) -> usize {
+        self.normalisation.views.len()
+    }
+
+    /// A part of a value `[batch, views, ..]`.
+    pub(crate) fn of_view(&mut self, value: &str, view: usize) -> String {
+        let view = self.graph.integer(view as i64);
+        let axis = AttributeProto::int("axis", 1);
+        self.graph.node("Gather", &[value, &view], vec![axis])
+    }
+
+    /// Some of the views of a value `[batch, views, ..]`, or of the columns of one `[batch, columns]`.
+    pub(crate) fn some_of(&mut self, value: &str, which: impl Iterator<Item = usize>) -> String {
+        let which: Vec<i64> = which.map(|index| index as i64).collect();
+        let which = self.graph.integers(&which);
+        let axis = AttributeProto::int("axis", 1);
+        self.graph.node("Gather", &[value, &which], vec![axis])
+    }
+
+    /// Whether a view saw the aircraft, `[batch, 1]`.
+    pub(crate) fn seen_by(&mut self, view: usize) -> String {
+        let seen = self.seen.clone();
+        self.of_view(&seen, view)
+    }
+
+    /// Whether all of some views did, `[batch, 1]`.
+    pub(crate) fn seen_by_all(&mut self, views: &[usize]) -> String {
+        let seen = self.seen.clone();
+        let of_views = self.some_of(&seen, views.iter().copied());
+        self.all(&of_views)
+    }
+
+    /// Truth values `[batch, n, 1]` joined to `[batch, 1]`: whether all of them are true.
+    pub(crate) fn all(&mut self, values: &str) -> String {
+        reduced(&mut self.graph, "ReduceMin", values, 1, false)
+    }
+
+    /// The same: whether any is.
+    pub(crate) fn any(&mut self, values: &str) -> String {
+        reduced(&mut self.graph, "ReduceMax", values, 1, false)
+    }
+
+    /// Truth values `[batch, n, m]` joined to `[batch, n, 1]`: whether all of them are true.
+    pub(crate) fn all_in_rows(&mut self, values: &str) -> String {
+        reduced(&mut self.graph, "ReduceMin", values, 2, true)
+    }
+
+    /// A view's features for a network, `[batch, 4]`: 0 where it saw nothing.
+    pub(crate) fn features(&mut self, view: usize) -> String {
+        let dims = [1, BOX_FEATURES as i64];
+        let offset = (self.graph).doubles(&dims, &self.normalisation.offset_px[view]);
+        let scale = (self.graph).doubles(&dims, &self.normalisation.scale_px[view]);
+        let boxes = self.of_view(BOXES, view);
+        let moved = self.graph.plain("Sub", &[&boxes, &offset]);
+        let scaled = self.graph.plain("Div", &[&moved, &scale]);
+        let seen = self.seen_by(view);
+        let nothing = self.graph.double(0.0);
+        let features = self.graph.plain("Where", &[&seen, &scaled, &nothing]);
+        self.graph.cast(&features, FLOAT)
+    }
+
+    /// 1 where a view saw the aircraft, else 0, `[batch, 1]`.
+    pub(crate) fn presence(&mut self, view: usize) -> String {
+        let seen = self.seen_by(view);
+        self.graph.cast(&seen, FLOAT)
+    }
+
+    /// A network's output as a distance in its unit.
+    pub(crate) fn distance(&mut self, predicted: String, loss: Loss) -> String {
+        match loss {
+            Loss::Squared | Loss::Relative => predicted,
+            Loss::Logarithmic => self.graph.plain("Exp", &[&predicted]),
+        }
+    }
+
+    /// A network's distance in metres.
+    pub(crate) fn metres(&mut self, distance: &str) -> String {
+        let distance = self.graph.cast(distance, DOUBLE);
+        let unit = self.graph.double(TARGET_UNIT_M);
+        self.graph.plain("Mul", &[&distance, &unit])
+    }
+
+    /// Some columns of the registrations of some views, `[batch, views, columns]`; the model then has this input.
+    pub(crate) fn registrations(&mut self, views: &[usize], columns: Range<i64>) -> String {
+        self.takes_registrations = true;
+        let of_views = self.some_of(REGISTRATIONS, views.iter().copied());
+        let [from, to, axis] =
+            [columns.start, columns.end, 2].map(|number| self.graph.integers(&[number]));
+        self.graph.plain("Slice", &[&of_views, &from, &to, &axis])
+    }
+
+    /// The model that answers with these metres, `[batch, 1]`, where any view saw the aircraft.
+    pub(crate) fn model(&mut self, metres: &str, estimator: Estimator) -> ModelProto {
+        let seen = self.seen.clone();
+        let any = self.any(&seen);
+        let none = self.graph.double(f64::NAN);
+        let answers = self.graph.plain("Where", &[&any, metres, &none]);
+        let list = self.graph.integers(&[-1]);
+        self.graph.plain("Reshape", &[&answers, &list]);
+        self.graph.name_last(DISTANCE);
+        let batch = || Dimension::Named("batch".into());
+        let views = self.views() as i64;
+        let input = |name, length| {
+            let dims = [batch(), Dimension::Fixed(views), Dimension::Fixed(length)];
+            ValueInfoProto::doubles(name, &dims)
+        };
+        let mut inputs = vec![input(BOXES, BOX_FEATURES as i64)];
+        if self.takes_registrations {
+            inputs.push(input(REGISTRATIONS, REGISTRATION_COLUMNS.len() as i64));
+        }
+        let names = self.normalisation.views.join(",");
+        let texts = ModelTexts {
+            name: estimator.name(),
+            version: env!("CARGO_PKG_VERSION"),
+            metadata: &[
+                ("views", &names),
+                (
+                    BOXES,
+                    "centre right, centre down, width, height, px; NaN: not seen",
+                ),
+                (DISTANCE, "distance to touchdown, m; NaN: no answer"),
+            ],
+        };
+        let outputs = vec![ValueInfoProto::doubles(DISTANCE, &[batch()])];
+        std::mem::take(&mut self.graph).into_model(inputs, outputs, texts)
+    }
+}
+
+/// Truth values joined along an axis.
+fn reduced(graph: &mut Graph, operator: &str, values: &str, axis: i64, keeps: bool) -> String {
+    let numbers = graph.cast(values, FLOAT);
+    let attributes = vec![
+        AttributeProto::ints("axes", &[axis]),
+        AttributeProto::int("keepdims", keeps.into()),
+    ];
+    let joined = graph.node(operator, &[&numbers], attributes);
+    let half = graph.number(0.5);
+    graph.plain("Greater", &[&joined, &half])
+}

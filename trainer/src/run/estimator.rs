@@ -1,0 +1,273 @@
+//! The estimators of distance to touchdown: the one list of their names, their words in the report, and their answers.
+//!
+//! One more estimator is one more variant: whatever it lacks, the compiler names. It gets whole flights of observations, without the
+//! truth, and gives a distance or no answer per tick. Views are removed from the observations before it sees them.
+
+use burn::tensor::Device;
+use onnx_graph::proto::ModelProto;
+
+use crate::estimators::geometry::triangulation;
+use crate::estimators::inverse_range::flight_filter::{Estimate, Knowing};
+use crate::estimators::mono::network::MonoInputs;
+use crate::estimators::mono::pinhole;
+use crate::estimators::paper_lstm;
+use crate::networks::encoded::Encoded;
+use crate::networks::estimator_graph::EstimatorGraph;
+use crate::networks::normalisation::TARGET_UNIT_M;
+use crate::run::trained::TrainedRun;
+use crate::samples::{Observation, ScenarioSummary};
+
+/// One estimator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Estimator {
+    /// Calibration networks, then an LSTM over the views.
+    PaperLstm,
+    /// Least squares of the inverse range, and a network on their residual.
+    InverseRange,
+    /// The same over the ticks so far.
+    InverseRangeFiltered,
+    /// The same over all ticks of the flight.
+    InverseRangeSmoothed,
+    /// The point that cameras agree on that were fitted to the training flights.
+    SelfCalibrated,
+    /// The point nearest to the rays through the boxes.
+    Triangulation,
+    /// A network per view that sees the whole box.
+    MonoNetworkBox,
+    /// A network per view that sees the box's size.
+    MonoNetwork,
+    /// A formula per view.
+    MonoPinhole,
+}
+
+/// How an estimator is presented.
+pub(crate) struct Description {
+    /// Name in `metrics.json` and, followed by `_dtd_m`, in `predictions.parquet`.
+    pub(crate) name: &'static str,
+    /// Title in the report.
+    pub(crate) title: &'static str,
+    /// Its method in a line.
+    pub(crate) how: &'static str,
+}
+
+/// Flights to estimate, and what a training learned.
+pub(crate) struct Task<'a> {
+    run: &'a TrainedRun,
+    scenarios: &'a [ScenarioSummary],
+    observations: &'a [Observation],
+    encoded: Encoded,
+}
+
+impl<'a> Task<'a> {
+    /// `scenarios` are those that the observations refer to. Observations are whole flights, one after the other: every tick in the
+    /// order of time, also those at which no view saw the aircraft.
+    pub(crate) fn new(
+        run: &'a TrainedRun,
+        scenarios: &'a [ScenarioSummary],
+        observations: &'a [Observation],
+    ) -> Self {
+        Self {
+            run,
+            scenarios,
+            observations,
+            encoded: Encoded::of_observations(observations, &run.normalisation),
+        }
+    }
+
+    /// A network's answers in metres. It always returns something, even without any box.
+    fn metres(&self, units: Vec<f32>) -> Vec<Option<f64>> {
+        let metres = |(unit, observed): (f32, &Observation)| {
+            (observed.detections() > 0).then(|| f64::from(unit) * TARGET_UNIT_M)
+        };
+        let answers = units.into_iter().zip(self.observations);
+        answers.map(metres).collect()
+    }
+
+    fn mono(&self, inputs: MonoInputs) -> Vec<Option<f64>> {
+        let networks = match inputs {
+            MonoInputs::Size => &self.run.networks.mono_size,
+            MonoInputs::Box => &self.run.networks.mono_box,
+        };
+        let loss = self.run.config.loss;
+        self.metres(networks.predict(inputs, &self.encoded, loss, &Device::flex()))
+    }
+
+    /// The answers of an estimator that needs one tick at a time.
+    fn each(&self, formula: impl Fn(&Observation) -> Option<f64>) -> Vec<Option<f64>> {
+        self.observations.iter().map(formula).collect()
+    }
+}
+
+impl Estimator {
+    /// All of them, in the order of tables, plots and columns.
+    pub(crate) const ALL: [Self; 9] = [
+        Self::PaperLstm,
+        Self::InverseRange,
+        Self::InverseRangeFiltered,
+        Self::InverseRangeSmoothed,
+        Self::SelfCalibrated,
+        Self::Triangulation,
+        Self::MonoNetworkBox,
+        Self::MonoNetwork,
+        Self::MonoPinhole,
+    ];
+
+    /// Its name in files.
+    pub(crate) fn name(self) -> &'static str {
+        self.description().name
+    }
+
+    /// Its names and its method.
+    pub(crate) fn description(self) -> Description {
+        let [name, title, how] = match self {
+            Self::PaperLstm => [
+                "paper_lstm",
+                "Calibration networks + LSTM",
+                "calibration networks and an LSTM over the views; learned from boxes and labels",
+            ],
+            Self::InverseRange => [
+                "inverse_range",
+                "Inverse range",
+                "least squares on the places in all views, registered with each other, corrected by a small network where that improved flights which it did not learn from; learned from labels; not told where the cameras are",
+            ],
+            Self::InverseRangeFiltered => [
+                "inverse_range_filtered",
+                "Inverse range, filtered",
+                "a Kalman filter over the ticks so far; views may be missing",
+            ],
+            Self::InverseRangeSmoothed => [
+                "inverse_range_smoothed",
+                "Inverse range, smoothed",
+                "the filter and back again, so that later ticks count as well; not possible while the aircraft flies",
+            ],
+            Self::SelfCalibrated => [
+                "self_calibrated",
+                "Self-calibrated triangulation",
+                "geometry with cameras fitted to the training flights, from the rig as planned; needs two views",
+            ],
+            Self::Triangulation => [
+                "triangulation",
+                "Triangulation (oracle)",
+                "geometry with the true cameras of each scenario, which no other estimator gets; needs two views",
+            ],
+            Self::MonoNetworkBox => [
+                "mono_network_box",
+                "Monoscopic network, whole box",
+                "each view by itself from place and size, averaged",
+            ],
+            Self::MonoNetwork => [
+                "mono_network",
+                "Monoscopic network, size",
+                "each view by itself from width and height, averaged",
+            ],
+            Self::MonoPinhole => [
+                "mono_pinhole",
+                "Monoscopic pinhole",
+                "each view by itself from width and span, averaged",
+            ],
+        };
+        Description { name, title, how }
+    }
+
+    /// Distances to touchdown in the order of the observations, metres, all finite; `None` where it has no answer.
+    pub(crate) fn predict(self, task: &Task) -> Vec<Option<f64>> {
+        let answers = self.answers(task).into_iter();
+        answers
+            .map(|answer| answer.filter(|distance_m| distance_m.is_finite()))
+            .collect()
+    }
+
+    /// The same as an ONNX model, which takes boxes in pixels; `None` for an estimator that needs the cameras, or ticks before.
+    pub(crate) fn to_onnx(self, run: &TrainedRun) -> Option<ModelProto> {
+        let (networks, baselines, loss) = (&run.networks, &run.baselines, run.config.loss);
+        let graph = &mut EstimatorGraph::new(&run.normalisation);
+        let metres = match self {
+            Self::PaperLstm => networks
+                .estimator
+                .to_onnx(&networks.calibration, loss, graph),
+            Self::InverseRange => baselines.inverse_range.to_onnx(graph),
+            Self::MonoNetwork => networks.mono_size.to_onnx(MonoInputs::Size, loss, graph),
+            Self::MonoNetworkBox => networks.mono_box.to_onnx(MonoInputs::Box, loss, graph),
+            Self::MonoPinhole => pinhole::to_onnx(&baselines.pinholes, graph),
+            Self::Triangulation
+            | Self::SelfCalibrated
+            | Self::InverseRangeFiltered
+            | Self::InverseRangeSmoothed => return None,
+        };
+        Some(graph.model(&metres, self))
+    }
+
+    /// Distances, speeds and times with intervals, in the order of the observations; `None` from an estimator that has none.
+    pub(crate) fn estimates(self, task: &Task) -> Option<Vec<Option<Estimate>>> {
+        let knowing = match self {
+            Self::InverseRangeFiltered => Knowing::Past,
+            Self::InverseRangeSmoothed => Knowing::All,
+            _ => return None,
+        };
+        let baselines = &task.run.baselines;
+        let flights = task.observations.chunk_by(|a, b| a.scenario == b.scenario);
+        let filter = &baselines.flight_filter;
+        let estimates =
+            flights.flat_map(|flight| filter.predict(&baselines.inverse_range, flight, knowing));
+        Some(estimates.collect())
+    }
+
+    fn answers(self, task: &Task) -> Vec<Option<f64>> {
+        let (networks, baselines) = (&task.run.networks, &task.run.baselines);
+        match self {
+            Self::PaperLstm => task.metres(paper_lstm::predict(
+                &networks.calibration,
+                &networks.estimator,
+                &task.encoded,
+                task.run.config.loss,
+                &Device::flex(),
+            )),
+            Self::InverseRange => task.each(|s| baselines.inverse_range.predict(s)),
+            Self::InverseRangeFiltered | Self::InverseRangeSmoothed => {
+                Estimate::distances_m(&self.estimates(task).unwrap_or_default())
+            }
+            Self::SelfCalibrated => match &baselines.self_calibrated {
+                None => vec![None; task.observations.len()],
+                Some(fitted) => {
+                    let locator = fitted.locator();
+                    task.each(|s| locator.distance_m(s, &task.scenarios[s.scenario]))
+                }
+            },
+            Self::MonoNetwork => task.mono(MonoInputs::Size),
+            Self::MonoNetworkBox => task.mono(MonoInputs::Box),
+            Self::MonoPinhole => task.each(|s| pinhole::predict(&baselines.pinholes, s)),
+            Self::Triangulation => task.each(|observed| {
+                let scenario = &task.scenarios[observed.scenario];
+                triangulation::predict(
+                    &baselines.centre_offsets,
+                    &scenario.cameras,
+                    observed,
+                    scenario.touchdown,
+                )
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_in_files() {
+        assert_eq!(
+            Estimator::ALL.map(Estimator::name),
+            [
+                "paper_lstm",
+                "inverse_range",
+                "inverse_range_filtered",
+                "inverse_range_smoothed",
+                "self_calibrated",
+                "triangulation",
+                "mono_network_box",
+                "mono_network",
+                "mono_pinhole"
+            ]
+        );
+    }
+}

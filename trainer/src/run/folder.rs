@@ -1,0 +1,156 @@
+//! The output folder of a training, from which its estimators can be loaded again.
+//!
+//! ```text
+//! run/
+//!   config.json         settings of the training
+//!   run.json            what it was trained on, with which cameras, by which version
+//!   normalisation.json  offset and scale of the features
+//!   baselines.json      the fitted formulas: pinholes, centre offsets, inverse range
+//!   weights.safetensors all networks
+//!   backgrounds.png     pictures that cameras are aligned with, if the settings say so
+//!   convergence.json    errors on the validation side over both stages
+//!   replaces.json       which run was in its place when it was made
+//!   metrics.json  predictions.parquet  evaluation.json  report.html     (from `evaluate`)
+//!   MANIFEST.b3  DONE.json      the seal, as a scenario has it
+//! ```
+//!
+//! It appears and is replaced as a whole ([`crate::run::place`]), and every file is checked against the sealed hash when it is read.
+
+use std::path::{Path, PathBuf};
+
+use dataset::seal::{DONE, MANIFEST};
+
+/// Paths within a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunFolder {
+    root: PathBuf,
+}
+
+impl RunFolder {
+    /// The run at `root`, whether it exists or not.
+    pub fn at(root: &Path) -> Self {
+        Self {
+            root: root.to_owned(),
+        }
+    }
+
+    pub(crate) const CONFIG: &str = "config.json";
+    pub(crate) const SUMMARY: &str = "run.json";
+    pub(crate) const NORMALISATION: &str = "normalisation.json";
+    pub(crate) const BASELINES: &str = "baselines.json";
+    pub(crate) const WEIGHTS: &str = "weights.safetensors";
+    pub(crate) const BACKGROUNDS: &str = "backgrounds.png";
+    pub(crate) const CONVERGENCE: &str = "convergence.json";
+    pub(crate) const EVALUATION: &str = "evaluation.json";
+    pub(crate) const METRICS: &str = "metrics.json";
+    pub(crate) const PREDICTIONS: &str = "predictions.parquet";
+    pub(crate) const REPORT: &str = "report.html";
+    pub(crate) const REPLACES: &str = "replaces.json";
+    /// A training that was killed, in `training/` in the folder next to the run.
+    pub const CHECKPOINT: &str = "checkpoint.json";
+
+    /// The files of a training.
+    pub(crate) const TRAINED: [&str; 6] = [
+        Self::CONFIG,
+        Self::SUMMARY,
+        Self::NORMALISATION,
+        Self::BASELINES,
+        Self::WEIGHTS,
+        Self::CONVERGENCE,
+    ];
+
+    /// A file of a training that is only there if the settings ask for it.
+    pub(crate) const OPTIONAL: &str = Self::BACKGROUNDS;
+
+    /// All files that a run may contain.
+    pub const FILES: [&str; 14] = [
+        Self::BACKGROUNDS,
+        Self::CONFIG,
+        Self::SUMMARY,
+        Self::NORMALISATION,
+        Self::BASELINES,
+        Self::WEIGHTS,
+        Self::CONVERGENCE,
+        Self::EVALUATION,
+        Self::METRICS,
+        Self::PREDICTIONS,
+        Self::REPORT,
+        Self::REPLACES,
+        MANIFEST,
+        DONE,
+    ];
+
+    /// Whether a folder contains a finished run.
+    pub fn is_at(root: &Path) -> bool {
+        [Self::SUMMARY, Self::CONFIG]
+            .iter()
+            .all(|name| root.join(name).is_file())
+    }
+
+    /// The folder next to a run in which it is built and replaced.
+    pub fn place_beside(run: &Path) -> PathBuf {
+        let mut name = run.file_name().unwrap_or_default().to_owned();
+        name.push(".partial");
+        run.with_file_name(name)
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Path of `config.json`.
+    pub(crate) fn config_path(&self) -> PathBuf {
+        self.root.join(Self::CONFIG)
+    }
+
+    /// Path of `run.json`.
+    pub(crate) fn summary_path(&self) -> PathBuf {
+        self.root.join(Self::SUMMARY)
+    }
+
+    /// Path of `normalisation.json`.
+    pub fn normalisation_path(&self) -> PathBuf {
+        self.root.join(Self::NORMALISATION)
+    }
+
+    /// Path of `baselines.json`.
+    pub fn baselines_path(&self) -> PathBuf {
+        self.root.join(Self::BASELINES)
+    }
+
+    /// Path of `weights.safetensors`.
+    pub fn weights_path(&self) -> PathBuf {
+        self.root.join(Self::WEIGHTS)
+    }
+
+    /// Path of `backgrounds.png`.
+    pub(crate) fn backgrounds_path(&self) -> PathBuf {
+        self.root.join(Self::BACKGROUNDS)
+    }
+
+    /// Path of `convergence.json`.
+    pub(crate) fn convergence_path(&self) -> PathBuf {
+        self.root.join(Self::CONVERGENCE)
+    }
+
+    /// Path of `evaluation.json`.
+    pub(crate) fn evaluation_path(&self) -> PathBuf {
+        self.root.join(Self::EVALUATION)
+    }
+
+    /// Path of `metrics.json`.
+    pub fn metrics_path(&self) -> PathBuf {
+        self.root.join(Self::METRICS)
+    }
+
+    /// Path of `predictions.parquet`.
+    pub fn predictions_path(&self) -> PathBuf {
+        self.root.join(Self::PREDICTIONS)
+    }
+
+    /// Path of `report.html`.
+    pub fn report_path(&self) -> PathBuf {
+        self.root.join(Self::REPORT)
+    }
+}

@@ -1,0 +1,108 @@
+//! The files of a training, read back only if they match the seal.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use dataset::json_file::{parse_json, write_unsynced};
+use dataset::outside_file::{self, FileKind};
+use dataset::sealed::Sealed;
+use serde::de::DeserializeOwned;
+
+use crate::error::{Error, Result, RunFault};
+use crate::run::folder::RunFolder;
+
+/// Any file of a run. The largest are the weights.
+const RUN_FILE: FileKind = FileKind::new("file of a run", 4 << 30).unlinked();
+
+/// The sealed files of a training, in memory.
+pub(crate) struct SealedRun {
+    root: PathBuf,
+    seal: Sealed,
+    /// Hash of the settings.
+    pub(crate) config_hash: String,
+    files: BTreeMap<&'static str, Vec<u8>>,
+}
+
+impl SealedRun {
+    /// Reads the files that a training wrote; rejects those that do not match the seal.
+    pub(crate) fn read(folder: &RunFolder) -> Result<Self> {
+        let root = folder.root();
+        if !folder.summary_path().is_file() {
+            return Err(Error::run(root, RunFault::Unfinished));
+        }
+        let seal = Sealed::read(root)?.ok_or_else(|| Error::run(root, RunFault::Unsealed))?;
+        let mut files = BTreeMap::new();
+        let optional = Some(RunFolder::OPTIONAL).filter(|name| seal.hash_of(name).is_some());
+        for name in RunFolder::TRAINED.into_iter().chain(optional) {
+            let path = root.join(name);
+            let bytes = outside_file::read(&path, RUN_FILE)?;
+            let hash = blake3::hash(&bytes).to_string();
+            if seal.hash_of(name) != Some(&hash) {
+                return Err(Error::run(&path, RunFault::Changed));
+            }
+            files.insert(name, bytes);
+        }
+        Ok(Self {
+            root: root.to_owned(),
+            config_hash: seal.seal().config_hash.clone(),
+            seal,
+            files,
+        })
+    }
+
+    /// Writes the same files into another folder.
+    pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
+        for (name, bytes) in &self.files {
+            write_unsynced(&folder.root().join(name), bytes)?;
+        }
+        Ok(())
+    }
+
+    /// The content of one of [`RunFolder::TRAINED`].
+    pub(crate) fn bytes(&self, name: &'static str) -> &[u8] {
+        &self.files[name]
+    }
+
+    /// The content of [`RunFolder::OPTIONAL`], if it is there.
+    pub(crate) fn optional_bytes(&self) -> Option<&[u8]> {
+        self.files.get(RunFolder::OPTIONAL).map(Vec::as_slice)
+    }
+
+    pub(crate) fn json<T: DeserializeOwned>(
+        &self,
+        name: &'static str,
+        what: &'static str,
+    ) -> Result<T> {
+        serde_json::from_slice(self.bytes(name)).map_err(|source| {
+            Error::Dataset(dataset::Error::Json {
+                what,
+                path: self.root.join(name),
+                source,
+            })
+        })
+    }
+
+    /// A result of an evaluation beside them; `None` if it is not there or was edited.
+    pub(crate) fn result<T: DeserializeOwned>(
+        &self,
+        name: &'static str,
+        what: &'static str,
+    ) -> Result<Option<T>> {
+        let path = self.root.join(name);
+        let bytes = match outside_file::read(&path, RUN_FILE) {
+            Ok(bytes) => bytes,
+            Err(error) if error.is_not_found() => return Ok(None),
+            Err(error) => return Err(error.into()),
+        };
+        let hash = blake3::hash(&bytes).to_string();
+        if self.seal.hash_of(name) != Some(&hash) {
+            return Ok(None);
+        }
+        Ok(Some(parse_json(&bytes, &path, what)?))
+    }
+
+    /// An error in one of the files.
+    pub(crate) fn refused(&self, name: &str, fault: RunFault) -> Error {
+        Error::run(&self.root.join(name), fault)
+    }
+}

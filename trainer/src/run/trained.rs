@@ -1,0 +1,417 @@
+//! What a training learned: in memory, and as files of a run folder.
+
+use std::collections::BTreeSet;
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::store::{ModuleSnapshot, SafetensorsStore};
+use burn::tensor::{Device, Tensor};
+use dataset::json_file::{write_json_unsynced, write_unsynced};
+use dataset::limits::{self, Check};
+use dataset::seal;
+use rand::SeedableRng;
+use rand_chacha::ChaCha12Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::background::{Backgrounds, StoredView};
+use crate::config::{PaperDeviation, TrainConfig};
+use crate::error::{Error, Result, RunFault};
+use crate::estimators::geometry::self_calibration::SelfCalibrated;
+use crate::estimators::geometry::triangulation::CentreOffset;
+use crate::estimators::inverse_range::flight_filter::FlightFilter;
+use crate::estimators::inverse_range::{InverseRange, ResidualRecord};
+use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
+use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::paper_lstm::calibration_training::{
+    CalibrationLogEntry, CalibrationNetworks,
+};
+use crate::estimators::paper_lstm::{EstimatorLogEntry, PaperLstm};
+use crate::networks::memory::{self, SampleCounts};
+use crate::networks::normalisation::Normalisation;
+use crate::run::folder::RunFolder;
+use crate::run::place::RunPlace;
+use crate::run::sealed::SealedRun;
+use crate::samples::ScenarioSummary;
+use crate::samples::rig::{Cameras, Rig};
+use crate::training::choice::Choice;
+use crate::training::refit::Refit;
+
+/// Format of a run, increased whenever its numbers change their meaning or new ones are added.
+pub(crate) const RUN_FORMAT: u32 = 4;
+
+/// What tells whether a run can be read.
+#[derive(Deserialize)]
+struct FormatStamp {
+    /// Missing in runs written before formats were numbered.
+    #[serde(default)]
+    format: u32,
+    dtd: String,
+}
+
+/// The inputs of a training (`run.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RunSummary {
+    /// [`RUN_FORMAT`].
+    pub format: u32,
+    /// Version of this software.
+    pub dtd: String,
+    /// File name of the detection model whose boxes were used for training, if it has one.
+    pub model: Option<String>,
+    /// Name of its detections, the start of the hash of the model and the settings next to it.
+    pub model_hash: String,
+    /// Name of the rig.
+    pub rig: String,
+    /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
+    pub cameras: Cameras,
+    /// Whether other scenarios had cameras of the rig in other positions or directions.
+    pub cameras_vary: bool,
+    /// The cameras as planned, before scenarios misplace or aim them; missing without a plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planned_cameras: Option<Cameras>,
+    /// Trajectories on the training side.
+    pub training_trajectories: BTreeSet<String>,
+    /// Trajectories on the validation side.
+    pub validation_trajectories: BTreeSet<String>,
+    /// What these trajectories are, whatever they are called.
+    pub training_flights: BTreeSet<String>,
+    /// The same of the validation side.
+    pub validation_flights: BTreeSet<String>,
+    /// Scenarios on the training side.
+    pub training_scenarios: usize,
+    /// Scenarios on the validation side.
+    pub validation_scenarios: usize,
+    /// Samples on the training side that the networks learned from, as recorded.
+    pub training_samples: usize,
+    /// Boxes of the training side that do not contain the aircraft. Formulas are fitted without them; networks learn from them unless the
+    /// settings remove them.
+    pub false_training_boxes: usize,
+    /// Samples that were mixed from them.
+    pub mixed_samples: usize,
+    /// Samples on the validation side.
+    pub validation_samples: usize,
+    /// BLAKE3 of all that networks and formulas learned from and were judged by.
+    pub samples_blake3: String,
+    /// Error of `paper_lstm` on the validation side, percent.
+    pub validation_mape_pct: f64,
+    /// What the network on the residual of `inverse_range` was worth; missing where it could not be trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual: Option<ResidualRecord>,
+    /// The recommended estimator.
+    pub choice: Choice,
+    /// BLAKE3 of the weights that the training started from, if they were not random.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub started_from_blake3: Option<String>,
+    /// Views that were fitted again after the training, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub refits: Vec<Refit>,
+    /// Wall-clock time of the training, seconds.
+    pub training_s: f64,
+}
+
+impl RunSummary {
+    /// That of these files; an error if they are in another format.
+    pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
+        const WHAT: &str = "run summary";
+        let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, WHAT)?;
+        if format != RUN_FORMAT {
+            return Err(sealed.refused(RunFolder::SUMMARY, RunFault::OtherFormat { format, dtd }));
+        }
+        sealed.json(RunFolder::SUMMARY, WHAT)
+    }
+
+    /// The cameras of a corpus and of the run that must be the same; `None` if a sweep jitters or turns them and one of the two has no
+    /// plan.
+    pub(crate) fn comparable<'a>(&'a self, rig: &'a Rig) -> Option<[&'a Cameras; 2]> {
+        if !self.cameras_vary && !rig.cameras_vary {
+            return Some([&rig.cameras, &self.cameras]);
+        }
+        Some([rig.planned()?, self.planned_cameras.as_ref()?])
+    }
+
+    /// Whether a flight was used for training or its decisions.
+    pub(crate) fn knows(&self, scenario: &ScenarioSummary) -> bool {
+        [&self.training_flights, &self.validation_flights]
+            .iter()
+            .any(|flights| flights.contains(&scenario.flight))
+    }
+}
+
+/// Both convergence logs (`convergence.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Convergence {
+    /// Identifiers of the views.
+    pub views: Vec<String>,
+    /// Stage one.
+    pub calibration: Vec<CalibrationLogEntry>,
+    /// Steps that made the calibration networks of the run.
+    pub calibration_kept_step: usize,
+    /// Stage two.
+    pub estimator: Vec<EstimatorLogEntry>,
+    /// Steps that made the estimator of the run.
+    pub estimator_kept_step: usize,
+}
+
+/// The fitted formulas (`baselines.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Baselines {
+    /// Identifiers of the views.
+    pub views: Vec<String>,
+    /// `mono_pinhole`, per view; `null` for a view with too few boxes.
+    pub pinholes: Vec<Option<Pinhole>>,
+    /// `triangulation`, per view.
+    pub centre_offsets: Vec<CentreOffset>,
+    /// `inverse_range`.
+    pub inverse_range: InverseRange,
+    /// `self_calibrated`; `null` if fewer than two views saw the aircraft often enough.
+    pub self_calibrated: Option<SelfCalibrated>,
+    /// `inverse_range_filtered` and `inverse_range_smoothed`.
+    pub flight_filter: FlightFilter,
+    /// What `backgrounds.png` shows; missing without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backgrounds: Option<Vec<StoredView>>,
+}
+
+/// All networks of a run.
+#[derive(Module, Debug)]
+pub(crate) struct Networks {
+    /// Stage one.
+    pub calibration: CalibrationNetworks,
+    /// Stage two.
+    pub estimator: PaperLstm,
+    /// `mono_network`.
+    pub mono_size: MonoNetworks,
+    /// `mono_network_box`.
+    pub mono_box: MonoNetworks,
+}
+
+impl Networks {
+    fn untrained(views: usize, config: &TrainConfig, device: &Device) -> Self {
+        let random = &mut ChaCha12Rng::seed_from_u64(config.seed);
+        let mono =
+            |inputs, random: &mut _| MonoNetworks::new(views, inputs, &config.mono, random, device);
+        Self {
+            calibration: CalibrationNetworks::new(views, &config.calibration, random, device),
+            estimator: PaperLstm::new(
+                config.calibration.features,
+                &config.estimator,
+                random,
+                device,
+            ),
+            mono_size: mono(MonoInputs::Size, random),
+            mono_box: mono(MonoInputs::Box, random),
+        }
+    }
+}
+
+/// No training produces such a number in a network.
+const MOST_WEIGHT: f32 = 1e6;
+/// ... or in a formula: pixels times metres of an airliner's span, or metres to the target.
+const MOST_OF_A_FORMULA: f64 = 1e12;
+
+/// Rejects numbers that make every answer meaningless: NaN, infinities, and those that no training produces.
+fn check_numbers(
+    sealed: &SealedRun,
+    normalisation: &Normalisation,
+    baselines: &Baselines,
+    networks: &Networks,
+) -> Result<()> {
+    let Normalisation {
+        offset_px,
+        scale_px,
+        range_px,
+        ..
+    } = normalisation;
+    let check = &mut Check::default();
+    let ranges = range_px.iter().flatten().flatten().flatten();
+    for &place in offset_px.iter().flatten().chain(ranges) {
+        check.number("offset_px or range_px", place, limits::BOX_PLACE_PX);
+    }
+    for &scale in scale_px.iter().flatten() {
+        check.number("scale_px", scale, limits::FEATURE_SCALE_PX);
+    }
+    if let Some(fault) = std::mem::take(check).first() {
+        return Err(sealed.refused(RunFolder::NORMALISATION, RunFault::OutOfLimits(fault)));
+    }
+    for place in baselines.inverse_range.offsets_px() {
+        check.number("inverse_range offset_px", place, limits::BOX_PLACE_PX);
+    }
+    for scale in baselines.inverse_range.scales_px() {
+        check.number("inverse_range scale_px", scale, limits::FEATURE_SCALE_PX);
+    }
+    if let Some(fitted) = &baselines.self_calibrated {
+        check.part("self_calibrated", |check| fitted.check(check));
+    }
+    if let Some(fault) = std::mem::take(check).first() {
+        return Err(sealed.refused(RunFolder::BASELINES, RunFault::OutOfLimits(fault)));
+    }
+    let pinholes = baselines.pinholes.iter().flatten();
+    let mut formulas = pinholes
+        .flat_map(|pinhole| [pinhole.focal_times_span_px_m, pinhole.setback_m])
+        .chain(baselines.centre_offsets.iter().flat_map(|offset| {
+            let [right, down] = offset.constant_px;
+            let [of_width, of_height] = offset.part_of_size;
+            [right, down, of_width, of_height]
+        }))
+        .chain(baselines.inverse_range.constants())
+        .chain((baselines.self_calibrated.iter()).flat_map(SelfCalibrated::constants))
+        .chain(baselines.flight_filter.constants());
+    // NaN is not below.
+    if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
+    {
+        return Err(sealed.refused(
+            RunFolder::BASELINES,
+            RunFault::Formula {
+                number,
+                most: MOST_OF_A_FORMULA,
+            },
+        ));
+    }
+    let mut worst = WorstWeight(None);
+    networks.visit(&mut worst);
+    match worst.0 {
+        None => Ok(()),
+        Some(weight) => Err(sealed.refused(
+            RunFolder::WEIGHTS,
+            RunFault::Weight {
+                weight,
+                most: MOST_WEIGHT,
+            },
+        )),
+    }
+}
+
+/// An impossible weight, if there is one.
+struct WorstWeight(Option<f32>);
+
+impl ModuleVisitor for WorstWeight {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let data = param.val().into_data();
+        let bad = data
+            .iter::<f32>()
+            .find(|weight| !(0.0..=MOST_WEIGHT).contains(&weight.abs()));
+        self.0 = self.0.or(bad);
+    }
+}
+
+/// A trained run in memory. Its networks are on a device without autodiff.
+#[derive(Debug, Clone)]
+pub(crate) struct TrainedRun {
+    /// Settings.
+    pub config: TrainConfig,
+    /// Its inputs.
+    pub summary: RunSummary,
+    /// Features.
+    pub normalisation: Normalisation,
+    /// Formulas.
+    pub baselines: Baselines,
+    /// Networks.
+    pub networks: Networks,
+    /// Logs.
+    pub convergence: Convergence,
+    /// What cameras are aligned with, if the settings say so.
+    pub backgrounds: Option<Backgrounds>,
+}
+
+impl TrainedRun {
+    /// What was done otherwise than in the paper; empty for its method.
+    pub(crate) fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
+        let mut found = self.config.deviations_from_paper();
+        if !self.summary.refits.is_empty() {
+            found.push(PaperDeviation::RefittedView);
+        }
+        found
+    }
+
+    /// Writes all files into an existing folder.
+    pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
+        write_json_unsynced(&folder.config_path(), &self.config)?;
+        write_json_unsynced(&folder.normalisation_path(), &self.normalisation)?;
+        write_json_unsynced(&folder.baselines_path(), &self.baselines)?;
+        write_json_unsynced(&folder.convergence_path(), &self.convergence)?;
+        write_unsynced(&folder.weights_path(), &self.weights(folder)?)?;
+        if let Some(backgrounds) = &self.backgrounds {
+            write_unsynced(&folder.backgrounds_path(), &backgrounds.png())?;
+        }
+        Ok(write_json_unsynced(&folder.summary_path(), &self.summary)?)
+    }
+
+    /// Puts the run into a place that we hold, as a whole.
+    pub(crate) fn commit(&self, place: &RunPlace) -> Result<()> {
+        let new = place.begin()?;
+        self.write(&new)?;
+        let config_hash = seal::hash_file(&new.config_path())?;
+        place.commit(&config_hash)
+    }
+
+    /// All networks in the format of Safetensors. The same numbers give the same bytes: with several entries, the library writes
+    /// the metadata in an order that varies between processes.
+    pub(crate) fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
+        let failed = |error| Error::run(&folder.weights_path(), RunFault::NotWritten(error));
+        let mut store = SafetensorsStore::from_bytes(None)
+            .clear_metadata()
+            .metadata("producer", "dtd");
+        self.networks.save_into(&mut store).map_err(failed)?;
+        store.get_bytes().map_err(failed)
+    }
+
+    /// The run in these files.
+    pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
+        let summary = RunSummary::of(sealed)?;
+        let config: TrainConfig = sealed.json(RunFolder::CONFIG, "training configuration")?;
+        config.check()?;
+        let normalisation: Normalisation =
+            sealed.json(RunFolder::NORMALISATION, "normalisation")?;
+        let baselines: Baselines = sealed.json(RunFolder::BASELINES, "set of baselines")?;
+        let views = normalisation.views.len();
+        memory::check(&config, views, SampleCounts::default())?;
+        let lengths = [
+            normalisation.offset_px.len(),
+            normalisation.scale_px.len(),
+            normalisation.range_px.len(),
+            baselines.pinholes.len(),
+            baselines.centre_offsets.len(),
+        ];
+        if views == 0 || lengths.iter().any(|&length| length != views) {
+            let fault = RunFault::Lengths { views, lengths };
+            return Err(sealed.refused(RunFolder::NORMALISATION, fault));
+        }
+        if !baselines.inverse_range.is_of(views) {
+            let fault = RunFault::InverseRange { views };
+            return Err(sealed.refused(RunFolder::BASELINES, fault));
+        }
+        let fitted = baselines.self_calibrated.as_ref();
+        if fitted.is_some_and(|fitted| !fitted.is_of(views)) {
+            let fault = RunFault::FittedCameras { views };
+            return Err(sealed.refused(RunFolder::BASELINES, fault));
+        }
+        if !baselines.flight_filter.is_of(&baselines.inverse_range) {
+            return Err(sealed.refused(RunFolder::BASELINES, RunFault::FlightFilter));
+        }
+        let mut networks = Networks::untrained(views, &config, &Device::flex());
+        let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();
+        let loaded = networks
+            .load_from(&mut SafetensorsStore::from_bytes(Some(weights)))
+            .map_err(|error| sealed.refused(RunFolder::WEIGHTS, RunFault::OtherNetworks(error)))?;
+        if !loaded.unused.is_empty() {
+            let fault = RunFault::UnknownWeights(loaded.unused);
+            return Err(sealed.refused(RunFolder::WEIGHTS, fault));
+        }
+        check_numbers(sealed, &normalisation, &baselines, &networks)?;
+        let backgrounds = match (&baselines.backgrounds, sealed.optional_bytes()) {
+            (Some(stored), Some(png)) => Backgrounds::of(stored, png),
+            _ => None,
+        };
+        let expected = config.align_backgrounds.then_some(views);
+        if backgrounds.as_ref().map(Backgrounds::views) != expected {
+            return Err(sealed.refused(RunFolder::BACKGROUNDS, RunFault::Backgrounds));
+        }
+        Ok(Self {
+            backgrounds,
+            summary,
+            convergence: sealed.json(RunFolder::CONVERGENCE, "convergence log")?,
+            baselines,
+            config,
+            normalisation,
+            networks,
+        })
+    }
+}

@@ -1,0 +1,146 @@
+//! The rig whose pictures a corpus has. A network learns one rig.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataset::calibration::CameraEntry;
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::plan::Plan;
+
+use crate::error::{CorpusFault, Error, Result, RigKind};
+use crate::samples::json_differences::{collect, named};
+
+/// Cameras by view.
+pub(crate) type Cameras = BTreeMap<String, CameraEntry>;
+
+/// The rig of all scenarios.
+#[derive(Debug, Clone)]
+pub(crate) struct Rig {
+    /// Its name.
+    pub name: String,
+    /// The cameras of the first scenario.
+    pub cameras: Cameras,
+    /// The cameras as planned, before scenarios misplace or aim them; those of the first scenario in a corpus without a plan.
+    pub nominal: Cameras,
+    /// Whether these are from a plan.
+    pub is_planned: bool,
+    /// Whether the cameras of other scenarios differ: jittered or turned.
+    pub cameras_vary: bool,
+}
+
+impl Rig {
+    /// The rig of these scenarios. Its cameras may be misplaced or turned from scenario to scenario (each scenario's calibration has
+    /// them), but other views, other picture sizes or another rig are an error.
+    pub(crate) fn of(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<Self> {
+        let plan = Plan::of_corpus(corpus)?;
+        let planned = plan.map(|plan| plan.common.cameras().into_iter().collect::<Cameras>());
+        let mut first: Option<(Self, String)> = None;
+        for folder in folders {
+            let refused = |fault| Err(Error::corpus(folder.root(), fault));
+            let scenario = folder.open()?;
+            let (name, cameras) = (scenario.record()?.rig, scenario.calibration()?.cameras);
+            if let Some((view, fault)) = cameras
+                .iter()
+                .find_map(|(view, entry)| Some((view.clone(), entry.fault()?)))
+            {
+                return refused(CorpusFault::BadCamera { view, fault });
+            }
+            let Some((common, id)) = &mut first else {
+                let is_same_form = |planned: &Cameras| form(planned) == form(&cameras);
+                let planned = planned.clone().filter(is_same_form);
+                let common = Self {
+                    name,
+                    is_planned: planned.is_some(),
+                    nominal: planned.unwrap_or_else(|| cameras.clone()),
+                    cameras,
+                    cameras_vary: false,
+                };
+                first = Some((common, folder.id()));
+                continue;
+            };
+            let kind = |name: &str, cameras| RigKind {
+                name: name.to_owned(),
+                form: form(cameras),
+            };
+            let (found, expected) = (kind(&name, &cameras), kind(&common.name, &common.cameras));
+            if found != expected {
+                return refused(CorpusFault::OtherRig {
+                    found: found.into(),
+                    first: id.clone(),
+                    expected: expected.into(),
+                });
+            }
+            common.cameras_vary |= !are_same(&common.cameras, &cameras);
+        }
+        first
+            .map(|(common, _)| common)
+            .ok_or_else(|| Error::corpus(corpus.root(), CorpusFault::NoScenarios))
+    }
+}
+
+impl Rig {
+    /// The cameras as planned, if there is a plan.
+    pub(crate) fn planned(&self) -> Option<&Cameras> {
+        self.is_planned.then_some(&self.nominal)
+    }
+
+    /// Makes this rig, of the corpus `first`, one for the scenarios of another corpus, too, if they were planned with the same one.
+    pub(crate) fn join(&mut self, first: &Corpus, corpus: &Corpus, other: &Self) -> Result<()> {
+        let differences = differences((&other.name, &other.nominal), (&self.name, &self.nominal));
+        if !differences.is_empty() {
+            let first = first.root().to_owned();
+            let fault = CorpusFault::RigOfAnotherCorpus { first, differences };
+            return Err(Error::corpus(corpus.root(), fault));
+        }
+        self.cameras_vary |= other.cameras_vary || !are_same(&self.cameras, &other.cameras);
+        Ok(())
+    }
+}
+
+/// The views and the sizes of their pictures, wherever the cameras are.
+pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
+    let form =
+        |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);
+    cameras.iter().map(form).collect()
+}
+
+/// What differs between two rigs, each as its name and cameras: path of the value, here and there.
+pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Vec<String> {
+    let mut found = Vec::new();
+    if here.0 != there.0 {
+        found.push(format!("rig {} and {}", here.0, there.0));
+    }
+    let views: BTreeSet<&String> = here.1.keys().chain(there.1.keys()).collect();
+    for view in views {
+        let camera = |cameras: &Cameras| {
+            let entry = cameras.get(view)?;
+            let sound = CameraEntry {
+                degradation: None,
+                ..entry.clone()
+            };
+            serde_json::to_value(sound).ok()
+        };
+        match (camera(here.1), camera(there.1)) {
+            (Some(here), Some(there)) => collect(view, &here, &there, &mut found),
+            (here, _) => {
+                let [has, lacks] = match here {
+                    Some(_) => ["here", "there"],
+                    None => ["there", "here"],
+                };
+                found.push(format!("camera {view} {has}, none {lacks}"));
+            }
+        }
+    }
+    named(found)
+}
+
+/// Whether all cameras have the same places and optics, however degraded their pictures are.
+pub(crate) fn are_same(a: &Cameras, b: &Cameras) -> bool {
+    let sound = |cameras: &Cameras| -> Cameras {
+        let mut sound = cameras.clone();
+        sound
+            .values_mut()
+            .for_each(|entry| entry.degradation = None);
+        sound
+    };
+    sound(a) == sound(b)
+}

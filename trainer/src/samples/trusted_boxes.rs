@@ -1,0 +1,94 @@
+//! Which of a detector's boxes formulas are fitted to, and which are no measurement at all.
+//!
+//! A detector also reports boxes of other objects, and of parts of an aircraft that leaves the picture. A few of them in thousands
+//! ruin a least-squares fit: such a box is wrong by hundreds of percent where a true one is wrong by one. Two rules keep them out,
+//! and every consumer of samples gets them from [`crate::samples`]:
+//!
+//! - **Whole** needs no truth and applies to all sides: a box that touches the picture's edge is cut off there, so neither its
+//!   centre nor its size is the aircraft's.
+//! - **Contains the aircraft** needs the truth, so it applies to the training side only, and there to the formulas and to the ranges of
+//!   [`crate::networks::normalisation`]; to the networks only if the settings say so, because the paper's learn from what the detector
+//!   found.
+
+use dataset::camera::Camera;
+use dataset::geodesy::Geodetic;
+use dataset::pixel_box::PixelBox;
+use glam::DVec2;
+
+/// A box that ends this near the picture's edge touches it, pixels: a detector places an invisible edge within a pixel or two.
+const EDGE_PX: f64 = 2.0;
+
+/// Whether a box is completely in the picture.
+pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
+    let [left, top, right, bottom] = seen.edges();
+    // Pixel (0, 0) covers -0.5 to 0.5.
+    left > EDGE_PX - 0.5
+        && top > EDGE_PX - 0.5
+        && right < f64::from(camera.width_px) - 0.5 - EDGE_PX
+        && bottom < f64::from(camera.height_px) - 0.5 - EDGE_PX
+}
+
+/// Whether a box is that of the aircraft at `position`: its centre is within its own size of where the aircraft appears.
+pub(crate) fn holds_aircraft(seen: &PixelBox, camera: &Camera, position: Geodetic) -> bool {
+    let (centre, size) = centre_and_size(seen);
+    camera
+        .project(position.to_ecef())
+        .is_some_and(|truth| (truth - centre).abs().cmple(size).all())
+}
+
+/// Centre and size of a box, pixels.
+pub(crate) fn centre_and_size(seen: &PixelBox) -> (DVec2, DVec2) {
+    (
+        DVec2::new(seen.cx_px, seen.cy_px),
+        DVec2::new(seen.width_px, seen.height_px),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::{DistanceRange, Samples};
+    use testkit::synthetic::SyntheticCorpus;
+
+    fn tiny() -> Samples {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+        let range = DistanceRange {
+            min_nm: 0.05,
+            max_nm: None,
+        };
+        Samples::read(&corpus, None, range).unwrap()
+    }
+
+    #[test]
+    fn a_box_that_ends_at_the_picture_s_edge_is_not_whole() {
+        let camera = tiny().scenarios[0].cameras[0];
+        let [width_px, height_px] = [camera.width_px, camera.height_px].map(f64::from);
+        let whole = |[left, top, right, bottom]: [f64; 4]| {
+            is_whole(&PixelBox::from_edges(left, top, right, bottom), &camera)
+        };
+        assert!(whole([10.0, 10.0, 60.0, 30.0]));
+        assert!(!whole([-0.4, 10.0, 60.0, 30.0]));
+        assert!(!whole([10.0, -5.0, 60.0, 30.0]));
+        assert!(!whole([width_px - 60.0, 10.0, width_px - 1.0, 30.0]));
+        assert!(!whole([10.0, height_px - 20.0, 60.0, height_px]));
+    }
+
+    #[test]
+    fn every_box_of_a_detector_without_false_boxes_holds_the_aircraft_and_none_does_when_moved_away()
+     {
+        let samples = tiny();
+        for sample in &samples.samples {
+            let cameras = &samples.scenarios[sample.scenario].cameras;
+            for (seen, camera) in sample.boxes.iter().zip(cameras) {
+                let Some(seen) = seen else { continue };
+                assert!(holds_aircraft(seen, camera, sample.position), "{seen:?}");
+                let elsewhere = PixelBox {
+                    cy_px: seen.cy_px + 1.5 * seen.height_px,
+                    ..*seen
+                };
+                assert!(!holds_aircraft(&elsewhere, camera, sample.position));
+            }
+        }
+    }
+}

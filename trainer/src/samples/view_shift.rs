@@ -1,0 +1,180 @@
+//! Where the boxes of one aircraft are in several views, as precisely as the pictures tell.
+//!
+//! Each box has errors of its own, and distance follows from the differences between views. Where views are registered with each other
+//! ([`dataset::registrations`]), that difference is measured several times more precisely than by two boxes.
+
+use dataset::pixel_box::PixelBox;
+use dataset::registrations::Shift;
+use glam::DVec2;
+
+use crate::samples::Observation;
+use crate::samples::trusted_boxes::centre_and_size;
+
+/// Where the aircraft is in a view, minus where it is in the reference view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ViewShift {
+    /// Index of the reference view.
+    pub reference: usize,
+    /// Right and down, pixels.
+    pub shift_px: DVec2,
+    /// Its standard deviation, pixels.
+    pub sd_px: DVec2,
+    /// How the aircraft looks in the view, over how it looks in the reference view: its size ...
+    pub scale: f64,
+    /// ... and its contrast.
+    pub gain: f64,
+    /// Correlation of the two pictures.
+    pub correlation: f64,
+}
+
+impl ViewShift {
+    /// Variance along one axis, mean of both, square pixels.
+    pub(crate) fn variance_px2(&self) -> f64 {
+        self.sd_px.length_squared() / 2.0
+    }
+
+    /// A registered shift between the views of two boxes; `None` if it is of something else than these boxes: the point that was followed
+    /// is outside the box of the reference view, or what it was found at outside that of the view.
+    pub(crate) fn between(
+        (reference, in_reference): (usize, &PixelBox),
+        in_view: &PixelBox,
+        shift: &Shift,
+    ) -> Option<Self> {
+        let followed_px = DVec2::new(shift.x_px, shift.y_px);
+        let shift_px = DVec2::new(shift.dx_px, shift.dy_px);
+        let holds = |seen: &PixelBox, point_px: DVec2| {
+            let (centre, size) = centre_and_size(seen);
+            (point_px - centre).abs().cmple(size / 2.0).all()
+        };
+        let same = holds(in_reference, followed_px) && holds(in_view, followed_px + shift_px);
+        same.then_some(Self {
+            reference,
+            shift_px,
+            sd_px: DVec2::new(shift.sd_x_px, shift.sd_y_px),
+            scale: shift.scale,
+            gain: shift.gain,
+            correlation: shift.correlation,
+        })
+    }
+}
+
+/// Places of the aircraft in some views of a tick.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Places {
+    /// By view, pixels.
+    pub centres_px: Vec<DVec2>,
+    /// Standard deviation of their differences, pixels, root mean square over views and axes; `None` if it is not known.
+    pub sd_px: Option<f64>,
+}
+
+impl Places {
+    /// The centres of the boxes; `None` if one of the views saw nothing.
+    pub(crate) fn of_boxes(observed: &Observation, views: &[usize]) -> Option<Self> {
+        let centre = |&view: &usize| Some(centre_and_size(observed.boxes[view].as_ref()?).0);
+        Some(Self {
+            centres_px: views.iter().map(centre).collect::<Option<_>>()?,
+            sd_px: None,
+        })
+    }
+
+    /// Places whose differences are the registered shifts and whose mean is that of the boxes; `None` if the views are not registered with
+    /// one of them.
+    pub(crate) fn registered(observed: &Observation, views: &[usize]) -> Option<Self> {
+        let boxes = Self::of_boxes(observed, views)?;
+        let reference = views
+            .iter()
+            .find_map(|&v| Some(observed.shifts[v]?.reference))?;
+        if !views.contains(&reference) {
+            return None;
+        }
+        let shift = |&view: &usize| match view == reference {
+            true => Some((DVec2::ZERO, None)),
+            false => observed.shifts[view]
+                .filter(|shift| shift.reference == reference)
+                .map(|shift| (shift.shift_px, Some(shift.variance_px2()))),
+        };
+        let shifts: Vec<_> = views.iter().map(shift).collect::<Option<_>>()?;
+        let count = views.len() as f64;
+        let from_box = boxes.centres_px.iter().zip(&shifts);
+        let in_reference = from_box
+            .map(|(centre, (shift, _))| *centre - *shift)
+            .sum::<DVec2>()
+            / count;
+        let variances: Vec<f64> = shifts
+            .iter()
+            .filter_map(|(_, variance)| *variance)
+            .collect();
+        Some(Self {
+            centres_px: shifts
+                .iter()
+                .map(|(shift, _)| in_reference + *shift)
+                .collect(),
+            sd_px: Some((variances.iter().sum::<f64>() / variances.len() as f64).sqrt()),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Sample;
+
+    fn box_at(cx_px: f64, cy_px: f64) -> PixelBox {
+        PixelBox {
+            cx_px,
+            cy_px,
+            width_px: 40.0,
+            height_px: 14.0,
+        }
+    }
+
+    fn shift(x_px: f64, dx_px: f64) -> Shift {
+        Shift {
+            x_px,
+            y_px: 600.0,
+            dx_px,
+            dy_px: 4.0,
+            sd_x_px: 0.03,
+            sd_y_px: 0.04,
+            scale: 1.0,
+            gain: 1.0,
+            correlation: 0.9,
+        }
+    }
+
+    fn sample(shifts: Vec<Option<ViewShift>>) -> Sample {
+        let boxes = vec![Some(box_at(500.0, 600.0)), Some(box_at(401.0, 603.0)), None];
+        let mut sample = Sample::of_boxes(1.0, boxes);
+        sample.observed.shifts = shifts;
+        sample
+    }
+
+    #[test]
+    fn registered_places_differ_by_the_shift_and_have_the_mean_of_the_boxes() {
+        let (left, right) = (box_at(500.0, 600.0), box_at(401.0, 603.0));
+        let shift = ViewShift::between((0, &left), &right, &shift(500.0, -100.0));
+        let sample = sample(vec![None, shift, None]);
+        let places = Places::registered(&sample, &[0, 1]).unwrap();
+        assert_eq!(
+            places.centres_px,
+            [DVec2::new(500.5, 599.5), DVec2::new(400.5, 603.5)]
+        );
+        let sd_px = places.sd_px.unwrap();
+        assert!((sd_px - 0.05 / 2.0_f64.sqrt()).abs() < 1e-12, "{sd_px}");
+        for views in [&[0][..], &[1], &[0, 2], &[1, 2]] {
+            assert_eq!(Places::registered(&sample, views), None, "{views:?}");
+        }
+        let boxes = Places::of_boxes(&sample, &[0, 1]).unwrap();
+        assert_eq!(boxes.centres_px[1], DVec2::new(401.0, 603.0));
+        assert_eq!(Places::of_boxes(&sample, &[0, 2]), None);
+    }
+
+    #[test]
+    fn a_shift_of_something_else_than_the_two_boxes_is_none() {
+        let (left, right) = (box_at(500.0, 600.0), box_at(401.0, 603.0));
+        let between = |shift: &Shift| ViewShift::between((0, &left), &right, shift);
+        assert!(between(&shift(510.0, -100.0)).is_some());
+        assert_eq!(between(&shift(560.0, -100.0)), None, "another box");
+        assert_eq!(between(&shift(500.0, -160.0)), None, "led elsewhere");
+    }
+}

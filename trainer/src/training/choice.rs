@@ -1,0 +1,95 @@
+//! Which of our two estimators a training recommends, and why.
+//!
+//! `inverse_range` learns from the training flights whatever the pictures show, also what no camera model has, but only near where they
+//! flew: `docs/training.md` has figures. Fitted cameras know what is beside the flights. So flights that keep closely to one line call for
+//! `self_calibrated`, and others for `inverse_range`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::run::estimator::Estimator;
+use crate::run::trained::Baselines;
+use crate::samples::Sample;
+use crate::samples::lateral_spread::lateral_spread_m;
+
+/// Least spread for `inverse_range`: flights 60 m off the usual path at 10 NM then cost it a quarter of its precision.
+const LEAST_SPREAD_M: f64 = 2.0;
+
+/// The choice (`run.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Choice {
+    /// Name of the estimator.
+    pub estimator: String,
+    /// Standard deviation of the training flights to the side, metres.
+    pub lateral_spread_m: f64,
+    /// The reason in a sentence.
+    pub reason: String,
+}
+
+impl Choice {
+    /// The choice between what was fitted to these samples.
+    pub(crate) fn of(baselines: &Baselines, training: &[&Sample]) -> Self {
+        Self::for_spread(
+            lateral_spread_m(training),
+            baselines.self_calibrated.is_some(),
+        )
+    }
+
+    fn for_spread(lateral_spread_m: f64, has_cameras: bool) -> Self {
+        let (estimator, reason) = match (lateral_spread_m < LEAST_SPREAD_M, has_cameras) {
+            (false, _) => (
+                Estimator::InverseRange,
+                format!(
+                    "at least {LEAST_SPREAD_M} m, so that it learned what an aircraft beside the usual path looks like"
+                ),
+            ),
+            (true, true) => (
+                Estimator::SelfCalibrated,
+                format!(
+                    "less than {LEAST_SPREAD_M} m, so that inverse_range would be wrong for an aircraft beside that path"
+                ),
+            ),
+            (true, false) => (
+                Estimator::InverseRange,
+                format!(
+                    "less than {LEAST_SPREAD_M} m, but no two views saw enough for cameras to be fitted; expect errors for an aircraft beside that path"
+                ),
+            ),
+        };
+        Self {
+            estimator: estimator.name().to_owned(),
+            lateral_spread_m,
+            reason: format!(
+                "the paths of the training flights deviate by {lateral_spread_m:.1} m to the side (standard deviation), {reason}"
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flights_on_one_line_call_for_cameras_and_spread_ones_for_the_formula() {
+        for (spread_m, has_cameras, estimator, words) in [
+            (
+                0.4,
+                true,
+                "self_calibrated",
+                "0.4 m to the side (standard deviation), less than 2 m",
+            ),
+            (
+                3.0,
+                true,
+                "inverse_range",
+                "3.0 m to the side (standard deviation), at least 2 m",
+            ),
+            (3.0, false, "inverse_range", "at least 2 m"),
+            (0.4, false, "inverse_range", "no two views"),
+        ] {
+            let choice = Choice::for_spread(spread_m, has_cameras);
+            assert_eq!(choice.estimator, estimator);
+            assert!(choice.reason.contains(words), "{}", choice.reason);
+        }
+    }
+}

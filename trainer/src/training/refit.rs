@@ -1,0 +1,383 @@
+//! A new, moved or turned camera: what belongs to it is fitted again from a few labelled approaches, and nothing else is touched.
+//!
+//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the network
+//! on the residual of one of them, the errors that the filter expects of them, its pinhole and centre offset, its calibration network (the
+//! paper's way), and the offset and scale of its features. These follow from the old and the new fitted camera: they make of a box in the
+//! new picture what the old camera would have given, so that the networks start where they were. The fingerprint of everything else
+//! ([`frozen`]) is compared and recorded.
+
+mod frozen;
+mod network_refit;
+
+use std::path::Path;
+use std::time::Instant;
+
+use burn::tensor::Device;
+use dataset::camera::Camera;
+use dataset::corpus::Corpus;
+use dataset::progress::Progress;
+use dataset::seal;
+use dataset::splits::Side;
+use rand::SeedableRng;
+use rand_chacha::ChaCha12Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::config::TrainConfig;
+use crate::error::{CorpusFault, Error, Result, RunFault};
+use crate::estimators::geometry::self_calibration::LEAST_TICKS;
+use crate::estimators::geometry::triangulation::CentreOffset;
+use crate::estimators::inverse_range::{NewCamera, RefittedResidual};
+use crate::estimators::mono::pinhole::Pinhole;
+use crate::evaluation::split_again;
+use crate::networks::checkpoint::Checkpoints;
+use crate::networks::encoded::Encoded;
+use crate::networks::normalisation::Normalisation;
+use crate::networks::training_loop::{Setup, Watch};
+use crate::run::folder::RunFolder;
+use crate::run::place::RunPlace;
+use crate::run::sealed::SealedRun;
+use crate::run::trained::TrainedRun;
+use crate::samples::flight_parts::FlightParts;
+use crate::samples::rig::{Cameras, are_same, form};
+use crate::samples::trusted_boxes::holds_aircraft;
+use crate::samples::{DistanceRange, Sample, Samples};
+
+use network_refit::{RefitSamples, refit_network};
+
+/// Approaches that a refit may use.
+pub const MOST_APPROACHES: usize = 10;
+/// Fewer different flights tell too little about errors: with three, 90 % intervals hold less than two thirds of the truth.
+const FEW_FLIGHTS: usize = 5;
+/// One approach of this many is for judging, if there are several.
+const JUDGED_ONE_OF: usize = 5;
+
+/// What to fit again.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RefitConfig {
+    /// The view of the camera.
+    pub view: String,
+    /// Number of approaches, the first of the training side; at most [`MOST_APPROACHES`].
+    pub approaches: usize,
+}
+
+/// What was fitted again (`run.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Refit {
+    /// The view.
+    pub view: String,
+    /// The scenarios that it was fitted to.
+    pub scenarios: Vec<String>,
+    /// BLAKE3 of all numbers that do not belong to the view, before: of the run that this one was made from.
+    pub frozen_before_blake3: String,
+    /// The same after.
+    pub frozen_after_blake3: String,
+    /// What the network on the residual of `inverse_range` is worth, if a fit of the view had one and there are several flights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual: Option<RefittedResidual>,
+    /// Wall-clock time, seconds.
+    pub refit_s: f64,
+}
+
+/// Fits one view of a run again to approaches of `corpus`, and writes the result to `out`, as a whole and only on success.
+pub fn refit(
+    run: &RunFolder,
+    corpus: &Corpus,
+    out: &Path,
+    config: &RefitConfig,
+    progress: &mut dyn Progress,
+) -> Result<Refit> {
+    let started = Instant::now();
+    if !(1..=MOST_APPROACHES).contains(&config.approaches) {
+        return Err(Error::Setting {
+            setting: "scenarios",
+            found: config.approaches.to_string(),
+            expected: format!("a number from 1 to {MOST_APPROACHES}"),
+        });
+    }
+    let same = |a: &Path, b: &Path| {
+        a.canonicalize()
+            .is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
+    };
+    if same(out, run.root()) {
+        return Err(Error::run(out, RunFault::RefitInPlace));
+    }
+    let place = RunPlace::take(&RunFolder::at(out))?;
+    let before = TrainedRun::of(&SealedRun::read(run)?)?;
+    if before.backgrounds.is_some() {
+        return Err(Error::run(run.root(), RunFault::AlignedRefit));
+    }
+    let views = &before.normalisation.views;
+    let view = views.iter().position(|view| *view == config.view);
+    let view = view.ok_or_else(|| {
+        let (view, views) = (config.view.clone(), views.clone());
+        Error::run(run.root(), RunFault::NoSuchView { view, views })
+    })?;
+    let range = DistanceRange {
+        min_nm: before.config.min_dtd_nm,
+        max_nm: before.config.max_dtd_nm,
+    };
+    let mut samples = Samples::read(corpus, Some(&before.summary.model_hash), range)?;
+    split_again(corpus, &mut samples, before.config.leave_out.as_deref())?;
+    check_others(run, corpus, &before, &samples, &config.view)?;
+    let approaches = approaches(corpus, &samples, view, config)?;
+    let mut after = before.clone();
+    let residual = fit_formulas(corpus, &mut after, view, &samples, &approaches, progress)?;
+    fit_network(&mut after, view, &samples, &approaches, progress)?;
+    adopt(&mut after, &samples, &approaches, &config.view);
+
+    let new = place.begin()?;
+    let record = Refit {
+        view: config.view.clone(),
+        scenarios: ids(&samples, &approaches),
+        frozen_before_blake3: frozen::fingerprint(&before, view, run)?,
+        frozen_after_blake3: frozen::fingerprint(&after, view, &new)?,
+        residual,
+        refit_s: started.elapsed().as_secs_f64(),
+    };
+    if record.frozen_before_blake3 != record.frozen_after_blake3 {
+        let view = record.view;
+        return Err(Error::run(out, RunFault::NotFrozen { view }));
+    }
+    after.summary.refits.push(record.clone());
+    after.write(&new)?;
+    place.commit(&seal::hash_file(&new.config_path())?)?;
+    Ok(record)
+}
+
+/// Rejects a corpus whose other cameras are not those of the run: they stay as they are.
+fn check_others(
+    run: &RunFolder,
+    corpus: &Corpus,
+    trained: &TrainedRun,
+    samples: &Samples,
+    view: &str,
+) -> Result<()> {
+    let others = |cameras: &Cameras| -> Cameras {
+        let others = cameras.iter().filter(|(other, _)| *other != view);
+        others
+            .map(|(other, entry)| (other.clone(), entry.clone()))
+            .collect()
+    };
+    let (known, found) = (&trained.summary.cameras, &samples.rig.cameras);
+    let same = trained
+        .summary
+        .comparable(&samples.rig)
+        .is_none_or(|[here, there]| are_same(&others(here), &others(there)));
+    if same && form(known) == form(found) {
+        return Ok(());
+    }
+    let fault = CorpusFault::OtherCamerasBeside {
+        view: view.to_owned(),
+        run: run.root().to_owned(),
+    };
+    Err(Error::corpus(corpus.root(), fault))
+}
+
+/// Indices of the scenarios to fit to: the first on the training side.
+fn approaches(
+    corpus: &Corpus,
+    samples: &Samples,
+    view: usize,
+    config: &RefitConfig,
+) -> Result<Vec<usize>> {
+    let scenarios = samples.scenarios.iter().enumerate();
+    let training = scenarios.filter(|(_, scenario)| scenario.side == Side::Train);
+    let chosen: Vec<usize> = training
+        .map(|(index, _)| index)
+        .take(config.approaches)
+        .collect();
+    let ticks = of_scenarios(samples, &chosen)
+        .filter(|sample| sample.boxes[view].is_some())
+        .count();
+    if ticks >= LEAST_TICKS {
+        return Ok(chosen);
+    }
+    let fault = CorpusFault::TooFewTicks {
+        view: config.view.clone(),
+        approaches: chosen.len(),
+        ticks,
+        least: LEAST_TICKS,
+    };
+    Err(Error::corpus(corpus.root(), fault))
+}
+
+fn of_scenarios<'a>(
+    samples: &'a Samples,
+    scenarios: &'a [usize],
+) -> impl Iterator<Item = &'a Sample> {
+    let is_chosen = |sample: &&Sample| scenarios.contains(&sample.scenario);
+    let seen = samples
+        .samples
+        .iter()
+        .filter(|sample| sample.detections() > 0);
+    seen.filter(is_chosen)
+}
+
+fn ids(samples: &Samples, scenarios: &[usize]) -> Vec<String> {
+    let id = |&index: &usize| samples.scenarios[index].id.clone();
+    scenarios.iter().map(id).collect()
+}
+
+/// Fits camera, formulas and features of the view, and tells what the network on the residual is worth, if that was judged.
+fn fit_formulas(
+    corpus: &Corpus,
+    run: &mut TrainedRun,
+    view: usize,
+    samples: &Samples,
+    approaches: &[usize],
+    progress: &mut dyn Progress,
+) -> Result<Option<RefittedResidual>> {
+    let refused = |fault| Error::corpus(corpus.root(), fault);
+    let recorded: Vec<&Sample> = of_scenarios(samples, approaches).collect();
+    let baselines = &mut run.baselines;
+    let settings = &run.config.self_calibration;
+    let name = &run.normalisation.views[view];
+    let planned = samples.rig.is_planned.then(|| &samples.rig.nominal[name]);
+    let old = baselines.self_calibrated.take();
+    let new = old
+        .as_ref()
+        .and_then(|old| old.refitted(view, planned, &samples.scenarios, &recorded, settings));
+    if old.is_some() && new.is_none() {
+        return Err(refused(CorpusFault::NoFittedCamera { view: name.clone() }));
+    }
+    let cameras = new.as_ref().map(|new| new.cameras());
+    let camera_pair = old
+        .and_then(|old| old.cameras()[view])
+        .zip(cameras.as_ref().and_then(|cameras| cameras[view]));
+    baselines.self_calibrated = new;
+    let trusted: Vec<Sample> = recorded
+        .iter()
+        .map(|sample| match &cameras {
+            None => (*sample).clone(),
+            Some(cameras) => with_boxes_of_aircraft(sample, cameras),
+        })
+        .filter(|sample| sample.detections() > 0)
+        .collect();
+    let trusted: Vec<&Sample> = trusted.iter().collect();
+    baselines.pinholes[view] = Pinhole::fit(view, &trusted);
+    baselines.centre_offsets[view] = CentreOffset::fit(view, &samples.scenarios, &trusted);
+    let ticks: Vec<&Sample> = samples
+        .ticks_of_side(Side::Train)
+        .filter(|tick| approaches.contains(&tick.scenario))
+        .collect();
+    let parts = FlightParts::of(samples, ticks.iter().copied());
+    let flights = parts.flights();
+    if flights < FEW_FLIGHTS {
+        progress.say(&format!(
+            "fewer than {FEW_FLIGHTS} different flights ({flights} here) tell little about errors: stated intervals will be too narrow; \
+             use up to ten"
+        ));
+    }
+    let new_camera = NewCamera {
+        view,
+        cameras: camera_pair.map(|(old, new)| [old, new]),
+    };
+    let refitted = baselines.inverse_range.for_new_camera(
+        new_camera,
+        parts,
+        &trusted,
+        &run.config.residual,
+        random(&run.config),
+        &mut Watch {
+            checkpoints: &mut Checkpoints::none(),
+            progress,
+        },
+    )?;
+    let Some(refitted) = refitted else {
+        return Err(refused(CorpusFault::TooFewTogether {
+            view: name.clone(),
+            approaches: approaches.len(),
+        }));
+    };
+    let moved = camera_pair.and_then(|(old, new)| run.normalisation.moved(view, &old, &new));
+    run.normalisation = moved.unwrap_or_else(|| {
+        let views = &run.normalisation.views;
+        run.normalisation
+            .with_view_of(view, &Normalisation::fit(views, &trusted, &trusted))
+    });
+    baselines.flight_filter = baselines.flight_filter.with_camera_refitted(
+        view,
+        &refitted.fits,
+        &ticks,
+        &run.normalisation,
+    );
+    baselines.inverse_range = refitted.fits.all;
+    Ok(refitted.residual)
+}
+
+/// What draws the batches of a network.
+fn random(config: &TrainConfig) -> ChaCha12Rng {
+    ChaCha12Rng::seed_from_u64(config.seed)
+}
+
+/// The sample with only those boxes in which fitted cameras see the aircraft.
+fn with_boxes_of_aircraft(sample: &Sample, cameras: &[Option<Camera>]) -> Sample {
+    let boxes = sample.boxes.iter().zip(cameras);
+    let boxes = boxes.map(|(seen, camera)| match camera {
+        None => *seen,
+        Some(camera) => seen.filter(|seen| holds_aircraft(seen, camera, sample.position)),
+    });
+    sample.with(sample.with_boxes(boxes.collect()))
+}
+
+/// Trains the calibration network of the view.
+fn fit_network(
+    run: &mut TrainedRun,
+    view: usize,
+    samples: &Samples,
+    approaches: &[usize],
+    progress: &mut dyn Progress,
+) -> Result<()> {
+    let judged = approaches.len() / JUDGED_ONE_OF;
+    let (training, judged) = match judged {
+        0 => (approaches, approaches),
+        judged => approaches.split_at(approaches.len() - judged),
+    };
+    let encoded = |scenarios: &[usize]| {
+        let usual: Vec<Sample> = of_scenarios(samples, scenarios)
+            .map(|sample| sample.with(run.normalisation.without_outliers(sample, false)))
+            .filter(|sample| sample.detections() > 0)
+            .collect();
+        Encoded::new(&usual, &run.normalisation)
+    };
+    let (training, judged) = (encoded(training), encoded(judged));
+    let setup = Setup {
+        loss: run.config.loss,
+        device: Device::flex().autodiff(),
+        random: random(&run.config),
+    };
+    run.networks.calibration = refit_network(
+        view,
+        &run.networks.calibration,
+        &run.networks.estimator,
+        &RefitSamples {
+            training: &training,
+            judged: &judged,
+        },
+        &run.config,
+        setup,
+        progress,
+    )?;
+    Ok(())
+}
+
+/// Makes the run one for the new camera, whose approaches it has now seen.
+fn adopt(run: &mut TrainedRun, samples: &Samples, approaches: &[usize], view: &str) {
+    let summary = &mut run.summary;
+    summary.rig.clone_from(&samples.rig.name);
+    if let Some(entry) = samples.rig.cameras.get(view) {
+        summary.cameras.insert(view.to_owned(), entry.clone());
+    }
+    let planned = samples.rig.planned().and_then(|planned| planned.get(view));
+    match (&mut summary.planned_cameras, planned) {
+        (Some(all), Some(entry)) => {
+            all.insert(view.to_owned(), entry.clone());
+        }
+        (all, _) => *all = None,
+    }
+    let scenarios = || approaches.iter().map(|&index| &samples.scenarios[index]);
+    let trajectories = scenarios().map(|scenario| scenario.trajectory.clone());
+    summary.training_trajectories.extend(trajectories);
+    let flights = scenarios().map(|scenario| scenario.flight.clone());
+    summary.training_flights.extend(flights);
+}

@@ -1,0 +1,165 @@
+//! Trains the calibration network of one view; the shared head, the other networks and the estimator stay as they are.
+//!
+//! The loss is that of stage one for this view, plus the error of the estimator's answer: an estimator that compares views needs features
+//! that mean the same as before to a fraction of a pixel, which the head alone does not ask for. The networks with the lowest error on the
+//! judged approaches are kept, be they those from before the first step.
+
+use burn::module::Module;
+use burn::optim::GradientsParams;
+use burn::tensor::Tensor;
+use dataset::progress::Progress;
+use rand_chacha::ChaCha12Rng;
+
+use crate::config::{Optimisation, TrainConfig};
+use crate::error::Result;
+use crate::estimators::paper_lstm::calibration_training::{CalibrationNetworks, batch_loss};
+use crate::estimators::paper_lstm::{PaperLstm, predict};
+use crate::networks::checkpoint::Checkpoints;
+use crate::networks::encoded::{Encoded, column, draw, mape_pct};
+use crate::networks::lstm::ViewFeatures;
+use crate::networks::training_loop::{Setup, Task, Watch, learn};
+
+/// Steps: about a minute of the default networks on two cores.
+const STEPS: usize = 200;
+const JUDGED_EVERY: usize = 20;
+/// Part of the learning rate of a training from the start: the network is nearly right.
+const RATE: f64 = 0.1;
+
+/// Samples of the new camera's approaches.
+pub(super) struct RefitSamples<'a> {
+    pub(super) training: &'a Encoded,
+    pub(super) judged: &'a Encoded,
+}
+
+/// The calibration networks with that of `view` trained.
+pub(super) fn refit_network(
+    view: usize,
+    networks: &CalibrationNetworks,
+    estimator: &PaperLstm,
+    samples: &RefitSamples,
+    config: &TrainConfig,
+    setup: Setup,
+    progress: &mut dyn Progress,
+) -> Result<CalibrationNetworks> {
+    let seen = samples.training.seen_by(view);
+    if seen.is_empty() || samples.judged.seen_by(view).is_empty() {
+        return Ok(networks.clone());
+    }
+    let settings = Optimisation {
+        steps: STEPS,
+        batch_size: config.calibration.optimisation.batch_size,
+        learning_rate: RATE * config.calibration.optimisation.learning_rate,
+    };
+    let mut task = NetworkRefit {
+        optimised: (0..samples.training.views())
+            .map(|other| other == view)
+            .collect(),
+        view,
+        seen,
+        batch_size: settings.batch_size,
+        estimator: estimator.clone().train().no_grad(),
+        plain_estimator: estimator,
+        samples,
+        setup,
+    };
+    let mut watch = Watch {
+        checkpoints: &mut Checkpoints::none(),
+        progress,
+    };
+    let start = networks.clone().train();
+    let kept = learn(&mut task, start, &settings, &mut watch)?;
+    Ok(kept.network.valid())
+}
+
+struct NetworkRefit<'a> {
+    view: usize,
+    /// By view.
+    optimised: Vec<bool>,
+    /// Samples that the view saw.
+    seen: Vec<usize>,
+    batch_size: usize,
+    estimator: PaperLstm,
+    plain_estimator: &'a PaperLstm,
+    samples: &'a RefitSamples<'a>,
+    setup: Setup,
+}
+
+impl NetworkRefit<'_> {
+    /// Features of all views, with a gradient for those of the view alone.
+    fn features(&self, networks: &CalibrationNetworks, batch: &[usize]) -> Vec<ViewFeatures> {
+        let device = &self.setup.device;
+        let plain_device = self.setup.plain_device();
+        let plain = networks.valid();
+        let samples = self.samples.training;
+        let of_view = |view: usize| {
+            let features = match view == self.view {
+                true => networks.features(view, samples.inputs(batch, view, device)),
+                false => {
+                    let inputs = samples.inputs(batch, view, &plain_device);
+                    Tensor::from_inner(plain.features(view, inputs))
+                }
+            };
+            let mask = samples.mask(batch, view);
+            let all_present = mask.iter().all(|&present| present > 0.0);
+            ViewFeatures {
+                features,
+                present: (!all_present).then(|| column(mask, device)),
+            }
+        };
+        (0..samples.views()).map(of_view).collect()
+    }
+}
+
+impl Task for NetworkRefit<'_> {
+    type Network = CalibrationNetworks;
+    type State = ();
+    const NAME: &'static str = "calibration network";
+    const STAGE: &'static str = "calibration network";
+
+    fn judged_every(&self) -> usize {
+        JUDGED_EVERY
+    }
+
+    /// All steps, and then the best of them.
+    fn patience(&self) -> Option<usize> {
+        Some(STEPS)
+    }
+
+    fn random(&mut self) -> &mut ChaCha12Rng {
+        &mut self.setup.random
+    }
+
+    fn state(&self) {}
+
+    fn restore(&mut self, (): ()) {}
+
+    fn gradients(&mut self, networks: &CalibrationNetworks, _step: usize) -> GradientsParams {
+        let batch = draw(&self.seen, self.batch_size, &mut self.setup.random);
+        let Setup { loss, device, .. } = &self.setup;
+        let samples = self.samples.training;
+        let alone = batch_loss(networks, samples, &batch, &self.optimised, *loss, device);
+        let answer = self.estimator.forward(&self.features(networks, &batch));
+        let together = samples.squared_error(answer, &batch, batch.len() as f32, *loss, device);
+        networks.gradients_of_view(self.view, (alone + together).backward())
+    }
+
+    fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {
+        let (judged, loss) = (self.samples.judged, self.setup.loss);
+        let predicted = predict(
+            &networks.valid(),
+            self.plain_estimator,
+            judged,
+            loss,
+            &self.setup.plain_device(),
+        );
+        let pairs = predicted.into_iter().enumerate();
+        vec![mape_pct(
+            pairs.map(|(sample, p)| (p, judged.distance(sample))),
+        )]
+    }
+
+    fn record(&mut self, _done: usize, errors_pct: Vec<Option<f64>>) -> String {
+        let errors = errors_pct.into_iter().flatten();
+        errors.map(|error| format!("MAPE {error:.3} %")).collect()
+    }
+}

@@ -1,0 +1,196 @@
+//! Trainings with several settings and seeds, compared by their errors on the validation side.
+//!
+//! Each is a run of its own, beside the others. One that is finished stays, one that was killed goes on from its checkpoint, so a search
+//! resumes. A setting counts by its mean over the seeds: differences below their spread are chance.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+use dataset::corpus::Corpus;
+use dataset::json_file::write_json;
+use dataset::progress::Progress;
+use serde::{Deserialize, Serialize};
+
+use crate::config::TrainConfig;
+use crate::error::{Error, Result, RunFault};
+use crate::run::folder::RunFolder;
+use crate::training::{Finished, train_unless};
+
+/// Name of the table in the folder of a search.
+const TABLE: &str = "search.json";
+/// Name of the link to the best run.
+const BEST: &str = "best";
+
+/// What to try.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Search {
+    /// Settings by name, whatever their seeds.
+    pub variants: BTreeMap<String, TrainConfig>,
+    /// Each of them is trained with these.
+    pub seeds: Vec<u64>,
+}
+
+/// The results (`search.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SearchTable {
+    /// One for each variant, in the order of their names.
+    pub variants: Vec<VariantResult>,
+    /// Name of the run of the variant with the lowest mean error, with its best seed; `null` if all trainings diverged.
+    pub best: Option<String>,
+}
+
+/// Trainings that differ in their seeds only.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct VariantResult {
+    /// Its name.
+    pub variant: String,
+    /// In the order of the seeds.
+    pub trainings: Vec<TrainingResult>,
+    /// Mean of their errors, percent; `null` if one of them diverged.
+    pub mean_pct: Option<f64>,
+    /// Standard deviation of their errors, percent; `null` also for a single seed.
+    pub spread_pct: Option<f64>,
+}
+
+/// One training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrainingResult {
+    /// Its seed.
+    pub seed: u64,
+    /// Name of its run in the folder of the search.
+    pub run: String,
+    /// Error of `paper_lstm` on the validation side, percent; `null` if the training diverged.
+    pub validation_mape_pct: Option<f64>,
+}
+
+/// Trains all variants with all seeds into folders of `out`, and writes the table and a link to the best run beside them.
+pub fn search(
+    corpora: &[Corpus],
+    out: &Path,
+    search: &Search,
+    progress: &mut dyn Progress,
+) -> Result<SearchTable> {
+    search.check()?;
+    if RunFolder::at(out).summary_path().exists() {
+        return Err(Error::run(out, RunFault::SearchInRun));
+    }
+    fs::create_dir_all(out).map_err(dataset::Error::io("create", out))?;
+    let count = search.variants.len() * search.seeds.len();
+    let mut variants: Vec<VariantResult> = Vec::new();
+    for (index, (variant, config)) in search.variants.iter().enumerate() {
+        let mut trainings = Vec::new();
+        for (number, &seed) in search.seeds.iter().enumerate() {
+            let number = index * search.seeds.len() + number + 1;
+            progress.say(&format!(
+                "training {number} of {count}: {variant}, seed {seed}"
+            ));
+            let config = TrainConfig {
+                seed,
+                ..config.clone()
+            };
+            let run = format!("{variant}-{seed}");
+            let trained =
+                train_unless(Finished::Stays, corpora, &out.join(&run), &config, progress);
+            let validation_mape_pct = match trained {
+                Ok(outcome) => Some(outcome.validation_mape_pct),
+                Err(error @ Error::Diverged { .. }) => {
+                    progress.say(&format!("{variant}, seed {seed}: {error}"));
+                    None
+                }
+                Err(error) => return Err(error),
+            };
+            trainings.push(TrainingResult {
+                seed,
+                run,
+                validation_mape_pct,
+            });
+        }
+        variants.push(VariantResult::of(variant, trainings));
+        let best = best_of(&variants);
+        let table = SearchTable { variants, best };
+        write_json(&out.join(TABLE), &table)?;
+        variants = table.variants;
+    }
+    let best = best_of(&variants);
+    if let Some(run) = &best {
+        link(run, &out.join(BEST))?;
+    }
+    Ok(SearchTable { variants, best })
+}
+
+impl Search {
+    fn check(&self) -> Result<()> {
+        let invalid = |setting, found: String, expected: &str| {
+            let expected = expected.to_owned();
+            Err(Error::Setting {
+                setting,
+                found,
+                expected,
+            })
+        };
+        if self.variants.is_empty() {
+            return invalid("variants", "empty".into(), "at least one table");
+        }
+        for (name, config) in &self.variants {
+            if dataset::file_name::check(name).is_err() || name == BEST {
+                return invalid(
+                    "variants",
+                    format!("{name:?}"),
+                    "names of letters, digits, - and _, not \"best\"",
+                );
+            }
+            config.check()?;
+        }
+        let mut seeds = self.seeds.clone();
+        seeds.sort_unstable();
+        seeds.dedup();
+        if seeds.is_empty() || seeds.len() < self.seeds.len() {
+            return invalid("seeds", format!("{:?}", self.seeds), "numbers, each once");
+        }
+        Ok(())
+    }
+}
+
+impl VariantResult {
+    fn of(variant: &str, trainings: Vec<TrainingResult>) -> Self {
+        let errors: Option<Vec<f64>> = trainings.iter().map(|t| t.validation_mape_pct).collect();
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let mean_pct = errors.as_deref().map(mean);
+        let spread_pct = errors.zip(mean_pct).and_then(|(errors, mean)| {
+            let squares = errors
+                .iter()
+                .map(|error| (error - mean).powi(2))
+                .sum::<f64>();
+            (errors.len() > 1).then(|| (squares / (errors.len() - 1) as f64).sqrt())
+        });
+        Self {
+            variant: variant.to_owned(),
+            trainings,
+            mean_pct,
+            spread_pct,
+        }
+    }
+}
+
+fn best_of(variants: &[VariantResult]) -> Option<String> {
+    let lowest = |a: Option<f64>, b: Option<f64>| {
+        let [a, b] = [a, b].map(|error| error.unwrap_or(f64::INFINITY));
+        a.total_cmp(&b)
+    };
+    let best = variants.iter().filter(|variant| variant.mean_pct.is_some());
+    let best = best.min_by(|a, b| lowest(a.mean_pct, b.mean_pct))?;
+    let trainings = best.trainings.iter();
+    let run = trainings.min_by(|a, b| lowest(a.validation_mape_pct, b.validation_mape_pct))?;
+    Some(run.run.clone())
+}
+
+/// Makes `link` one to a run beside it, in one step.
+fn link(run: &str, link: &Path) -> Result<()> {
+    let new: PathBuf = link.with_extension("new");
+    let failed = |error| Error::from(dataset::Error::io("link the best run as", link)(error));
+    let _ = fs::remove_file(&new);
+    symlink(run, &new).map_err(failed)?;
+    fs::rename(&new, link).map_err(failed)
+}
