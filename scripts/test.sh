@@ -12,6 +12,7 @@ if command -v cc >/dev/null; then
 fi
 bash scripts/setup.sh
 python3 scripts/check_prose.py
+python3 scripts/check_modules.py
 cargo fmt --all --check
 (cd xplane-bridge/plugin && ../../.venv/bin/python -m mypy --strict --cache-dir=/dev/null PI_dtd_bridge.py dtd_bridge)
 (cd python && ../.venv/bin/python -m mypy --strict --cache-dir=/dev/null dtd)

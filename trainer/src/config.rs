@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::device::TrainingDevice;
 pub use paper_deviation::PaperDeviation;
 
-/// Settings of [`crate::train`]. Unknown keys are rejected.
+/// Settings of a training. Unknown keys are rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
@@ -134,7 +134,7 @@ impl Loss {
     }
 }
 
-/// Settings of trajectory mixing (see [`crate::estimators::paper_lstm::trajectory_mixing`]).
+/// Settings of trajectory mixing: flights made of two others, a training aid that is not in the paper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AugmentationConfig {
@@ -245,8 +245,7 @@ pub struct EstimatorConfig {
     /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
     /// training cannot remove, ten times that of two views; at equal weights it drowns them out.
     pub alone_weight: f64,
-    /// Whether the last linear layer is solved in closed form after the last step (see [`crate::estimators::paper_lstm::head_refit`]); not
-    /// in the paper.
+    /// Whether the last linear layer is solved in closed form after the last step; not in the paper.
     pub refit_head: bool,
     /// Log entries in a row without a lower error, after which the training ends; it then keeps the network with the lowest one. Without
     /// it, all steps are made, and the last network is kept.

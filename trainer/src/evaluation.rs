@@ -4,6 +4,7 @@
 //! ([`crate::evaluation::view_removal`]). Which ticks count, and how, is in `evaluation-rules.toml`.
 
 pub(crate) mod answers;
+pub(crate) mod judged;
 pub(crate) mod metrics;
 pub(crate) mod prediction;
 pub(crate) mod prediction_table;
@@ -11,18 +12,18 @@ pub(crate) mod report;
 pub(crate) mod rules;
 pub(crate) mod view_removal;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use dataset::columns::{TableParts, TableWriter};
 use dataset::corpus::Corpus;
-use dataset::json_file::{read_json, write_json_unsynced};
+use dataset::json_file::write_json_unsynced;
 use dataset::progress::Progress;
 use dataset::splits::Side;
-use serde::{Deserialize, Serialize};
 
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::evaluation::answers::{Answered, Answers, JudgedTicks};
+use crate::evaluation::judged::{Judged, JudgedSide};
 use crate::evaluation::metrics::{
     EstimatorMetrics, Metrics, RemovedFigures, SideCount, SplitSummary, TickCounts,
 };
@@ -39,17 +40,6 @@ use crate::samples::marked_scenarios;
 use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
-/// Which scenarios of a corpus are judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum JudgedSide {
-    /// Those on the test side of its split.
-    #[default]
-    Test,
-    /// All of them: for a corpus that no training saw any of.
-    All,
-}
-
 /// What to evaluate, and where the results go.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EvaluationConfig {
@@ -59,83 +49,6 @@ pub struct EvaluationConfig {
     pub detections: Option<String>,
     /// An empty or new folder; by default the run itself.
     pub out: Option<PathBuf>,
-}
-
-/// What was judged (`evaluation.json`). Another evaluation of the same run differs in it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Judged {
-    /// Name of the corpus's folder.
-    pub corpus: String,
-    /// Hash of the judged scenarios: of their identifiers and the hashes of their manifests.
-    pub scenarios_blake3: String,
-    /// Hash of these, of what the cameras saw there (boxes and registered shifts), and of the truth.
-    pub samples_blake3: String,
-    /// Which of its scenarios.
-    pub side: JudgedSide,
-    /// ICAO code of the airport and designator of each runway.
-    pub runways: BTreeSet<String>,
-    /// Name of the rig.
-    pub rig: String,
-    /// Its views.
-    pub views: Vec<String>,
-    /// File name of the detection model, if it is recorded.
-    pub model: Option<String>,
-    /// Name of its detections.
-    pub model_hash: String,
-    /// Hash of the weights of the run.
-    pub weights_blake3: String,
-    /// Version of the rules.
-    pub rules: u32,
-}
-
-impl Judged {
-    fn of(
-        corpus: &Corpus,
-        samples: &Samples,
-        side: JudgedSide,
-        run: &SealedRun,
-        rules: &EvaluationRules,
-    ) -> Self {
-        let scenarios = || samples.scenarios.iter().filter(|s| s.side == Side::Test);
-        let mut hash = blake3::Hasher::new();
-        for scenario in scenarios() {
-            hash.update(format!("{} {}\n", scenario.id, scenario.manifest_blake3).as_bytes());
-        }
-        let root = corpus.root();
-        let real = root.canonicalize().unwrap_or_else(|_| root.to_owned());
-        Self {
-            corpus: real
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into(),
-            scenarios_blake3: hash.finalize().to_string(),
-            samples_blake3: samples.hash(&[Side::Test]),
-            side,
-            runways: scenarios()
-                .map(|s| format!("{} {}", s.runway.airport, s.runway.name))
-                .collect(),
-            rig: samples.rig.name.clone(),
-            views: samples.views.clone(),
-            model: samples.detections.model.clone(),
-            model_hash: samples.detections.hash.clone(),
-            weights_blake3: blake3::hash(run.bytes(RunFolder::WEIGHTS)).to_string(),
-            rules: rules.version,
-        }
-    }
-
-    /// Whether this is another evaluation than the one whose results a folder has.
-    fn is_other_than_in(&self, folder: &RunFolder) -> bool {
-        let path = folder.evaluation_path();
-        let same = |there: Self| {
-            Self {
-                corpus: there.corpus.clone(),
-                ..self.clone()
-            } == there
-        };
-        path.exists() && !read_json(&path, "evaluation").is_ok_and(same)
-    }
 }
 
 /// Flights of the test side, and who estimates them.

@@ -3,11 +3,17 @@
 //! Input: a corpus with labels and detections. Output: a run folder ([`RunFolder`]) with networks, formulas, figures and a report.
 //!
 //! ```text
-//! samples -> normalisation -> (trajectory_mixing) -> calibration_training -> paper_lstm --+
-//!       |-> mono_network, pinhole, triangulation (baselines) -----------------------------+
-//!       |-> self_calibration (choice) ----------------------------------------------------+
-//!       \-> inverse_range -> flight_filter -----------------------------------------------+-> evaluation -> metrics, report
+//! samples      ticks of a corpus: the boxes that count, registered shifts, distances
+//! background   where a camera looks, from what stands still in its pictures
+//! networks     layers, training loop and checkpoint
+//! estimators   paper_lstm, inverse_range with its filter, cameras and rays (geometry), single views (mono)
+//! run          the folder that a training writes, and its estimators
+//! evaluation   predictions, metrics and report
+//! export       ONNX models
+//! training     from a corpus to a run: stages, search, refit
 //! ```
+//!
+//! A module imports only modules above it (`scripts/check_modules.py`).
 //!
 //! `paper_lstm` is the paper's: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where the
 //! paper leaves a choice open, the module states the choice and the reason; settings that deviate from it are named
@@ -31,15 +37,17 @@ pub use config::device::TrainingDevice;
 pub use config::{TrainConfig, schema};
 pub use error::{CorpusFault, Error, Result, RunFault};
 pub use estimators::inverse_range::{Outcome, RefittedResidual};
+pub use evaluation::judged::JudgedSide;
 pub use evaluation::metrics::Metrics;
 pub use evaluation::prediction::{Predicted, predict};
 pub use evaluation::rules::EvaluationRules;
-pub use evaluation::{EvaluationConfig, JudgedSide, evaluate};
+pub use evaluation::{EvaluationConfig, evaluate};
 pub use export::{
     Agreement, ExportedModel, ExportedRun, Probes, REGISTRATION_NUMBERS, TOLERANCE, export,
 };
+pub use run::choice::Choice;
 pub use run::folder::RunFolder;
-pub use training::choice::Choice;
-pub use training::refit::{MOST_APPROACHES, Refit, RefitConfig, refit};
+pub use run::refitted_view::Refit;
+pub use training::refit::{MOST_APPROACHES, RefitConfig, refit};
 pub use training::search::{Search, SearchTable, TrainingResult, VariantResult, search};
 pub use training::{TrainOutcome, train, train_on_all};

@@ -41,7 +41,7 @@ use crate::run::sealed::SealedRun;
 use crate::run::trained::{Baselines, Convergence, Networks, RUN_FORMAT, RunSummary, TrainedRun};
 use crate::samples::marked_scenarios;
 use crate::samples::{DistanceRange, Sample, Samples};
-use crate::training::choice::Choice;
+use crate::run::choice::Choice;
 use crate::training::start::Start;
 use dataset::progress::Progress;
 

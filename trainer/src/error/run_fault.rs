@@ -7,8 +7,6 @@ use burn::store::{RecordError, SafetensorsStoreError};
 use dataset::limits::FieldOutOfLimits;
 use dataset::seal::{DONE, MANIFEST};
 
-use crate::run::trained::RUN_FORMAT;
-
 /// What is wrong with a run's folder or with a file of it, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[expect(
@@ -74,10 +72,14 @@ pub enum RunFault {
     Changed,
     /// A run of another version.
     #[error(
-        "belongs to a run of format {format}, written by dtd {dtd}, and this version reads format {RUN_FORMAT}; {}",
-        if *format < RUN_FORMAT { "train again" } else { "update dtd, or train again" }
+        "belongs to a run of format {format}, written by dtd {dtd}, and this version reads format {readable}; {}",
+        if format < readable { "train again" } else { "update dtd, or train again" }
     )]
-    OtherFormat { format: u32, dtd: String },
+    OtherFormat {
+        format: u32,
+        readable: u32,
+        dtd: String,
+    },
     /// Its files contradict each other.
     #[error(
         "it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each"

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::background::Alignment;
 use crate::config::PaperDeviation;
-use crate::evaluation::Judged;
+use crate::evaluation::judged::Judged;
 use crate::evaluation::rules::EvaluationRules;
 use crate::samples::ScenarioSummary;
 

@@ -9,7 +9,6 @@ use onnx_graph::{Graph, ModelTexts};
 
 use crate::config::Loss;
 use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
-use crate::run::estimator::Estimator;
 
 /// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN where a view saw nothing.
 pub(crate) const BOXES: &str = "boxes";
@@ -158,8 +157,8 @@ impl<'a> EstimatorGraph<'a> {
         self.graph.plain("Slice", &[&of_views, &from, &to, &axis])
     }
 
-    /// The model that answers with these metres, `[batch, 1]`, where any view saw the aircraft.
-    pub(crate) fn model(&mut self, metres: &str, estimator: Estimator) -> ModelProto {
+    /// The model of this name that answers with these metres, `[batch, 1]`, where any view saw the aircraft.
+    pub(crate) fn model(&mut self, metres: &str, name: &str) -> ModelProto {
         let seen = self.seen.clone();
         let any = self.any(&seen);
         let none = self.graph.double(f64::NAN);
@@ -179,7 +178,7 @@ impl<'a> EstimatorGraph<'a> {
         }
         let names = self.normalisation.views.join(",");
         let texts = ModelTexts {
-            name: estimator.name(),
+            name,
             version: env!("CARGO_PKG_VERSION"),
             metadata: &[
                 ("views", &names),

@@ -194,7 +194,7 @@ impl Estimator {
             | Self::InverseRangeFiltered
             | Self::InverseRangeSmoothed => return None,
         };
-        Some(graph.model(&metres, self))
+        Some(graph.model(&metres, self.name()))
     }
 
     /// Distances, speeds and times with intervals, in the order of the observations; `None` from an estimator that has none.

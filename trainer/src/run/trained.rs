@@ -27,13 +27,13 @@ use crate::estimators::paper_lstm::calibration_training::{
 use crate::estimators::paper_lstm::{EstimatorLogEntry, PaperLstm};
 use crate::networks::memory::{self, SampleCounts};
 use crate::networks::normalisation::Normalisation;
+use crate::run::choice::Choice;
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
+use crate::run::refitted_view::Refit;
 use crate::run::sealed::SealedRun;
 use crate::samples::ScenarioSummary;
 use crate::samples::rig::{Cameras, Rig};
-use crate::training::choice::Choice;
-use crate::training::refit::Refit;
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
 pub(crate) const RUN_FORMAT: u32 = 4;
@@ -113,7 +113,13 @@ impl RunSummary {
         const WHAT: &str = "run summary";
         let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, WHAT)?;
         if format != RUN_FORMAT {
-            return Err(sealed.refused(RunFolder::SUMMARY, RunFault::OtherFormat { format, dtd }));
+            let readable = RUN_FORMAT;
+            let fault = RunFault::OtherFormat {
+                format,
+                readable,
+                dtd,
+            };
+            return Err(sealed.refused(RunFolder::SUMMARY, fault));
         }
         sealed.json(RunFolder::SUMMARY, WHAT)
     }

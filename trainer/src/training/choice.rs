@@ -4,8 +4,7 @@
 //! flew: `docs/training.md` has figures. Fitted cameras know what is beside the flights. So flights that keep closely to one line call for
 //! `self_calibrated`, and others for `inverse_range`.
 
-use serde::{Deserialize, Serialize};
-
+use crate::run::choice::Choice;
 use crate::run::estimator::Estimator;
 use crate::run::trained::Baselines;
 use crate::samples::Sample;
@@ -13,17 +12,6 @@ use crate::samples::lateral_spread::lateral_spread_m;
 
 /// Least spread for `inverse_range`: flights 60 m off the usual path at 10 NM then cost it a quarter of its precision.
 const LEAST_SPREAD_M: f64 = 2.0;
-
-/// The choice (`run.json`).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Choice {
-    /// Name of the estimator.
-    pub estimator: String,
-    /// Standard deviation of the training flights to the side, metres.
-    pub lateral_spread_m: f64,
-    /// The reason in a sentence.
-    pub reason: String,
-}
 
 impl Choice {
     /// The choice between what was fitted to these samples.

@@ -20,7 +20,6 @@ use dataset::seal;
 use dataset::splits::Side;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
-use serde::{Deserialize, Serialize};
 
 use crate::config::TrainConfig;
 use crate::error::{CorpusFault, Error, Result, RunFault};
@@ -35,6 +34,7 @@ use crate::networks::normalisation::Normalisation;
 use crate::networks::training_loop::{Setup, Watch};
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
+use crate::run::refitted_view::Refit;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 use crate::samples::flight_parts::FlightParts;
@@ -58,24 +58,6 @@ pub struct RefitConfig {
     pub view: String,
     /// Number of approaches, the first of the training side; at most [`MOST_APPROACHES`].
     pub approaches: usize,
-}
-
-/// What was fitted again (`run.json`).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Refit {
-    /// The view.
-    pub view: String,
-    /// The scenarios that it was fitted to.
-    pub scenarios: Vec<String>,
-    /// BLAKE3 of all numbers that do not belong to the view, before: of the run that this one was made from.
-    pub frozen_before_blake3: String,
-    /// The same after.
-    pub frozen_after_blake3: String,
-    /// What the network on the residual of `inverse_range` is worth, if a fit of the view had one and there are several flights.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub residual: Option<RefittedResidual>,
-    /// Wall-clock time, seconds.
-    pub refit_s: f64,
 }
 
 /// Fits one view of a run again to approaches of `corpus`, and writes the result to `out`, as a whole and only on success.

@@ -1,0 +1,23 @@
+//! A view that was fitted again after the training, as `run.json` has it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::estimators::inverse_range::RefittedResidual;
+
+/// What was fitted again (`run.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Refit {
+    /// The view.
+    pub view: String,
+    /// The scenarios that it was fitted to.
+    pub scenarios: Vec<String>,
+    /// BLAKE3 of all numbers that do not belong to the view, before: of the run that this one was made from.
+    pub frozen_before_blake3: String,
+    /// The same after.
+    pub frozen_after_blake3: String,
+    /// What the network on the residual of `inverse_range` is worth, if a fit of the view had one and there are several flights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual: Option<RefittedResidual>,
+    /// Wall-clock time, seconds.
+    pub refit_s: f64,
+}
