@@ -35,13 +35,13 @@ use crate::networks::encoded::Encoded;
 use crate::networks::memory::{self, SampleCounts};
 use crate::networks::normalisation::Normalisation;
 use crate::networks::training_loop::{Setup, Watch};
+use crate::run::choice::Choice;
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{Baselines, Convergence, Networks, RUN_FORMAT, RunSummary, TrainedRun};
 use crate::samples::marked_scenarios;
 use crate::samples::{DistanceRange, Sample, Samples};
-use crate::run::choice::Choice;
 use crate::training::start::Start;
 use dataset::progress::Progress;
 
