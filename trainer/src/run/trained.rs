@@ -124,6 +124,28 @@ impl RunSummary {
         sealed.json(RunFolder::SUMMARY, WHAT)
     }
 
+    /// With the flights of the run that the training started from, which its networks know.
+    pub(crate) fn with_flights_of(mut self, start: Option<&Self>) -> Self {
+        for before in start {
+            let pairs = [
+                (
+                    &mut self.training_trajectories,
+                    &before.training_trajectories,
+                ),
+                (
+                    &mut self.validation_trajectories,
+                    &before.validation_trajectories,
+                ),
+                (&mut self.training_flights, &before.training_flights),
+                (&mut self.validation_flights, &before.validation_flights),
+            ];
+            for (seen, known) in pairs {
+                seen.extend(known.iter().cloned());
+            }
+        }
+        self
+    }
+
     /// The cameras of a corpus and of the run that must be the same; `None` if a sweep jitters or turns them and one of the two has no
     /// plan.
     pub(crate) fn comparable<'a>(&'a self, rig: &'a Rig) -> Option<[&'a Cameras; 2]> {

@@ -1,0 +1,130 @@
+//! The flights that a training learns from and is judged by, as its settings choose them.
+
+use dataset::corpus::Corpus;
+use dataset::progress::Progress;
+use dataset::splits::Side;
+
+use crate::background::Backgrounds;
+use crate::config::TrainConfig;
+use crate::error::{CorpusFault, Error, Result};
+use crate::evaluation::split_again;
+use crate::networks::normalisation::Normalisation;
+use crate::samples::marked_scenarios;
+use crate::samples::{DistanceRange, Sample, Samples};
+
+/// The samples of all corpora, and which boxes of the training side are true.
+pub(crate) struct Flights {
+    /// Of all sides.
+    pub(crate) samples: Samples,
+    /// Where the cameras look, if the settings ask for it.
+    pub(crate) backgrounds: Option<Backgrounds>,
+    /// The training side with its true boxes alone.
+    pub(crate) true_boxes: Vec<Sample>,
+}
+
+impl Flights {
+    /// Reads them. Errors about all corpora name the first.
+    ///
+    /// # Errors
+    /// A corpus does not suit the settings, or has no true box to learn from.
+    pub(crate) fn read(
+        corpora: &[Corpus],
+        config: &TrainConfig,
+        progress: &mut dyn Progress,
+    ) -> Result<Self> {
+        let range = DistanceRange {
+            min_nm: config.min_dtd_nm,
+            max_nm: config.max_dtd_nm,
+        };
+        let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
+        if !config.accept_weather {
+            let left_out = marked_scenarios::leave_out(&mut samples);
+            if !left_out.is_empty() {
+                progress.say(&marked_scenarios::left_out_line(&left_out));
+            }
+        }
+        let corpus = &corpora[0];
+        split_again(corpus, &mut samples, config.leave_out.as_deref())?;
+        let backgrounds = if config.align_backgrounds {
+            Some(align(&mut samples, progress)?)
+        } else {
+            None
+        };
+        let recorded = side_with_samples(corpus, &samples, Side::Train)?.len();
+        let true_boxes = samples.with_true_boxes(Side::Train);
+        if true_boxes.is_empty() {
+            let fault = CorpusFault::NoTrueBoxes { samples: recorded };
+            return Err(Error::corpus(corpus.root(), fault));
+        }
+        Ok(Self {
+            samples,
+            backgrounds,
+            true_boxes,
+        })
+    }
+
+    /// The samples that formulas are fitted to: one box of another object outweighs thousands there.
+    pub(crate) fn with_true_boxes(&self) -> Vec<&Sample> {
+        self.true_boxes.iter().collect()
+    }
+
+    /// The samples that networks learn from.
+    pub(crate) fn training(&self, config: &TrainConfig) -> Vec<&Sample> {
+        if config.only_true_boxes {
+            self.with_true_boxes()
+        } else {
+            self.samples.of_side(Side::Train)
+        }
+    }
+
+    /// Boxes of the training side that do not hold the aircraft.
+    pub(crate) fn false_training_boxes(&self) -> usize {
+        let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
+        boxes(&self.samples.of_side(Side::Train)) - boxes(&self.with_true_boxes())
+    }
+
+    /// The validation side as an estimator sees it; samples without a trusted box are left out.
+    ///
+    /// # Errors
+    /// None is left.
+    pub(crate) fn validation(
+        &self,
+        corpus: &Corpus,
+        normalisation: &Normalisation,
+    ) -> Result<Vec<Sample>> {
+        let recorded = side_with_samples(corpus, &self.samples, Side::Validation)?;
+        let usual: Vec<Sample> = recorded
+            .iter()
+            .map(|sample| sample.with(normalisation.without_outliers(sample, false)))
+            .filter(|sample| sample.detections() > 0)
+            .collect();
+        if usual.is_empty() {
+            let samples = recorded.len();
+            let fault = CorpusFault::NoUsualBoxes { samples };
+            return Err(Error::corpus(corpus.root(), fault));
+        }
+        Ok(usual)
+    }
+}
+
+/// Learns where the cameras look, and corrects boxes and shifts of the sides that a training uses.
+fn align(samples: &mut Samples, progress: &mut dyn Progress) -> Result<Backgrounds> {
+    let backgrounds = Backgrounds::learn(samples, progress)?;
+    let alignment = backgrounds.align(samples, &[Side::Train, Side::Validation], progress)?;
+    progress.say(&alignment.to_string());
+    Ok(backgrounds)
+}
+
+fn side_with_samples<'a>(
+    corpus: &Corpus,
+    samples: &'a Samples,
+    side: Side,
+) -> Result<Vec<&'a Sample>> {
+    let found = samples.of_side(side);
+    if found.is_empty() {
+        let scenarios = samples.scenario_count(side);
+        let fault = CorpusFault::NoSamples { side, scenarios };
+        return Err(Error::corpus(corpus.root(), fault));
+    }
+    Ok(found)
+}
