@@ -197,8 +197,8 @@ pub(crate) enum Verb {
     #[command(after_help = help::DOCTOR)]
     Doctor(DoctorArgs),
     /// Record a session with X-Plane on a tape (MCAP), as a proxy
-    #[command(after_help = help::RECORD)]
-    Record(RecordArgs),
+    #[command(after_help = help::TAPE)]
+    Tape(TapeArgs),
     /// Run the whole pipeline at small scale, from sweep to report
     #[command(after_help = help::DEMO)]
     Demo(DemoArgs),
@@ -292,7 +292,7 @@ pub(crate) struct GenerateArgs {
     ///
     /// `mock` starts the stand-in on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of a live X-Plane
     /// (docs/simulator.md). HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network, tape:FILE a
-    /// session recorded with `dtd record`.
+    /// session recorded with `dtd tape`.
     #[arg(
         long,
         value_name = "mock[:N|:awkward]|auto|HOST:PORT|tape:FILE,..",
@@ -571,7 +571,7 @@ pub(crate) struct MockXplaneArgs {
     /// Send the data output (DATA packets, rows 1, 3, 14, 16, 17, 20, 21) to this address, ten times a second
     #[arg(long, value_name = "HOST:PORT")]
     pub(crate) data_to: Option<SocketAddr>,
-    /// Replay a session recorded with `dtd record`. Everything but address and beacon is then as recorded
+    /// Replay a session recorded with `dtd tape`. Everything but address and beacon is then as recorded
     #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults", "quirks", "clock_rate"])]
     pub(crate) tape: Option<PathBuf>,
     /// Faults, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
@@ -661,7 +661,7 @@ pub(crate) struct DoctorArgs {
 }
 
 #[derive(Debug, ClapArgs)]
-pub(crate) struct RecordArgs {
+pub(crate) struct TapeArgs {
     /// X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
     ///
     /// The stand-in (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.

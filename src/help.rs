@@ -21,7 +21,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Detectors", &["train-detector", "evaluate-detector"]),
     (
         "Simulators",
-        &["doctor", "install-plugin", "record", "mock-xplane"],
+        &["doctor", "install-plugin", "tape", "mock-xplane"],
     ),
     ("The program itself", &["completions", "man", "help"]),
 ];
@@ -145,9 +145,9 @@ pub(crate) const INSTALL_PLUGIN: &str = "\
 Example:
   dtd install-plugin \"$HOME/X-Plane 12\"";
 
-pub(crate) const RECORD: &str = "\
+pub(crate) const TAPE: &str = "\
 Examples:
-  dtd record --sim 127.0.0.1:49000 --out session.mcap    then, beside it: dtd doctor --sim 127.0.0.1:49100
+  dtd tape --sim 127.0.0.1:49000 --out session.mcap    then, beside it: dtd doctor --sim 127.0.0.1:49100
   dtd generate demo.toml --out corpus --sim tape:session.mcap";
 
 pub(crate) const MOCK_XPLANE: &str = "\

@@ -315,7 +315,7 @@ fn an_output_that_is_a_device_a_fifo_or_a_link_to_one_is_refused_before_anything
             &["fetch", "file:///nowhere"],
             &["train", "corpus"],
             &["train-detector", "corpus"],
-            &["record", "--sim", "127.0.0.1:49000"],
+            &["tape", "--sim", "127.0.0.1:49000"],
             &["demo"],
         ] {
             let output = DTD.run(&[verb, &["--out", out]].concat());

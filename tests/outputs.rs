@@ -35,7 +35,7 @@ const VERBS: [&[&str]; 18] = [
     &["export-estimators", "RUN", "--out", "OUT"],
     &["evaluate-detector", "CORPUS", "--out", "OUT"],
     &["train-detector", "CORPUS", "--out", "OUT"],
-    &["record", "--sim", "mock", "--out", "OUT"],
+    &["tape", "--sim", "mock", "--out", "OUT"],
     &["examples", "OUT"],
     &["man", "OUT"],
     &["demo", "--out", "OUT"],
