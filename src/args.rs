@@ -321,9 +321,9 @@ pub(crate) struct GenerateArgs {
     /// How long to wait for a simulator or an object store that stopped answering
     ///
     /// Recording then continues without that simulator; without the store it ends.
-    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
-    pub(crate) patience: u64,
-    /// Shell command that restarts an X-Plane which is gone beyond the patience
+    #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) timeout_s: u64,
+    /// Shell command that restarts an X-Plane that is away for longer than --timeout
     ///
     /// It gets --sim's name of the X-Plane in DTD_SIMULATOR, ends the old X-Plane if it is still there, starts a new one in the background,
     /// and ends with status 0 (docs/x-plane.md has an example). Then the X-Plane's version, window and profile are checked again.
@@ -348,8 +348,8 @@ pub(crate) struct FetchArgs {
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
     /// How long to wait for a store that does not answer
-    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
-    pub(crate) patience: u64,
+    #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) timeout_s: u64,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -366,8 +366,8 @@ pub(crate) struct PushArgs {
     #[arg(value_parser = Output::url())]
     pub(crate) url: StoreUrl,
     /// How long to wait for a store that does not answer
-    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
-    pub(crate) patience: u64,
+    #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) timeout_s: u64,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -430,7 +430,7 @@ pub(crate) struct DetectArgs {
     pub(crate) runtime: RuntimeArgs,
     /// Detect again even if this model's detections exist
     #[arg(long)]
-    pub(crate) again: bool,
+    pub(crate) force: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

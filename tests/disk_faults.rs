@@ -28,7 +28,7 @@ use tiny::{Tiny, said};
 const VERBS: [(&str, &str); 13] = [
     ("generate", "generate sweep.toml --out corpus"),
     ("label", "label corpus"),
-    ("detect", "detect corpus --model {model} --again"),
+    ("detect", "detect corpus --model {model} --force"),
     (
         "train",
         "train corpus --out run --config training.toml --seed 1",

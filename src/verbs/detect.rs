@@ -40,7 +40,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(args.mode),
             only,
-            again: args.again,
+            force: args.force,
             ..DetectOptions::default()
         },
     )?;

@@ -34,7 +34,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let began = Instant::now();
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
     let (corpus, remote) = place(args)?;
-    let patience = Duration::from_secs(args.patience);
+    let timeout = Duration::from_secs(args.timeout_s);
     let options = GenerateOptions {
         simulators: args.sim.clone(),
         local_udp: local_udp(args)?,
@@ -43,8 +43,8 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
         only: args.only.clone(),
         shard: args.shard.or_of_environment("generate")?,
         patience: Patience {
-            simulator: patience,
-            store: patience,
+            simulator: timeout,
+            store: timeout,
             ..Patience::default()
         },
         restart: args.restart_simulator.clone().map(|command| Restart {

@@ -27,7 +27,7 @@ const MOST_VIEWS_LISTED: usize = 8;
 const MOST_TICKS_LISTED: usize = 12;
 
 /// How long a store may be away.
-const STORE_PATIENCE: Duration = Duration::from_secs(300);
+const STORE_TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Runs the verb. A corpus with faults is a failure, with every fault named on stdout.
 pub(crate) fn run(args: &VerifyArgs) -> Outcome {
@@ -234,7 +234,7 @@ fn verify_in_store(
             }
         }
         let bar = Bar::new("verify", "scenarios", Some(committed.len() as u64));
-        let (patience, watch) = (Patience(STORE_PATIENCE), OnBar::new(&bar));
+        let (patience, watch) = (Patience(STORE_TIMEOUT), OnBar::new(&bar));
         let mut verification = Verification::new(options);
         for (done, id) in committed.iter().enumerate() {
             bar.set_done(done as u64);

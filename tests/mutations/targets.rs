@@ -4,13 +4,13 @@
 pub(super) const VERBS: [(&str, &str); 16] = [
     ("plan", "plan sweep.toml --json"),
     ("plan recorded", "plan recorded.toml --json"),
-    ("against", "plan sweep.toml --against corpus --json"),
+    ("against", "plan sweep.toml --forcest corpus --json"),
     ("generate", "generate sweep.toml --out corpus --json"),
     ("label", "label corpus --json"),
     ("detect", "detect corpus --model model.onnx --json"),
     (
         "detect again",
-        "detect corpus --model model.onnx --again --json",
+        "detect corpus --model model.onnx --force --json",
     ),
     ("detect set", "detect corpus --model set.onnx --json"),
     ("quick", "verify corpus --quick --json"),
