@@ -81,7 +81,7 @@ pub(crate) struct PredictArgs {
     #[arg(value_parser = folder())]
     pub(crate) run: PathBuf,
     /// Folder of the corpus: recorded and searched by `dtd detect`
-    #[arg(value_parser = folder())]
+    #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Table to write: a row per tick, a column per estimator
     #[arg(long, value_name = "FILE.parquet", value_parser = Output::NewFile.parser())]

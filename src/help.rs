@@ -92,7 +92,7 @@ Environment:
 
 pub(crate) const PREDICT: &str = "\
 Example:
-  dtd predict run corpus --out distances.parquet";
+  dtd predict run --corpus corpus --out distances.parquet";
 
 pub(crate) const EVALUATE_DETECTOR: &str = "\
 Examples:

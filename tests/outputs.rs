@@ -30,7 +30,7 @@ const VERBS: [&[&str]; 18] = [
         "refit", "RUN", "--corpus", "CORPUS", "--view", "left", "--out", "OUT",
     ],
     &["evaluate", "RUN", "--corpus", "CORPUS", "--out", "OUT"],
-    &["predict", "RUN", "CORPUS", "--out", "OUT"],
+    &["predict", "RUN", "--corpus", "CORPUS", "--out", "OUT"],
     &["export", "CORPUS", "--to", "coco", "--out", "OUT"],
     &["export-estimators", "RUN", "--out", "OUT"],
     &["evaluate-detector", "CORPUS", "--out", "OUT"],
