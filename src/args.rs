@@ -87,7 +87,7 @@ pub(crate) enum ProgressForm {
 impl Args {
     /// The command, whose help shows its verbs in groups.
     pub(crate) fn grouped_command() -> Command {
-        let command = Self::command();
+        let command = Self::command().max_term_width(help::COLUMNS);
         let template = help::template(&command);
         command.help_template(template)
     }
@@ -244,7 +244,7 @@ pub(crate) struct PlanArgs {
     /// the profile is read that `dtd doctor` measured. By default, figures of the stand-in on two cores are used.
     #[arg(long, value_name = "mock|auto|HOST:PORT")]
     pub(crate) sim: Option<SimulatorTarget>,
-    /// Count a restart of X-Plane after every N live flights
+    /// Count a restart of X-Plane after every N live flights, e.g. 45
     #[arg(long, value_name = "N")]
     pub(crate) restart_every: Option<NonZeroU32>,
     /// Pictures per second that your X-Plane delivers, all views together
@@ -257,7 +257,7 @@ pub(crate) struct PlanArgs {
     /// One row per scenario, however many there are
     #[arg(long)]
     pub(crate) all: bool,
-    /// Print the plan as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -283,7 +283,7 @@ pub(crate) struct GenerateArgs {
     /// For a URL: folder where scenarios are recorded before they are uploaded
     ///
     /// Runs on one machine may share it. The default is one per URL in the user's cache folder.
-    #[arg(long, value_name = "DIR", value_parser = Output::Corpus.parser())]
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Corpus.parser())]
     pub(crate) staging: Option<PathBuf>,
     /// For a URL: keep scenarios in the staging folder after the upload
     #[arg(long)]
@@ -313,12 +313,14 @@ pub(crate) struct GenerateArgs {
     /// colours, and what a kill would leave. One that fails is refused. scenario.json names the encoder (docs/video.md).
     #[arg(long, value_name = "ENCODER", value_parser = encoder())]
     pub(crate) encoder: Option<VideoEncoder>,
-    /// Record only these scenarios (identifiers as `dtd plan` prints them), separated by commas
+    /// Only these scenarios, separated by commas
+    ///
+    /// Their identifiers are those that `dtd plan` prints.
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
     #[command(flatten)]
     pub(crate) shard: ShardArg,
-    /// How long to wait for a simulator or an object store that stopped answering
+    /// Longest wait for a simulator or an object store that does not answer
     ///
     /// Recording then continues without that simulator; without the store it ends.
     #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
@@ -329,7 +331,7 @@ pub(crate) struct GenerateArgs {
     /// and ends with status 0 (docs/x-plane.md has an example). Then the X-Plane's version, window and profile are checked again.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) restart_simulator: Option<String>,
-    /// Restart an X-Plane also after this many live flights, e.g. 45
+    /// Restart X-Plane also after every N live flights, e.g. 45
     #[arg(long, value_name = "N", requires = "restart_simulator")]
     pub(crate) restart_every: Option<NonZeroU32>,
     /// Print the result as JSON
@@ -344,10 +346,10 @@ pub(crate) struct FetchArgs {
     /// Folder of the corpus, created if missing. Existing scenarios are left alone
     #[arg(long, value_name = "FOLDER", value_parser = Output::Corpus.parser())]
     pub(crate) out: PathBuf,
-    /// Download only these scenarios, separated by commas
+    /// Only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
-    /// How long to wait for a store that does not answer
+    /// Longest wait for a store that does not answer
     #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
     pub(crate) timeout_s: u64,
     /// Print the result as JSON
@@ -365,7 +367,7 @@ pub(crate) struct PushArgs {
     /// Older scenarios with other content are replaced.
     #[arg(value_parser = Output::url())]
     pub(crate) url: StoreUrl,
-    /// How long to wait for a store that does not answer
+    /// Longest wait for a store that does not answer
     #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
     pub(crate) timeout_s: u64,
     /// Print the result as JSON
@@ -414,7 +416,7 @@ pub(crate) struct DetectArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// The detector, an ONNX file of a YOLO model [default: the one that ships]
+    /// The detector, an ONNX file [default: the one that ships]
     ///
     /// The one that ships is for pictures of the stand-in. Which models work, and the settings next to them: docs/detectors.md.
     #[arg(long, value_name = "M.onnx")]
@@ -444,10 +446,10 @@ pub(crate) struct RuntimeArgs {
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
-    /// Where the model runs: cpu, cuda, tensorrt, openvino, coreml or directml, and :N for number N
+    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N
     ///
-    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Numbers start at 0. `openvino` is OpenVINO on the
-    /// processor, which is faster on processors with bfloat16, and `openvino:N` is Intel's GPU number N.
+    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Indices start at 0. `openvino` uses OpenVINO on the
+    /// CPU, which is faster on CPUs with bfloat16; `openvino:N` is Intel's GPU N.
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub(crate) device: Device,
 }
@@ -460,10 +462,10 @@ pub(crate) struct EvaluateDetectorArgs {
     /// Folder for evaluation.json and report.html, and for what was found so far
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
-    /// The detector, an ONNX file of a YOLO model [default: the one that ships]
+    /// The detector, an ONNX file [default: the one that ships]
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
-    /// How to search; all of them are compared
+    /// Which parts of which pictures to search; all of them are compared
     #[arg(
         long,
         value_enum,
@@ -476,7 +478,7 @@ pub(crate) struct EvaluateDetectorArgs {
     pub(crate) search: SearchArgs,
     #[command(flatten)]
     pub(crate) runtime: RuntimeArgs,
-    /// Print the figures as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -490,13 +492,13 @@ pub(crate) struct VerifyArgs {
     pub(crate) corpus: CorpusLocation,
     /// Do not decode the videos: check hashes, tables and plan only
     #[arg(long)]
-    pub(crate) quick: bool,
+    pub(crate) no_decode: bool,
     /// Count missing planned scenarios as faults
     ///
     /// By default they are only reported, since the corpus may be unfinished.
     #[arg(long)]
     pub(crate) complete: bool,
-    /// Print the findings as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -520,7 +522,7 @@ pub(crate) struct TrainDetectorArgs {
     /// All resulting settings are saved in the report.
     #[arg(long, value_name = "DETECTOR.toml")]
     pub(crate) config: Option<PathBuf>,
-    /// Print the report as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -528,7 +530,7 @@ pub(crate) struct TrainDetectorArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct InstallPluginArgs {
     /// The installation folder of X-Plane 11 or 12
-    #[arg(value_name = "XPLANE_DIR")]
+    #[arg(value_name = "XPLANE_FOLDER")]
     pub(crate) folder: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
@@ -556,7 +558,7 @@ pub(crate) struct MockXplaneArgs {
     /// Start in the main menu: the Web API has no datarefs until a flight is loaded
     #[arg(long)]
     pub(crate) main_menu: bool,
-    /// As with "Accept incoming connections" switched off: UDP is ignored and the Web API answers 403
+    /// Simulate "Accept incoming connections" switched off: UDP is ignored and the Web API answers 403
     #[arg(long)]
     pub(crate) incoming_off: bool,
     /// Send no beacon
@@ -574,7 +576,7 @@ pub(crate) struct MockXplaneArgs {
     /// Replay a session recorded with `dtd tape`. Everything but address and beacon is then as recorded
     #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults", "quirks", "clock_rate"])]
     pub(crate) tape: Option<PathBuf>,
-    /// Faults, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
+    /// Faults, e.g. loss=0.1,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
     ///
     /// WHEN of freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N.
     #[arg(
@@ -612,7 +614,7 @@ pub(crate) struct MockXplaneArgs {
     ///
     /// Python runs it against a fake of XPPython3. Pictures come from --xplane 11, which can read them back, or off the screen with
     /// --window, whose size the plugin then sees.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "FOLDER")]
     pub(crate) plugin: Option<PathBuf>,
     /// Imitate an X-Plane without our plugin: no capture link, so nothing can be recorded
     #[arg(long, conflicts_with_all = ["plugin", "window", "tape"])]
@@ -629,14 +631,16 @@ pub(crate) struct MockXplaneArgs {
     /// Let the scene be this many frames behind the pose and the camera that the plugin writes [default: as the quirks say]
     #[arg(long, value_name = "FRAMES", requires = "plugin", value_parser = clap::value_parser!(u8).range(..=4))]
     pub(crate) scene_behind: Option<u8>,
-    /// Stop when standard input ends, so that it ends with its parent process, even if that is killed
+    /// Stop when standard input ends, besides Ctrl-C and SIGTERM
+    ///
+    /// It then ends with its parent process, even if that is killed.
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,
 }
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct DoctorArgs {
-    /// X-Plane's UDP address [default: the address in its beacon, else 127.0.0.1:49000]
+    /// The simulator: X-Plane's UDP address [default: the address in its beacon, else 127.0.0.1:49000]
     #[arg(long, value_name = "auto|HOST:PORT")]
     pub(crate) sim: Option<String>,
     #[command(flatten)]
@@ -652,20 +656,20 @@ pub(crate) struct DoctorArgs {
     /// Measure what reports disagree on, even if this installation has a profile
     #[arg(long)]
     pub(crate) measure: bool,
-    /// Measure nothing, which is quick
+    /// Measure nothing
     #[arg(long, conflicts_with = "measure")]
     pub(crate) no_measure: bool,
-    /// Print the checks as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TapeArgs {
-    /// X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
+    /// The simulator: X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
     ///
     /// The stand-in (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
-    #[arg(long, value_name = "auto|mock|mock:awkward|HOST:PORT")]
+    #[arg(long, value_name = "auto|mock[:awkward]|HOST:PORT")]
     pub(crate) sim: String,
     #[command(flatten)]
     pub(crate) local_udp: LocalUdpArgs,
@@ -700,7 +704,7 @@ pub(crate) struct DemoArgs {
     /// The sweep to run [default: the demo.toml that ships]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
-    /// The detector [default: the one that ships]
+    /// The detector, an ONNX file [default: the one that ships]
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]

@@ -105,7 +105,7 @@ Environment:
 pub(crate) const VERIFY: &str = "\
 Examples:
   dtd verify corpus
-  dtd verify corpus --quick                   hashes, tables and plan, without decoding the videos
+  dtd verify corpus --no-decode               hashes, tables and plan, without decoding the videos
   dtd verify s3://bucket/corpus               one scenario after the other, in a temporary folder";
 
 pub(crate) const VIEW: &str = "\

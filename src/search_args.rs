@@ -14,7 +14,7 @@ use crate::failure::Failure;
 /// Where to look.
 #[derive(Debug, Args)]
 pub(crate) struct SearchArgs {
-    /// Search only these scenarios, separated by commas
+    /// Only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     only: Vec<String>,
     /// Rows of the pictures to search: `training`, those in which the training side has aircraft, or TOP:BOTTOM [default: all]
@@ -28,7 +28,7 @@ pub(crate) struct SearchArgs {
     /// Only for a model that takes any size; others have tiles of their own size.
     #[arg(long, value_name = "N")]
     tile: Option<u32>,
-    /// Pixels by which neighbouring tiles overlap, if there are tiles
+    /// Overlap of neighbouring tiles in pixels
     #[arg(long, value_name = "N", default_value = "0")]
     overlap: u32,
     /// Seconds between searches of whole pictures with --mode tracked or auto

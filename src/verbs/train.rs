@@ -145,8 +145,8 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if let Some(seed) = args.seed {
         config.seed = seed;
     }
-    if let Some(device) = args.device {
-        config.device = device.into();
+    if let Some(backend) = args.backend {
+        config.backend = backend.into();
     }
     if args.detections.is_some() {
         config.model_hash.clone_from(&args.detections);

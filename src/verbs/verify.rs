@@ -32,7 +32,7 @@ const STORE_TIMEOUT: Duration = Duration::from_secs(300);
 /// Runs the verb. A corpus with faults is a failure, with every fault named on stdout.
 pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     let options = VerifyOptions {
-        decode: !args.quick,
+        decode: !args.no_decode,
         complete: args.complete,
     };
     let (name, report, description) = match &args.corpus {
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
                 "croissant.json describes an earlier state; run `dtd export {name} --to croissant` again"
             );
         }
-        println!("{}", summary(&report, args.quick));
+        println!("{}", summary(&report, args.no_decode));
     }
     if report.findings.is_empty() && report.marked().next().is_some() {
         Ok(Ending::Losses)
@@ -99,10 +99,11 @@ enum Description {
     Outdated,
 }
 
-fn summary(report: &VerifyReport, quick: bool) -> String {
-    let pictures = match quick {
-        true => "pictures not decoded (--quick)".to_owned(),
-        false => count(report.pictures as usize, "picture"),
+fn summary(report: &VerifyReport, no_decode: bool) -> String {
+    let pictures = if no_decode {
+        "pictures not decoded (--no-decode)".to_owned()
+    } else {
+        count(report.pictures as usize, "picture")
     };
     let faults = match report.findings.len() {
         0 => "no faults".to_owned(),

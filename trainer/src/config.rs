@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
 
-use crate::training_device::TrainingDevice;
+use crate::training_backend::TrainingBackend;
 pub use paper_deviation::PaperDeviation;
 
 /// Settings of [`crate::train`]. Unknown keys are rejected.
@@ -19,8 +19,8 @@ pub use paper_deviation::PaperDeviation;
 pub struct TrainConfig {
     /// Seed of all random choices: initial weights, batches, augmentation. 0 is an ordinary seed.
     pub seed: u64,
-    /// Where networks train.
-    pub device: TrainingDevice,
+    /// What networks train on.
+    pub backend: TrainingBackend,
     /// File name or hash of the detection model whose boxes are used. Optional if the corpus has detections of one model only.
     pub model_hash: Option<String>,
     /// Minimum distance to the touchdown target for training, nautical miles.
@@ -59,7 +59,7 @@ impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             seed: 0,
-            device: TrainingDevice::Cpu,
+            backend: TrainingBackend::Cpu,
             model_hash: None,
             min_dtd_nm: 0.05,
             max_dtd_nm: None,

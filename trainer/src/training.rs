@@ -111,7 +111,7 @@ pub(crate) fn train_unless(
 ) -> Result<TrainOutcome> {
     let started = Instant::now();
     config.check()?;
-    let device = config.device.open()?;
+    let device = config.backend.open()?;
     let place = RunPlace::take(&RunFolder::at(out))?;
     let range = DistanceRange {
         min_nm: config.min_dtd_nm,
