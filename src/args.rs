@@ -45,9 +45,7 @@ use crate::view_args::ViewArgs;
 #[command(
     name = "dtd",
     version,
-    after_help = "Exit codes: 0 done, 1 failed, 2 bad arguments or input, 3 finished but some scenarios were lost, \
-                  75 interrupted: run the same command again to resume.\n\
-                  Results go to stdout, progress and logs to stderr."
+    after_help = help::ENDINGS
 )]
 pub(crate) struct Args {
     /// More output: -v for events, -vv for every detail
@@ -125,7 +123,7 @@ fn exit_without_secrets(error: &clap::Error) -> ! {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    /// Show a sweep's scenarios, their cost and what is new; records nothing
+    /// Show a sweep's scenarios and cost without recording
     #[command(after_help = help::PLAN)]
     Plan(PlanArgs),
     /// Print the JSON Schema of sweeps, training files or progress
@@ -140,60 +138,62 @@ pub(crate) enum Verb {
     /// demo.toml, scenarios.toml and detector.toml, with the flights and the detector that they name.
     #[command(after_help = help::EXAMPLES)]
     Examples(ExamplesArgs),
-    /// Record a sweep's scenarios: videos, 4D trajectory, calibration; resumes
+    /// Record a sweep: videos, 4D trajectory, calibration; resumes
     #[command(after_help = help::GENERATE)]
     Generate(GenerateArgs),
-    /// Download a corpus, or some scenarios, from an object store; resumes
+    /// Download a corpus from an object store; resumes
     #[command(after_help = help::FETCH)]
     Fetch(FetchArgs),
-    /// Upload a corpus, with labels and detections, to an object store; resumes
+    /// Upload a corpus to an object store; resumes
+    ///
+    /// Labels and detections are part of it.
     #[command(after_help = help::PUSH)]
     Push(PushArgs),
-    /// Compute distance-to-touchdown labels and true boxes; resumes
+    /// Compute distances to touchdown and true boxes; resumes
     #[command(after_help = help::LABEL)]
     Label(LabelArgs),
-    /// Find the aircraft in the decoded videos, and register the views; resumes
+    /// Find the aircraft, and register the views; resumes
     #[command(after_help = help::DETECT)]
     Detect(DetectArgs),
-    /// Train the distance estimators of a corpus, split by trajectory; resumes
+    /// Train distance estimators, split by trajectory; resumes
     #[command(after_help = help::TRAIN)]
     Train(TrainArgs),
-    /// Fit one camera of a run again, from a few labelled approaches
+    /// Fit one camera of a run again from a few approaches
     ///
-    /// For a camera that is new, moved, turned or zoomed. What does not belong to it stays as it is (docs/training.md).
+    /// For a camera that is new, moved, turned or zoomed. Everything else is left unchanged (docs/training.md).
     #[command(after_help = help::REFIT)]
     Refit(RefitArgs),
-    /// Evaluate a run on the held-out trajectories: metrics.json, report.html
+    /// Evaluate a run on held-out trajectories; writes a report
     #[command(after_help = help::EVALUATE)]
     Evaluate(EvaluateArgs),
-    /// Write a run's distances for a corpus that needs no labels, as Parquet
+    /// Write a run's distances for a corpus, labelled or not
     #[command(after_help = help::PREDICT)]
     Predict(PredictArgs),
-    /// Export the estimators of a run as ONNX models, with a model card
+    /// Export a run's estimators as ONNX models with a model card
     #[command(after_help = help::EXPORT_ESTIMATORS)]
     ExportEstimators(ExportEstimatorsArgs),
-    /// Evaluate a detector: range, recall, false alarms, accuracy, cost; resumes
+    /// Evaluate a detector: range, recall, accuracy, cost; resumes
     #[command(after_help = help::EVALUATE_DETECTOR)]
     EvaluateDetector(EvaluateDetectorArgs),
     /// Export a corpus to the formats of other tools; resumes
     #[command(after_help = help::EXPORT)]
     Export(ExportArgs),
-    /// Check that a corpus is complete and synchronised, and name every fault
+    /// Check that a corpus is sound, and name every fault
     #[command(after_help = help::VERIFY)]
     Verify(VerifyArgs),
-    /// Look at a corpus and its runs in the browser: pictures, boxes, errors
+    /// Show a corpus and its runs in the browser
     #[command(after_help = help::VIEW)]
     View(ViewArgs),
     /// Train the aircraft detector on a labelled corpus; resumes
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
-    /// Install the plugin that serves poses and pictures into X-Plane
+    /// Install the plugin for poses and pictures into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
-    /// Run the stand-in X-Plane: UDP, Web API, capture link, flight, renderer
+    /// Run the stand-in for X-Plane, with its network protocols
     #[command(after_help = help::MOCK_XPLANE)]
     MockXplane(MockXplaneArgs),
-    /// Examine the connection to X-Plane point by point, and say how to fix it
+    /// Examine the connection to X-Plane, and say how to fix it
     #[command(after_help = help::DOCTOR)]
     Doctor(DoctorArgs),
     /// Record a session with X-Plane on a tape (MCAP), as a proxy
@@ -331,7 +331,7 @@ pub(crate) struct GenerateArgs {
     /// and ends with status 0 (docs/x-plane.md has an example). Then the X-Plane's version, window and profile are checked again.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) restart_simulator: Option<String>,
-    /// Restart X-Plane also after every N live flights, e.g. 45
+    /// Restart X-Plane after every N live flights, e.g. 45
     #[arg(long, value_name = "N", requires = "restart_simulator")]
     pub(crate) restart_every: Option<NonZeroU32>,
     /// Print the result as JSON

@@ -1000,7 +1000,7 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
     let lerobot = ["export", "corpus", "--to", "lerobot", "--out", "out"];
     refused(&tiny, &lerobot, "1/8 pictures a second");
     refused(&tiny, &export(&["--rate", "1"]), "no use for --rate");
-    refused(&tiny, &mcap[..4], "--out DIR is missing");
+    refused(&tiny, &mcap[..4], "--out FOLDER is missing");
     let described = ["export", "corpus", "--to", "croissant", "--out", "out"];
     refused(&tiny, &described, "leave out --out");
     refused(&tiny, &export(&["--only", "nowhere"]), "nowhere");

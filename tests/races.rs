@@ -25,7 +25,7 @@ use tiny::{Tiny, said};
 
 /// The verbs that work on a corpus, with `{store}` for the URL of an object store and `{model}` for the detector.
 const VERBS: [(&str, &str); 10] = [
-    ("plan", "plan sweep.toml --forcest corpus --json"),
+    ("plan", "plan sweep.toml --against corpus --json"),
     ("generate", "generate sweep.toml --out corpus --json"),
     ("label", "label corpus --json"),
     ("detect", "detect corpus --model {model} --force --json"),

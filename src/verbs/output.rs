@@ -6,6 +6,7 @@ use indicatif::HumanDuration;
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::help::COLUMNS;
 use crate::print::document_to_stdout;
 
 /// Prints a value as one JSON document.
@@ -47,6 +48,34 @@ pub(crate) fn print_table(heading: &[&str], rows: &[Vec<String>]) {
     }
 }
 
+/// Prints a text after its name, e.g. `size        14 GB`. A text that is too long for the line goes on below its beginning.
+pub(crate) fn print_after(name: &str, text: &str) {
+    for line in wrapped(name, text) {
+        println!("{line}");
+    }
+}
+
+fn wrapped(name: &str, text: &str) -> Vec<String> {
+    let indent = name.chars().count();
+    let mut lines = Vec::new();
+    let mut line = name.to_owned();
+    let mut columns = indent;
+    for word in text.split(' ') {
+        let length = word.chars().count();
+        if columns > indent && columns + 1 + length > COLUMNS {
+            lines.push(std::mem::replace(&mut line, " ".repeat(indent)));
+            columns = indent;
+        } else if columns > indent {
+            line.push(' ');
+            columns += 1;
+        }
+        line.push_str(word);
+        columns += length;
+    }
+    lines.push(line);
+    lines
+}
+
 /// Ends a verb that went well: how long it took, and what people run next. On stderr, where no program reads it.
 pub(crate) fn finish(verb: &str, began: Instant, next: &str) {
     eprintln!("{verb}: done in {}", HumanDuration(began.elapsed()));
@@ -57,4 +86,19 @@ pub(crate) fn finish(verb: &str, began: Instant, next: &str) {
 pub(crate) fn count(number: usize, thing: &str) -> String {
     let plural = if number == 1 { "" } else { "s" };
     format!("{number} {thing}{plural}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_text_goes_on_below_its_beginning() {
+        let words = |count| vec!["word"; count].join(" ");
+        let lines = wrapped("size  ", &words(20));
+        assert_eq!(lines, [format!("size  {}", words(15)), format!("      {}", words(5))]);
+        assert_eq!(wrapped("a ", ""), ["a "]);
+        let unbreakable = "x".repeat(100);
+        assert_eq!(wrapped("a ", &unbreakable), [format!("a {unbreakable}")]);
+    }
 }

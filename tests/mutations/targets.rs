@@ -4,7 +4,7 @@
 pub(super) const VERBS: [(&str, &str); 16] = [
     ("plan", "plan sweep.toml --json"),
     ("plan recorded", "plan recorded.toml --json"),
-    ("against", "plan sweep.toml --forcest corpus --json"),
+    ("against", "plan sweep.toml --against corpus --json"),
     ("generate", "generate sweep.toml --out corpus --json"),
     ("label", "label corpus --json"),
     ("detect", "detect corpus --model model.onnx --json"),
