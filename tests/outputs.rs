@@ -156,6 +156,16 @@ fn every_verb_refuses_the_places_of_others_and_changes_nothing() {
 }
 
 #[test]
+fn a_new_file_in_a_folder_that_is_not_there_is_refused_before_the_work() {
+    let world = World::new();
+    for verb in VERBS {
+        if ["predict", "tape"].contains(&verb[0]) {
+            world.refuse(verb, &world.path("nowhere/file"), "which does not exist");
+        }
+    }
+}
+
+#[test]
 fn a_run_a_corpus_and_an_export_are_continued_by_their_own_verbs_only() {
     let world = World::new();
     for verb in VERBS {
