@@ -717,6 +717,9 @@ pub(crate) struct DemoArgs {
     /// A folder with anything else in it is rejected.
     #[arg(long)]
     pub(crate) fresh: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// One of some words, which help and completions list.

@@ -52,7 +52,7 @@ Examples:
                                                     with X-Plane; first: doctor
   dtd generate demo.toml --out corpus --sim 127.0.0.1:49000 --encoder nvenc
   dtd generate scenarios.toml --out s3://bucket/corpus --shard 0/4
-  dtd generate demo.toml --out corpus --sim auto --restart-simulator ./restart.sh
+  dtd generate demo.toml --out corpus --sim auto --restart-simulator ./restart
 
 Environment:
   DTD_LINK_TOKEN        the secret of a capture link on another computer
@@ -297,7 +297,10 @@ mod tests {
         for verb in commands().iter().filter(|verb| verb.get_name() != "dtd") {
             for option in verb.get_arguments() {
                 if let (Some(name), Some(help)) = (option.get_long(), option.get_help()) {
-                    texts.entry(name.to_owned()).or_default().insert(help.to_string());
+                    texts
+                        .entry(name.to_owned())
+                        .or_default()
+                        .insert(help.to_string());
                 }
             }
         }

@@ -20,7 +20,7 @@ mod man;
 mod mock_xplane;
 mod object_store;
 mod open_corpus;
-mod output;
+pub(crate) mod output;
 mod plan;
 mod predict;
 mod push;

@@ -34,7 +34,10 @@ const VERBS: [(&str, &str); 13] = [
         "train corpus --out run --config training.toml --seed 1",
     ),
     ("evaluate", "evaluate run --corpus corpus"),
-    ("predict", "predict run --corpus corpus --out predicted.parquet"),
+    (
+        "predict",
+        "predict run --corpus corpus --out predicted.parquet",
+    ),
     ("export", "export corpus --to coco --out exported"),
     (
         "export-estimators",

@@ -544,7 +544,12 @@ fn a_corpus_describes_itself_to_croissant_and_stays_a_corpus() {
         fs::remove_dir_all(tiny.scenarios()[0].join(found)).unwrap();
     }
     assert_eq!(json_of(&tiny, &verify)["croissant"], "outdated");
-    let said = said(&tiny.dtd(&["verify", "--no-decode", "corpus"]).output().unwrap());
+    let said = said(
+        &tiny
+            .dtd(&["verify", "--no-decode", "corpus"])
+            .output()
+            .unwrap(),
+    );
     assert!(said.contains("describes an earlier state"), "{said}");
     json_of(&tiny, &describe);
     assert_eq!(json_of(&tiny, &verify)["croissant"], "current");
@@ -756,6 +761,17 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     assert!(said(&refused).contains(words), "{}", said(&refused));
     assert!(!path("lerobot").exists() && !path("lerobot.partial").exists());
     let resampled = export("lerobot", &["--rate", "10"]);
+    let again = DTD
+        .command(&["export", "corpus", "--to", "lerobot", "--out", "lerobot"])
+        .args(["--rate", "10"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let printed = said(&again);
+    assert!(
+        printed.contains("already complete") && !printed.contains("box"),
+        "{printed}"
+    );
     let (fps, frames, furthest_s) = judge_lerobot(&path("lerobot"), &path("corpus"), 5, false);
     assert_eq!(
         (fps, resampled["pictures"].as_u64()),

@@ -1,6 +1,8 @@
 //! Impossible values, sizes and files in every place where untrusted files are read: a fault with its position, in time, and in
 //! little memory; never a panic, a hang or a result.
 
+#[path = "limits/damaged_scenario.rs"]
+mod damaged_scenario;
 #[path = "limits/idle_connections.rs"]
 mod idle_connections;
 #[path = "limits/memory.rs"]
@@ -78,7 +80,12 @@ fn a_fifo_in_the_place_of_any_file_is_a_fault_and_nothing_waits_for_it() {
     for name in ["plan.json", "splits.json"] {
         let tiny = Tiny::made().copy();
         put_fifo(&tiny.path("corpus").join(name));
-        assert_says(&tiny, &["verify", "--no-decode", "corpus"], 1, &[name, "FIFO"]);
+        assert_says(
+            &tiny,
+            &["verify", "--no-decode", "corpus"],
+            1,
+            &[name, "FIFO"],
+        );
     }
     let tiny = Tiny::made().copy();
     put_fifo(&tiny.path("fifo"));

@@ -23,7 +23,7 @@ use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::corpus_files::SPLIT_AGAIN;
 use super::object_store::{default_stage, failure_of};
-use super::output::{count, finish, print_json};
+use super::output::{Next, count, finish, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::{Bar, Disk, Scenarios};
@@ -86,8 +86,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     }
     let ending = ending_of(&generated)?;
     if let (Ending::Done, CorpusLocation::Folder(folder)) = (&ending, &args.out) {
-        let next = format!("dtd label {}", folder.display());
-        finish("generate", began, &next);
+        finish("generate", began, &Next::verb("label", folder));
     }
     Ok(ending)
 }

@@ -17,7 +17,7 @@ use super::async_runtime::async_runtime;
 use super::corpus_files::sweep_fault;
 use super::object_store::{OnBar, failure_of, nothing_committed};
 use super::open_corpus::open_corpus;
-use super::output::{count, print_json};
+use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -134,9 +134,10 @@ fn print_proof(report: &VerifyReport) {
     match report.missing.as_slice() {
         [] => {}
         [id] => println!("1 planned scenario is missing: {id}"),
-        [id, ..] => println!(
-            "{} planned scenarios are missing: {id} ...",
-            report.missing.len()
+        ids => println!(
+            "{} planned scenarios are missing: {}",
+            ids.len(),
+            listed(ids)
         ),
     }
 }

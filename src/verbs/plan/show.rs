@@ -32,13 +32,7 @@ impl Report<'_> {
     }
 
     fn show_scenarios(&self) {
-        let mut heading = vec![
-            "scenario",
-            "flight",
-            "from NM",
-            "vis. km",
-            "ticks",
-        ];
+        let mut heading = vec!["scenario", "flight", "from NM", "vis. km", "ticks"];
         if self.compared.is_some() {
             heading.push("status");
         }
@@ -222,7 +216,7 @@ impl Report<'_> {
         if !against.damaged.is_empty() {
             print_after(
                 "",
-                "`dtd generate` rejects damaged scenarios: move their folders out of scenarios/, then it records them again.",
+                "`dtd generate` leaves damaged scenarios out: move their folders out of scenarios/, then it records them again.",
             );
         }
         if is_rejected {
