@@ -1,4 +1,4 @@
-//! A scenario with a damaged seal: every verb that reads a whole corpus goes on with the others, names it, and says what to do.
+//! A damaged seal: every verb that reads a whole corpus goes on with the other scenarios, names the damaged one, and says what to do.
 
 use std::fs;
 
@@ -83,4 +83,20 @@ fn verify_names_each_missing_scenario() {
     let id = |at: usize| folders[at].file_name().unwrap().to_string_lossy();
     let words = format!("2 planned scenarios are missing: {}, {}", id(0), id(1));
     assert_says(&tiny, &["verify", "corpus", "--no-decode"], 0, &[&words]);
+}
+
+#[test]
+fn a_run_with_a_damaged_seal_says_how_to_go_on() {
+    let tiny = Tiny::made().copy();
+    fs::write(tiny.path("run/DONE.json"), "").unwrap();
+    let words = "run/DONE.json: is empty, expected a seal; put the right file back, or train again";
+    let predict = [
+        "predict",
+        "run",
+        "--corpus",
+        "corpus",
+        "--out",
+        "new.parquet",
+    ];
+    assert_says(&tiny, &predict, 2, &[words]);
 }
