@@ -68,6 +68,12 @@ fn a_damaged_scenario_is_left_out_and_named_with_the_way_to_replace_it() {
             "move it away first",
         ],
     );
+    for name in ["MANIFEST.b3", "frames.parquet"] {
+        let tiny = Tiny::made().copy();
+        fs::write(tiny.path(&folder).join(name), "").unwrap();
+        let words = [name, "4 complete already, 1 failed", "move it away first"];
+        assert_says(&tiny, &generate, 3, &words);
+    }
     fs::rename(tiny.path(&folder), tiny.path("elsewhere")).unwrap();
     let generated = dtd(&tiny, &generate);
     assert!(generated.status.success(), "{generated:?}");

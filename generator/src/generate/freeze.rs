@@ -137,9 +137,11 @@ pub(super) fn is_whole(corpus: &Corpus, scenario: &PlannedScenario) -> Result<bo
         Ok(Some(seal)) if seal.config_hash != scenario.config_hash => {
             foreign("it was made from other parameters".into())
         }
-        Ok(Some(_)) => match seal::faults_besides_videos(folder.root())?.as_slice() {
-            [] => Ok(true),
-            faults => foreign(format!("it is damaged: {}", faults.join("; "))),
+        Ok(Some(_)) => match seal::faults_besides_videos(folder.root()) {
+            Ok(faults) if faults.is_empty() => Ok(true),
+            Ok(faults) => foreign(format!("it is damaged: {}", faults.join("; "))),
+            Err(error) if error.is_bad_content() => foreign(format!("it is damaged: {error}")),
+            Err(error) => Err(error.into()),
         },
     }
 }
