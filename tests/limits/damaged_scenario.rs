@@ -43,7 +43,7 @@ fn a_damaged_scenario_is_left_out_and_named_with_the_way_to_replace_it() {
         &["export", "corpus", "--to", "coco", "--out", "coco"],
     ] {
         let words = [
-            &id,
+            id.as_str(),
             DAMAGED,
             "is damaged and left out",
             "move its folder out of corpus/scenarios",
