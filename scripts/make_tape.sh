@@ -20,7 +20,7 @@ address() {
     sed 's/.*"udp":"\([^"]*\)".*/\1/' "$1"
 }
 
-"$dtd" record --sim mock --port 0 --out "$work/session.mcap" >"$work/recorder" &
+"$dtd" tape --sim mock --port 0 --out "$work/session.mcap" >"$work/recorder" &
 recorder=$!
 recorder_address=$(address "$work/recorder")
 "$dtd" generate "$folder/session.toml" --out "$work/corpus" --sim "$recorder_address"

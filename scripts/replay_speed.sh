@@ -67,7 +67,7 @@ echo "|---|---|---|---|"
 for round in $(seq "${ROUNDS:-3}"); do
     # The recorder ends with its input, also if this script is killed.
     mkfifo "$work/$round.end"
-    "$dtd" record --sim mock --port 0 --until-stdin-ends --out "$work/$round.mcap" <"$work/$round.end" >"$work/$round.ready" 2>/dev/null &
+    "$dtd" tape --sim mock --port 0 --until-stdin-ends --out "$work/$round.mcap" <"$work/$round.end" >"$work/$round.ready" 2>/dev/null &
     recorder=$!
     exec 3>"$work/$round.end"
     for _ in $(seq 300); do

@@ -16,7 +16,7 @@ echo "|---|---|---|---|"
 for frames in inline reference none; do
     # The recorder ends with its input, also if this script is killed.
     mkfifo "$work/$frames.end"
-    "$dtd" record --sim mock --port 0 --until-stdin-ends --frames "$frames" --out "$work/$frames.mcap" \
+    "$dtd" tape --sim mock --port 0 --until-stdin-ends --frames "$frames" --out "$work/$frames.mcap" \
         <"$work/$frames.end" >"$work/$frames.ready" 2>"$work/$frames.said" &
     recorder=$!
     exec 3>"$work/$frames.end"

@@ -45,9 +45,7 @@ use crate::view_args::ViewArgs;
 #[command(
     name = "dtd",
     version,
-    after_help = "Exit codes: 0 done, 1 failed, 2 bad arguments or input, 3 finished but some scenarios were lost, \
-                  75 interrupted: run the same command again to resume.\n\
-                  Results go to stdout, progress and logs to stderr."
+    after_help = help::ENDINGS
 )]
 pub(crate) struct Args {
     /// More output: -v for events, -vv for every detail
@@ -87,7 +85,7 @@ pub(crate) enum ProgressForm {
 impl Args {
     /// The command, whose help shows its verbs in groups.
     pub(crate) fn grouped_command() -> Command {
-        let command = Self::command();
+        let command = Self::command().max_term_width(help::COLUMNS);
         let template = help::template(&command);
         command.help_template(template)
     }
@@ -125,7 +123,7 @@ fn exit_without_secrets(error: &clap::Error) -> ! {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    /// Show a sweep's scenarios, their cost and what is new; records nothing
+    /// Show a sweep's scenarios and cost without recording
     #[command(after_help = help::PLAN)]
     Plan(PlanArgs),
     /// Print the JSON Schema of sweeps, training files or progress
@@ -140,65 +138,67 @@ pub(crate) enum Verb {
     /// demo.toml, scenarios.toml and detector.toml, with the flights and the detector that they name.
     #[command(after_help = help::EXAMPLES)]
     Examples(ExamplesArgs),
-    /// Record a sweep's scenarios: videos, 4D trajectory, calibration; resumes
+    /// Record a sweep: videos, 4D trajectory, calibration; resumes
     #[command(after_help = help::GENERATE)]
     Generate(GenerateArgs),
-    /// Download a corpus, or some scenarios, from an object store; resumes
+    /// Download a corpus from an object store; resumes
     #[command(after_help = help::FETCH)]
     Fetch(FetchArgs),
-    /// Upload a corpus, with labels and detections, to an object store; resumes
+    /// Upload a corpus to an object store; resumes
+    ///
+    /// Labels and detections are part of it.
     #[command(after_help = help::PUSH)]
     Push(PushArgs),
-    /// Compute distance-to-touchdown labels and true boxes; resumes
+    /// Compute distances to touchdown and true boxes; resumes
     #[command(after_help = help::LABEL)]
     Label(LabelArgs),
-    /// Find the aircraft in the decoded videos, and register the views; resumes
+    /// Find the aircraft, and register the views; resumes
     #[command(after_help = help::DETECT)]
     Detect(DetectArgs),
-    /// Train the distance estimators of a corpus, split by trajectory; resumes
+    /// Train distance estimators, split by trajectory; resumes
     #[command(after_help = help::TRAIN)]
     Train(TrainArgs),
-    /// Fit one camera of a run again, from a few labelled approaches
+    /// Fit one camera of a run again from a few approaches
     ///
-    /// For a camera that is new, moved, turned or zoomed. What does not belong to it stays as it is (docs/training.md).
+    /// For a camera that is new, moved, turned or zoomed. Everything else is left unchanged (docs/training.md).
     #[command(after_help = help::REFIT)]
     Refit(RefitArgs),
-    /// Evaluate a run on the held-out trajectories: metrics.json, report.html
+    /// Evaluate a run on held-out trajectories; writes a report
     #[command(after_help = help::EVALUATE)]
     Evaluate(EvaluateArgs),
-    /// Write a run's distances for a corpus that needs no labels, as Parquet
+    /// Write a run's distances for a corpus, labelled or not
     #[command(after_help = help::PREDICT)]
     Predict(PredictArgs),
-    /// Export the estimators of a run as ONNX models, with a model card
+    /// Export a run's estimators as ONNX models with a model card
     #[command(after_help = help::EXPORT_ESTIMATORS)]
     ExportEstimators(ExportEstimatorsArgs),
-    /// Evaluate a detector: range, recall, false alarms, accuracy, cost; resumes
+    /// Evaluate a detector: range, recall, accuracy, cost; resumes
     #[command(after_help = help::EVALUATE_DETECTOR)]
     EvaluateDetector(EvaluateDetectorArgs),
     /// Export a corpus to the formats of other tools; resumes
     #[command(after_help = help::EXPORT)]
     Export(ExportArgs),
-    /// Check that a corpus is complete and synchronised, and name every fault
+    /// Check that a corpus is sound, and name every fault
     #[command(after_help = help::VERIFY)]
     Verify(VerifyArgs),
-    /// Look at a corpus and its runs in the browser: pictures, boxes, errors
+    /// Show a corpus and its runs in the browser
     #[command(after_help = help::VIEW)]
     View(ViewArgs),
     /// Train the aircraft detector on a labelled corpus; resumes
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
-    /// Install the plugin that serves poses and pictures into X-Plane
+    /// Install the plugin for poses and pictures into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
-    /// Run the stand-in X-Plane: UDP, Web API, capture link, flight, renderer
+    /// Run the stand-in for X-Plane, with its network protocols
     #[command(after_help = help::MOCK_XPLANE)]
     MockXplane(MockXplaneArgs),
-    /// Examine the connection to X-Plane point by point, and say how to fix it
+    /// Examine the connection to X-Plane, and say how to fix it
     #[command(after_help = help::DOCTOR)]
     Doctor(DoctorArgs),
     /// Record a session with X-Plane on a tape (MCAP), as a proxy
-    #[command(after_help = help::RECORD)]
-    Record(RecordArgs),
+    #[command(after_help = help::TAPE)]
+    Tape(TapeArgs),
     /// Run the whole pipeline at small scale, from sweep to report
     #[command(after_help = help::DEMO)]
     Demo(DemoArgs),
@@ -244,7 +244,7 @@ pub(crate) struct PlanArgs {
     /// the profile is read that `dtd doctor` measured. By default, figures of the stand-in on two cores are used.
     #[arg(long, value_name = "mock|auto|HOST:PORT")]
     pub(crate) sim: Option<SimulatorTarget>,
-    /// Count a restart of X-Plane after every N live flights
+    /// Count a restart of X-Plane after every N live flights, e.g. 45
     #[arg(long, value_name = "N")]
     pub(crate) restart_every: Option<NonZeroU32>,
     /// Pictures per second that your X-Plane delivers, all views together
@@ -257,7 +257,7 @@ pub(crate) struct PlanArgs {
     /// One row per scenario, however many there are
     #[arg(long)]
     pub(crate) all: bool,
-    /// Print the plan as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -283,7 +283,7 @@ pub(crate) struct GenerateArgs {
     /// For a URL: folder where scenarios are recorded before they are uploaded
     ///
     /// Runs on one machine may share it. The default is one per URL in the user's cache folder.
-    #[arg(long, value_name = "DIR", value_parser = Output::Corpus.parser())]
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Corpus.parser())]
     pub(crate) staging: Option<PathBuf>,
     /// For a URL: keep scenarios in the staging folder after the upload
     #[arg(long)]
@@ -292,7 +292,7 @@ pub(crate) struct GenerateArgs {
     ///
     /// `mock` starts the stand-in on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of a live X-Plane
     /// (docs/simulator.md). HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network, tape:FILE a
-    /// session recorded with `dtd record`.
+    /// session recorded with `dtd tape`.
     #[arg(
         long,
         value_name = "mock[:N|:awkward]|auto|HOST:PORT|tape:FILE,..",
@@ -313,23 +313,25 @@ pub(crate) struct GenerateArgs {
     /// colours, and what a kill would leave. One that fails is refused. scenario.json names the encoder (docs/video.md).
     #[arg(long, value_name = "ENCODER", value_parser = encoder())]
     pub(crate) encoder: Option<VideoEncoder>,
-    /// Record only these scenarios (identifiers as `dtd plan` prints them), separated by commas
+    /// Only these scenarios, separated by commas
+    ///
+    /// Their identifiers are those that `dtd plan` prints.
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
     #[command(flatten)]
     pub(crate) shard: ShardArg,
-    /// How long to wait for a simulator or an object store that stopped answering
+    /// Longest wait for a simulator or an object store that does not answer
     ///
     /// Recording then continues without that simulator; without the store it ends.
-    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
-    pub(crate) patience: u64,
-    /// Shell command that restarts an X-Plane which is gone beyond the patience
+    #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) timeout_s: u64,
+    /// Shell command that restarts an X-Plane that is away for longer than --timeout
     ///
     /// It gets --sim's name of the X-Plane in DTD_SIMULATOR, ends the old X-Plane if it is still there, starts a new one in the background,
     /// and ends with status 0 (docs/x-plane.md has an example). Then the X-Plane's version, window and profile are checked again.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) restart_simulator: Option<String>,
-    /// Restart an X-Plane also after this many live flights, e.g. 45
+    /// Restart X-Plane after every N live flights, e.g. 45
     #[arg(long, value_name = "N", requires = "restart_simulator")]
     pub(crate) restart_every: Option<NonZeroU32>,
     /// Print the result as JSON
@@ -344,12 +346,12 @@ pub(crate) struct FetchArgs {
     /// Folder of the corpus, created if missing. Existing scenarios are left alone
     #[arg(long, value_name = "FOLDER", value_parser = Output::Corpus.parser())]
     pub(crate) out: PathBuf,
-    /// Download only these scenarios, separated by commas
+    /// Only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
-    /// How long to wait for a store that does not answer
-    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
-    pub(crate) patience: u64,
+    /// Longest wait for a store that does not answer
+    #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) timeout_s: u64,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -365,9 +367,9 @@ pub(crate) struct PushArgs {
     /// Older scenarios with other content are replaced.
     #[arg(value_parser = Output::url())]
     pub(crate) url: StoreUrl,
-    /// How long to wait for a store that does not answer
-    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
-    pub(crate) patience: u64,
+    /// Longest wait for a store that does not answer
+    #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) timeout_s: u64,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -414,7 +416,7 @@ pub(crate) struct DetectArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// The detector, an ONNX file of a YOLO model [default: the one that ships]
+    /// The detector, an ONNX file [default: the one that ships]
     ///
     /// The one that ships is for pictures of the stand-in. Which models work, and the settings next to them: docs/detectors.md.
     #[arg(long, value_name = "M.onnx")]
@@ -430,7 +432,7 @@ pub(crate) struct DetectArgs {
     pub(crate) runtime: RuntimeArgs,
     /// Detect again even if this model's detections exist
     #[arg(long)]
-    pub(crate) again: bool,
+    pub(crate) force: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -444,10 +446,10 @@ pub(crate) struct RuntimeArgs {
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
-    /// Where the model runs: cpu, cuda, tensorrt, openvino, coreml or directml, and :N for number N
+    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N
     ///
-    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Numbers start at 0. `openvino` is OpenVINO on the
-    /// processor, which is faster on processors with bfloat16, and `openvino:N` is Intel's GPU number N.
+    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Indices start at 0. `openvino` uses OpenVINO on the
+    /// CPU, which is faster on CPUs with bfloat16; `openvino:N` is Intel's GPU N.
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub(crate) device: Device,
 }
@@ -460,10 +462,10 @@ pub(crate) struct EvaluateDetectorArgs {
     /// Folder for evaluation.json and report.html, and for what was found so far
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
-    /// The detector, an ONNX file of a YOLO model [default: the one that ships]
+    /// The detector, an ONNX file [default: the one that ships]
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
-    /// How to search; all of them are compared
+    /// Which parts of which pictures to search; all of them are compared
     #[arg(
         long,
         value_enum,
@@ -476,7 +478,7 @@ pub(crate) struct EvaluateDetectorArgs {
     pub(crate) search: SearchArgs,
     #[command(flatten)]
     pub(crate) runtime: RuntimeArgs,
-    /// Print the figures as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -490,13 +492,13 @@ pub(crate) struct VerifyArgs {
     pub(crate) corpus: CorpusLocation,
     /// Do not decode the videos: check hashes, tables and plan only
     #[arg(long)]
-    pub(crate) quick: bool,
+    pub(crate) no_decode: bool,
     /// Count missing planned scenarios as faults
     ///
     /// By default they are only reported, since the corpus may be unfinished.
     #[arg(long)]
     pub(crate) complete: bool,
-    /// Print the findings as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -520,7 +522,7 @@ pub(crate) struct TrainDetectorArgs {
     /// All resulting settings are saved in the report.
     #[arg(long, value_name = "DETECTOR.toml")]
     pub(crate) config: Option<PathBuf>,
-    /// Print the report as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -528,7 +530,7 @@ pub(crate) struct TrainDetectorArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct InstallPluginArgs {
     /// The installation folder of X-Plane 11 or 12
-    #[arg(value_name = "XPLANE_DIR")]
+    #[arg(value_name = "XPLANE_FOLDER")]
     pub(crate) folder: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
@@ -556,7 +558,7 @@ pub(crate) struct MockXplaneArgs {
     /// Start in the main menu: the Web API has no datarefs until a flight is loaded
     #[arg(long)]
     pub(crate) main_menu: bool,
-    /// As with "Accept incoming connections" switched off: UDP is ignored and the Web API answers 403
+    /// Simulate "Accept incoming connections" switched off: UDP is ignored and the Web API answers 403
     #[arg(long)]
     pub(crate) incoming_off: bool,
     /// Send no beacon
@@ -571,10 +573,10 @@ pub(crate) struct MockXplaneArgs {
     /// Send the data output (DATA packets, rows 1, 3, 14, 16, 17, 20, 21) to this address, ten times a second
     #[arg(long, value_name = "HOST:PORT")]
     pub(crate) data_to: Option<SocketAddr>,
-    /// Replay a session recorded with `dtd record`. Everything but address and beacon is then as recorded
+    /// Replay a session recorded with `dtd tape`. Everything but address and beacon is then as recorded
     #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults", "quirks", "clock_rate"])]
     pub(crate) tape: Option<PathBuf>,
-    /// Faults, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
+    /// Faults, e.g. loss=0.1,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
     ///
     /// WHEN of freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N.
     #[arg(
@@ -612,7 +614,7 @@ pub(crate) struct MockXplaneArgs {
     ///
     /// Python runs it against a fake of XPPython3. Pictures come from --xplane 11, which can read them back, or off the screen with
     /// --window, whose size the plugin then sees.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "FOLDER")]
     pub(crate) plugin: Option<PathBuf>,
     /// Imitate an X-Plane without our plugin: no capture link, so nothing can be recorded
     #[arg(long, conflicts_with_all = ["plugin", "window", "tape"])]
@@ -629,14 +631,16 @@ pub(crate) struct MockXplaneArgs {
     /// Let the scene be this many frames behind the pose and the camera that the plugin writes [default: as the quirks say]
     #[arg(long, value_name = "FRAMES", requires = "plugin", value_parser = clap::value_parser!(u8).range(..=4))]
     pub(crate) scene_behind: Option<u8>,
-    /// Stop when standard input ends, so that it ends with its parent process, even if that is killed
+    /// Stop when standard input ends, besides Ctrl-C and SIGTERM
+    ///
+    /// It then ends with its parent process, even if that is killed.
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,
 }
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct DoctorArgs {
-    /// X-Plane's UDP address [default: the address in its beacon, else 127.0.0.1:49000]
+    /// The simulator: X-Plane's UDP address [default: the address in its beacon, else 127.0.0.1:49000]
     #[arg(long, value_name = "auto|HOST:PORT")]
     pub(crate) sim: Option<String>,
     #[command(flatten)]
@@ -652,20 +656,20 @@ pub(crate) struct DoctorArgs {
     /// Measure what reports disagree on, even if this installation has a profile
     #[arg(long)]
     pub(crate) measure: bool,
-    /// Measure nothing, which is quick
+    /// Measure nothing
     #[arg(long, conflicts_with = "measure")]
     pub(crate) no_measure: bool,
-    /// Print the checks as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 #[derive(Debug, ClapArgs)]
-pub(crate) struct RecordArgs {
-    /// X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
+pub(crate) struct TapeArgs {
+    /// The simulator: X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
     ///
     /// The stand-in (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
-    #[arg(long, value_name = "auto|mock|mock:awkward|HOST:PORT")]
+    #[arg(long, value_name = "auto|mock[:awkward]|HOST:PORT")]
     pub(crate) sim: String,
     #[command(flatten)]
     pub(crate) local_udp: LocalUdpArgs,
@@ -700,7 +704,7 @@ pub(crate) struct DemoArgs {
     /// The sweep to run [default: the demo.toml that ships]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
-    /// The detector [default: the one that ships]
+    /// The detector, an ONNX file [default: the one that ships]
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
@@ -713,6 +717,9 @@ pub(crate) struct DemoArgs {
     /// A folder with anything else in it is rejected.
     #[arg(long)]
     pub(crate) fresh: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// One of some words, which help and completions list.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
-use trainer::{MOST_APPROACHES, TrainingDevice};
+use trainer::{MOST_APPROACHES, TrainingBackend};
 
 use crate::args::folder;
 use crate::output_arg::Output;
@@ -23,13 +23,15 @@ pub(crate) struct TrainArgs {
     pub(crate) quick: bool,
     /// TOML file with settings that differ from the defaults (docs/training.md)
     ///
-    /// All resulting settings are saved in RUN/config.json, which is accepted here, too.
+    /// All resulting settings are saved in RUN/config.json, which this option also accepts.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
     /// Try the settings and seeds of a TOML file, a run in RUN for each, and compare them (docs/training.md)
     #[arg(long, value_name = "SEARCH.toml", conflicts_with_all = ["quick", "config", "seed"])]
     pub(crate) search: Option<PathBuf>,
-    /// Model whose detections to train on, by its file name or hash, if the corpus has several
+    /// Model whose detections to use, by its file name or hash
+    ///
+    /// It must be named if the corpus has detections of several models.
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
     /// Run whose networks to start from instead of random ones; views and layers must be the same
@@ -46,17 +48,17 @@ pub(crate) struct TrainArgs {
     /// Seed of weights and batches
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Where networks train [default: that of the settings, which is cpu]
+    /// What the networks train on [default: as in the settings, which is cpu]
     #[arg(long)]
-    pub(crate) device: Option<DeviceArg>,
+    pub(crate) backend: Option<BackendArg>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// Where networks train.
+/// What networks train on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum DeviceArg {
+pub(crate) enum BackendArg {
     /// The processor
     Cpu,
     /// A GPU by Vulkan, Metal or DirectX 12; needs a `dtd` built with --features wgpu
@@ -65,12 +67,12 @@ pub(crate) enum DeviceArg {
     Cuda,
 }
 
-impl From<DeviceArg> for TrainingDevice {
-    fn from(arg: DeviceArg) -> Self {
+impl From<BackendArg> for TrainingBackend {
+    fn from(arg: BackendArg) -> Self {
         match arg {
-            DeviceArg::Cpu => Self::Cpu,
-            DeviceArg::Wgpu => Self::Wgpu,
-            DeviceArg::Cuda => Self::Cuda,
+            BackendArg::Cpu => Self::Cpu,
+            BackendArg::Wgpu => Self::Wgpu,
+            BackendArg::Cuda => Self::Cuda,
         }
     }
 }
@@ -81,15 +83,17 @@ pub(crate) struct PredictArgs {
     #[arg(value_parser = folder())]
     pub(crate) run: PathBuf,
     /// Folder of the corpus: recorded and searched by `dtd detect`
-    #[arg(value_parser = folder())]
+    #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Table to write: a row per tick, a column per estimator
     #[arg(long, value_name = "FILE.parquet", value_parser = Output::NewFile.parser())]
     pub(crate) out: PathBuf,
-    /// Model whose detections to use, by its file name or hash; by default that of the training
+    /// Model whose detections to use, by its file name or hash
+    ///
+    /// The default is the model of the training.
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
-    /// Print the counts as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -137,15 +141,17 @@ pub(crate) struct EvaluateArgs {
     /// Folder for the results, new or empty; by default they are added to RUN
     ///
     /// Results of another evaluation are never replaced.
-    #[arg(long, value_name = "DIR", value_parser = Output::Folder.parser())]
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: Option<PathBuf>,
-    /// Which scenarios to judge
+    /// Side of the split to judge
     #[arg(long, value_enum, default_value_t)]
     pub(crate) side: SideArg,
-    /// Model whose detections to use, by its file name or hash; by default that of the training
+    /// Model whose detections to use, by its file name or hash
+    ///
+    /// The default is the model of the training.
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
-    /// Print the metrics as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -158,9 +164,9 @@ pub(crate) struct ExportEstimatorsArgs {
     /// Folder for the models and MODEL_CARD.md; a new one, or an empty one
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
-    /// ONNX Runtime's library, an absolute path; the models are checked with it
+    /// ONNX Runtime's library, an absolute path
     ///
-    /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
+    /// The models are checked with it. The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
     /// Print the result as JSON

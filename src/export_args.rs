@@ -20,9 +20,9 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_enum, value_name = "FORMAT")]
     to: To,
     /// Folder of the export, new or empty; it appears when the export is complete (not with croissant)
-    #[arg(long, value_name = "DIR", value_parser = Output::Export.parser())]
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Export.parser())]
     out: Option<PathBuf>,
-    /// Export only these scenarios, separated by commas
+    /// Only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     only: Vec<String>,
     /// Export only these views, separated by commas
@@ -34,25 +34,27 @@ pub(crate) struct ExportArgs {
     /// Export N ticks a second, each the nearest to its time (lerobot)
     #[arg(long, value_name = "N", conflicts_with = "every")]
     rate: Option<NonZeroU32>,
-    /// Export one side of the split
+    /// Side of the split to export [default: all]
     #[arg(long, value_enum)]
     side: Option<OneSide>,
     /// Boxes to export; truth, if it is left out
     #[arg(long, value_enum)]
     boxes: Option<Boxes>,
-    /// Model whose detections to export, by its file name or hash, if the corpus has several
+    /// Model whose detections to use, by its file name or hash
+    ///
+    /// It must be named if the corpus has detections of several models.
     #[arg(long, value_name = "NAME|HASH")]
     detections: Option<String>,
     /// Format of pictures that are files of their own; png, if it is left out
     #[arg(long, value_enum)]
     pictures: Option<Pictures>,
-    /// An evaluated run whose predictions to export, too (huggingface); may be repeated
+    /// Evaluated run whose predictions to export (huggingface); may be repeated
     #[arg(long, value_name = "RUN")]
     run: Vec<PathBuf>,
     /// Licence that the export states: an SPDX identifier or a URL
     #[arg(long, value_name = "SPDX|URL", value_parser = license)]
     license: Option<String>,
-    /// Print the counts as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -135,7 +137,7 @@ impl ExportArgs {
         };
         match &self.out {
             Some(out) => Ok(Asked::Export(self.request(format), out)),
-            None => Err("--out DIR is missing: where the export is to be written".into()),
+            None => Err("--out FOLDER is missing: where the export is to be written".into()),
         }
     }
 

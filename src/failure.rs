@@ -25,6 +25,13 @@ pub(crate) enum Ending {
     Interrupted,
 }
 
+impl Ending {
+    /// The ending of both.
+    pub(crate) fn and(self, other: Self) -> Self {
+        if self == Self::Done { other } else { self }
+    }
+}
+
 /// Why a verb failed.
 #[derive(Debug)]
 pub(crate) enum Failure {

@@ -4,6 +4,9 @@ use std::fmt::Write;
 
 use clap::Command;
 
+/// Widest line of a help text.
+pub(crate) const COLUMNS: usize = 80;
+
 /// Verbs by what a user is about to do, in the order in which they are used.
 const GROUPS: &[(&str, &[&str])] = &[
     ("Start here", &["demo", "examples"]),
@@ -21,7 +24,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Detectors", &["train-detector", "evaluate-detector"]),
     (
         "Simulators",
-        &["doctor", "install-plugin", "record", "mock-xplane"],
+        &["doctor", "install-plugin", "tape", "mock-xplane"],
     ),
     ("The program itself", &["completions", "man", "help"]),
 ];
@@ -30,26 +33,33 @@ const GROUPS: &[(&str, &[&str])] = &[
 const BEFORE_GROUPS: &str = "{about-with-newline}\n{usage-heading} {usage}\n";
 const AFTER_GROUPS: &str = "\nOptions:\n{options}{after-help}";
 
+pub(crate) const ENDINGS: &str = "\
+Exit codes: 0 done, 1 failed, 2 bad arguments or input, 3 finished but some
+scenarios were lost, 75 interrupted: run the same command again to resume.
+Results go to stdout, progress and logs to stderr.";
+
 pub(crate) const PLAN: &str = "\
 Examples:
-  dtd plan scenarios.toml                     what it would make, how long that takes, how large it is
-  dtd plan scenarios.toml --against corpus    what is missing there, and what has changed
+  dtd plan scenarios.toml                     its scenarios, time and size
+  dtd plan scenarios.toml --against corpus    what is missing or has changed
   dtd plan scenarios.toml --sim auto          how long that X-Plane would take";
 
 pub(crate) const GENERATE: &str = "\
 Examples:
-  dtd generate demo.toml --out corpus                        with the stand-in, on this machine
-  dtd generate scenarios.toml --out corpus --sim mock:2      with two of them
-  dtd generate demo.toml --out corpus --sim 127.0.0.1:49000  with X-Plane (first: dtd doctor)
+  dtd generate demo.toml --out corpus               with the stand-in
+  dtd generate demo.toml --out corpus --sim mock:2  with two of them
+  dtd generate demo.toml --out corpus --sim 127.0.0.1:49000
+                                                    with X-Plane; first: doctor
   dtd generate demo.toml --out corpus --sim 127.0.0.1:49000 --encoder nvenc
   dtd generate scenarios.toml --out s3://bucket/corpus --shard 0/4
-  dtd generate scenarios.toml --out corpus --sim auto --restart-simulator ./restart.sh
+  dtd generate demo.toml --out corpus --sim auto --restart-simulator ./restart
 
 Environment:
   DTD_LINK_TOKEN        the secret of a capture link on another computer
   DTD_WEB_API           address of X-Plane 12's Web API, or off
   DTD_SHARED_MEMORY     off: pictures go through the socket
-  SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX with DTD_SHARDS: the default of --shard
+  SLURM_ARRAY_TASK_ID, or JOB_COMPLETION_INDEX with DTD_SHARDS
+                        the default of --shard
   Credentials of object stores: docs/corpus.md";
 
 pub(crate) const LABEL: &str = "\
@@ -60,12 +70,14 @@ pub(crate) const DETECT: &str = "\
 Examples:
   dtd detect corpus
   dtd detect corpus --model detector.onnx
-  dtd detect corpus --shard 0/4          a quarter of the scenarios, on each of four machines
-  dtd detect corpus --mode full          every picture whole, at several times the cost (docs/tracks.md)
+  dtd detect corpus --shard 0/4          a quarter of the scenarios
+  dtd detect corpus --mode full          every picture whole, at several times
+                                         the cost (docs/tracks.md)
 
 Environment:
   ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it
-  SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX with DTD_SHARDS: the default of --shard";
+  SLURM_ARRAY_TASK_ID, or JOB_COMPLETION_INDEX with DTD_SHARDS
+                        the default of --shard";
 
 pub(crate) const TRAIN: &str = "\
 Examples:
@@ -80,24 +92,25 @@ Example:
 
 pub(crate) const EVALUATE: &str = "\
 Examples:
-  dtd evaluate run --corpus corpus            writes run/metrics.json and run/report.html
-  dtd evaluate run --corpus other --side all --out judged    flights that no training saw";
+  dtd evaluate run --corpus corpus            adds metrics.json, report.html
+  dtd evaluate run --corpus other --side all --out judged
+                                              flights that no training saw";
 
 pub(crate) const EXPORT_ESTIMATORS: &str = "\
 Example:
-  dtd export-estimators run --out models      models/paper_lstm.onnx, ..., models/MODEL_CARD.md
+  dtd export-estimators run --out models      ONNX files and MODEL_CARD.md
 
 Environment:
   ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
 
 pub(crate) const PREDICT: &str = "\
 Example:
-  dtd predict run corpus --out distances.parquet";
+  dtd predict run --corpus corpus --out distances.parquet";
 
 pub(crate) const EVALUATE_DETECTOR: &str = "\
 Examples:
   dtd evaluate-detector corpus --out judged
-  dtd evaluate-detector corpus --out judged --model detector.onnx --mode full,tracked
+  dtd evaluate-detector corpus --out judged --model M.onnx --mode full,tracked
 
 Environment:
   ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
@@ -105,8 +118,8 @@ Environment:
 pub(crate) const VERIFY: &str = "\
 Examples:
   dtd verify corpus
-  dtd verify corpus --quick                   hashes, tables and plan, without decoding the videos
-  dtd verify s3://bucket/corpus               one scenario after the other, in a temporary folder";
+  dtd verify corpus --no-decode               hashes, tables and plan only
+  dtd verify s3://bucket/corpus               one scenario after the other";
 
 pub(crate) const VIEW: &str = "\
 Examples:
@@ -117,7 +130,7 @@ Examples:
 pub(crate) const TRAIN_DETECTOR: &str = "\
 Examples:
   dtd train-detector corpus --out detector.onnx --minutes 60
-  dtd train-detector corpus --out detector.onnx --start-from models/aircraft.onnx";
+  dtd train-detector corpus --out detector.onnx --start-from earlier.onnx";
 
 pub(crate) const PUSH: &str = "\
 Example:
@@ -145,14 +158,15 @@ pub(crate) const INSTALL_PLUGIN: &str = "\
 Example:
   dtd install-plugin \"$HOME/X-Plane 12\"";
 
-pub(crate) const RECORD: &str = "\
+pub(crate) const TAPE: &str = "\
 Examples:
-  dtd record --sim 127.0.0.1:49000 --out session.mcap    then, beside it: dtd doctor --sim 127.0.0.1:49100
+  dtd tape --sim 127.0.0.1:49000 --out session.mcap
+  dtd doctor --sim 127.0.0.1:49100            beside it: a session to record
   dtd generate demo.toml --out corpus --sim tape:session.mcap";
 
 pub(crate) const MOCK_XPLANE: &str = "\
 Examples:
-  dtd mock-xplane                             an X-Plane 12 with every awkward habit, port 49000
+  dtd mock-xplane                             an awkward X-Plane 12, port 49000
   dtd mock-xplane --quirks none               a well-behaved one";
 
 pub(crate) const DEMO: &str = "\
@@ -166,7 +180,7 @@ Example:
 
 pub(crate) const SCHEMA: &str = "\
 Examples:
-  dtd schema > sweep.schema.json              and in the sweep: #:schema ./sweep.schema.json
+  dtd schema > sweep.schema.json              in a sweep: #:schema FILE
   dtd schema train > train.schema.json
   dtd schema progress                         of generate ... --progress json";
 
@@ -208,6 +222,8 @@ fn groups(command: &Command) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
     use super::*;
 
     #[test]
@@ -226,10 +242,73 @@ mod tests {
         assert_eq!(grouped, verbs);
         for verb in command.get_subcommands() {
             let about = verb.get_about().unwrap().to_string();
-            assert!(about.len() <= 80 && !about.contains(['{', '}']), "{about}");
+            assert!(!about.contains(['{', '}']), "{about}");
             let name = verb.get_name();
             let after = verb.get_after_help().unwrap_or_else(|| panic!("{name}"));
             assert!(after.to_string().contains(&format!("dtd {name}")), "{name}");
+        }
+    }
+
+    /// The verbs, then `dtd` itself.
+    fn commands() -> Vec<Command> {
+        let mut command = crate::args::Args::grouped_command();
+        command.build();
+        let mut all: Vec<Command> = command.get_subcommands().cloned().collect();
+        all.push(command);
+        all
+    }
+
+    #[test]
+    fn no_help_has_a_line_wider_than_80_columns() {
+        for mut command in commands() {
+            let examples = command.get_after_help().map(ToString::to_string);
+            let texts = [
+                command.render_help().to_string(),
+                command.render_long_help().to_string(),
+                // Before clap wraps them.
+                examples.unwrap_or_default(),
+            ];
+            for line in texts.iter().flat_map(|text| text.lines()) {
+                let columns = line.chars().count();
+                let name = command.get_name();
+                assert!(columns <= COLUMNS, "{name}: {columns} columns: {line}");
+            }
+        }
+    }
+
+    /// Options that several verbs describe in their own words, and the words that all of them share. `out` is where a verb writes.
+    const OWN_WORDS: &[(&str, &str)] = &[
+        ("corpus", "Folder of "),
+        ("mode", "Which parts of which pictures to search"),
+        ("out", ""),
+        ("port", "; 0 takes any free one"),
+        ("restart-every", "X-Plane after every N live flights"),
+        ("run", "un whose "),
+        ("side", "Side of the split to "),
+        ("sim", "simulator"),
+        ("start-from", "to start from instead of random"),
+        ("sweep", "The sweep to "),
+        ("timeout", "Longest wait for "),
+    ];
+
+    #[test]
+    fn an_option_has_one_meaning_in_all_verbs() {
+        let mut texts: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for verb in commands().iter().filter(|verb| verb.get_name() != "dtd") {
+            for option in verb.get_arguments() {
+                if let (Some(name), Some(help)) = (option.get_long(), option.get_help()) {
+                    texts
+                        .entry(name.to_owned())
+                        .or_default()
+                        .insert(help.to_string());
+                }
+            }
+        }
+        for (name, texts) in texts.iter().filter(|(_, texts)| texts.len() > 1) {
+            let own = OWN_WORDS.iter().find(|(option, _)| option == name);
+            let shared = own.map(|(_, words)| *words);
+            let has_it = |text: &String| shared.is_some_and(|words| text.contains(words));
+            assert!(texts.iter().all(has_it), "--{name}: {texts:#?}");
         }
     }
 }

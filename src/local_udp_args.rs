@@ -11,7 +11,7 @@ use xplane_bridge::LocalUdp;
 pub(crate) struct LocalUdpArgs {
     /// UDP port of this computer that the simulator's answers come to, for firewalls [default: any free one]
     ///
-    /// X-Plane answers from port 49001. Several simulators, or clients of `dtd record`, take the ports that follow.
+    /// X-Plane answers from port 49001. Several simulators, or clients of `dtd tape`, take the ports that follow.
     #[arg(long, value_name = "PORT", value_parser = value_parser!(u16).range(1..))]
     pub(crate) udp_port: Option<u16>,
 }

@@ -18,7 +18,7 @@ use crate::args::local;
 /// What a verb writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Output {
-    /// A new file.
+    /// A new file in a folder that is there.
     NewFile,
     /// A file, possibly in the place of an earlier one, which the verb checks.
     File,
@@ -125,6 +125,14 @@ impl Output {
             return Err(format!(
                 "is inside {}, which a corpus reserves for its own files; name a place outside",
                 own.display()
+            ));
+        }
+        if let Some(folder) = place.parent().filter(|_| self == Self::NewFile)
+            && !folder.exists()
+        {
+            return Err(format!(
+                "is in {}, which does not exist; create that folder first",
+                folder.display()
             ));
         }
         match Owner::of(&place) {

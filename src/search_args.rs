@@ -10,11 +10,12 @@ use labeller::tiling::TilingSettings;
 use labeller::{Mode, ModeSettings, RowBand, SearchBands};
 
 use crate::failure::Failure;
+use crate::verbs::output::listed;
 
 /// Where to look.
 #[derive(Debug, Args)]
 pub(crate) struct SearchArgs {
-    /// Search only these scenarios, separated by commas
+    /// Only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     only: Vec<String>,
     /// Rows of the pictures to search: `training`, those in which the training side has aircraft, or TOP:BOTTOM [default: all]
@@ -28,7 +29,7 @@ pub(crate) struct SearchArgs {
     /// Only for a model that takes any size; others have tiles of their own size.
     #[arg(long, value_name = "N")]
     tile: Option<u32>,
-    /// Pixels by which neighbouring tiles overlap, if there are tiles
+    /// Overlap of neighbouring tiles in pixels
     #[arg(long, value_name = "N", default_value = "0")]
     overlap: u32,
     /// Seconds between searches of whole pictures with --mode tracked or auto
@@ -104,7 +105,7 @@ impl SearchArgs {
             Some(id) => Err(Failure::bad_input_message(format!(
                 "--only {id}: {} has no complete scenario of this name; its scenarios are {}",
                 corpus.root().display(),
-                named(&known)
+                listed(&known)
             ))),
         }
     }
@@ -129,19 +130,10 @@ impl SearchArgs {
     }
 }
 
-/// Some of the identifiers, and how many more there are.
-fn named(known: &BTreeSet<String>) -> String {
-    const MOST: usize = 5;
-    let shown: Vec<&str> = known.iter().take(MOST).map(String::as_str).collect();
-    match known.len().saturating_sub(MOST) {
-        0 => shown.join(", "),
-        more => format!("{} and {more} more", shown.join(", ")),
-    }
-}
-
 fn of_training(corpus: &Corpus) -> Result<SearchBands, Failure> {
     let root: &Path = corpus.root();
-    let bands = SearchBands::of_training_side(corpus)?.ok_or_else(|| {
+    let (sound, _) = corpus.without_damaged()?;
+    let bands = SearchBands::of_training_side(&sound)?.ok_or_else(|| {
         Failure::bad_input_message(format!(
             "--rows training: the training side of {} has no true boxes; run `dtd label {0}` if it has no labels yet, or give TOP:BOTTOM",
             root.display()

@@ -20,14 +20,14 @@ mod man;
 mod mock_xplane;
 mod object_store;
 mod open_corpus;
-mod output;
+pub(crate) mod output;
 mod plan;
 mod predict;
 mod push;
-mod record;
 mod refit;
 mod schema;
 mod stdin_ended;
+mod tape;
 mod train;
 mod train_detector;
 mod verify;
@@ -65,7 +65,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::InstallPlugin(args) => install_plugin::run(&args),
         Verb::MockXplane(args) => mock_xplane::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
-        Verb::Record(args) => record::run(&args),
+        Verb::Tape(args) => tape::run(&args),
         Verb::Demo(args) => demo::run(&args),
         Verb::Completions { shell } => completions::run(shell),
         Verb::Man { folder } => man::run(&folder),

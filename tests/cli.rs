@@ -183,6 +183,46 @@ fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_wr
 }
 
 #[test]
+fn a_plan_of_a_shipped_sweep_fits_into_80_columns() {
+    for sweep in ["demo.toml", "scenarios.toml", "detector.toml"] {
+        let output = DTD.run(&["plan", sweep, "--all"]);
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(text.lines().count() > 20, "{sweep}: {text}");
+        for line in text.lines() {
+            let columns = line.chars().count();
+            assert!(columns <= 80, "{sweep}: {columns} columns: {line}");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_call_names_what_is_wrong_once() {
+    for (arguments, words) in [
+        (
+            &["plan", "lost.toml"][..],
+            "error: cannot read lost.toml: No such file",
+        ),
+        (
+            &["doctor", "--sweep", "lost.toml"],
+            "error: cannot read lost.toml: No such file",
+        ),
+        (
+            &["fetch", "lost", "--out", "x"],
+            "it does not begin with a scheme; expected s3://BUCKET/PREFIX",
+        ),
+        (
+            &["mock-xplane", "--plugin", "lost"],
+            "--plugin lost: it has no PI_dtd_bridge.py",
+        ),
+    ] {
+        let output = DTD.run(arguments);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(words), "{arguments:?}: {message}");
+    }
+}
+
+#[test]
 fn what_is_not_there_is_bad_input_with_its_name() {
     let cases: [(&[&str], &str); 6] = [
         (&["plan", "lost.toml"], "lost.toml"),
@@ -315,7 +355,7 @@ fn an_output_that_is_a_device_a_fifo_or_a_link_to_one_is_refused_before_anything
             &["fetch", "file:///nowhere"],
             &["train", "corpus"],
             &["train-detector", "corpus"],
-            &["record", "--sim", "127.0.0.1:49000"],
+            &["tape", "--sim", "127.0.0.1:49000"],
             &["demo"],
         ] {
             let output = DTD.run(&[verb, &["--out", out]].concat());

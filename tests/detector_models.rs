@@ -837,7 +837,7 @@ fn a_library_that_lies_above_the_working_folder_is_not_loaded() {
     let detect = |library: Option<&Path>, variable: Option<&str>| {
         let mut command = dtd();
         command
-            .args(["detect", text(&corpus(folder.path())), "--again"])
+            .args(["detect", text(&corpus(folder.path())), "--force"])
             .args(["--model", text(&repository().join("models/aircraft.onnx"))])
             .current_dir(&deep);
         if let Some(library) = library {

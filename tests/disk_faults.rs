@@ -28,13 +28,16 @@ use tiny::{Tiny, said};
 const VERBS: [(&str, &str); 13] = [
     ("generate", "generate sweep.toml --out corpus"),
     ("label", "label corpus"),
-    ("detect", "detect corpus --model {model} --again"),
+    ("detect", "detect corpus --model {model} --force"),
     (
         "train",
         "train corpus --out run --config training.toml --seed 1",
     ),
     ("evaluate", "evaluate run --corpus corpus"),
-    ("predict", "predict run corpus --out predicted.parquet"),
+    (
+        "predict",
+        "predict run --corpus corpus --out predicted.parquet",
+    ),
     ("export", "export corpus --to coco --out exported"),
     (
         "export-estimators",

@@ -358,7 +358,7 @@ fn auto_is_the_simulator_that_announces_itself_for_the_doctor_and_the_recorder_t
 
     let folder = tempfile::tempdir().unwrap();
     let output = DTD
-        .command(&["record", "--sim", "auto", "--port", "0"])
+        .command(&["tape", "--sim", "auto", "--port", "0"])
         .arg("--until-stdin-ends")
         .arg("--out")
         .arg(folder.path().join("tape.mcap"))
@@ -388,7 +388,7 @@ fn the_name_in_a_beacon_cannot_steer_the_terminal() {
 
 #[test]
 fn what_is_no_simulator_is_refused_with_what_would_do() {
-    for verb in [&["doctor"][..], &["record", "--out", "never.mcap"]] {
+    for verb in [&["doctor"][..], &["tape", "--out", "never.mcap"]] {
         let output = DTD
             .command(verb)
             .args(["--sim", "nowhere"])

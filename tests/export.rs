@@ -544,7 +544,12 @@ fn a_corpus_describes_itself_to_croissant_and_stays_a_corpus() {
         fs::remove_dir_all(tiny.scenarios()[0].join(found)).unwrap();
     }
     assert_eq!(json_of(&tiny, &verify)["croissant"], "outdated");
-    let said = said(&tiny.dtd(&["verify", "--quick", "corpus"]).output().unwrap());
+    let said = said(
+        &tiny
+            .dtd(&["verify", "--no-decode", "corpus"])
+            .output()
+            .unwrap(),
+    );
     assert!(said.contains("describes an earlier state"), "{said}");
     json_of(&tiny, &describe);
     assert_eq!(json_of(&tiny, &verify)["croissant"], "current");
@@ -756,6 +761,17 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     assert!(said(&refused).contains(words), "{}", said(&refused));
     assert!(!path("lerobot").exists() && !path("lerobot.partial").exists());
     let resampled = export("lerobot", &["--rate", "10"]);
+    let again = DTD
+        .command(&["export", "corpus", "--to", "lerobot", "--out", "lerobot"])
+        .args(["--rate", "10"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let printed = said(&again);
+    assert!(
+        printed.contains("already complete") && !printed.contains("box"),
+        "{printed}"
+    );
     let (fps, frames, furthest_s) = judge_lerobot(&path("lerobot"), &path("corpus"), 5, false);
     assert_eq!(
         (fps, resampled["pictures"].as_u64()),
@@ -1000,7 +1016,7 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
     let lerobot = ["export", "corpus", "--to", "lerobot", "--out", "out"];
     refused(&tiny, &lerobot, "1/8 pictures a second");
     refused(&tiny, &export(&["--rate", "1"]), "no use for --rate");
-    refused(&tiny, &mcap[..4], "--out DIR is missing");
+    refused(&tiny, &mcap[..4], "--out FOLDER is missing");
     let described = ["export", "corpus", "--to", "croissant", "--out", "out"];
     refused(&tiny, &described, "leave out --out");
     refused(&tiny, &export(&["--only", "nowhere"]), "nowhere");

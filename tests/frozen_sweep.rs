@@ -36,7 +36,7 @@ fn a_changed_sweep_is_found_by_verify_and_mended_by_generate_push_and_fetch() {
             );
             words
         };
-        let verify = ["verify", "corpus", "--quick"];
+        let verify = ["verify", "corpus", "--no-decode"];
         let sweep = tiny.path("corpus/corpus.toml");
         let read = |path: &Path| fs::read_to_string(path).unwrap();
         let intact = read(&sweep);
@@ -59,7 +59,7 @@ fn a_changed_sweep_is_found_by_verify_and_mended_by_generate_push_and_fetch() {
 
         let in_store = tiny.path("store/corpus.toml");
         damage(&in_store, how);
-        ends_with(1, &["verify", &url, "--quick"]);
+        ends_with(1, &["verify", &url, "--no-decode"]);
         if how < 3 {
             ends_with(1, &["fetch", &url, "--out", "fetched"]);
         }
@@ -82,9 +82,9 @@ fn a_corpus_of_an_earlier_version_is_valid_and_gets_the_hash_when_it_is_generate
     assert_ne!(without, with_hash);
     fs::write(&plan, &without).unwrap();
     for arguments in [
-        &["verify", "corpus", "--quick"][..],
+        &["verify", "corpus", "--no-decode"][..],
         &["generate", "sweep.toml", "--out", "corpus"],
-        &["verify", "corpus", "--quick"],
+        &["verify", "corpus", "--no-decode"],
     ] {
         let output = tiny.dtd(arguments).output().unwrap();
         assert!(output.status.success(), "{arguments:?}: {}", said(&output));

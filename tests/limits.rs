@@ -1,6 +1,8 @@
 //! Impossible values, sizes and files in every place where untrusted files are read: a fault with its position, in time, and in
 //! little memory; never a panic, a hang or a result.
 
+#[path = "limits/damaged_scenario.rs"]
+mod damaged_scenario;
 #[path = "limits/idle_connections.rs"]
 mod idle_connections;
 #[path = "limits/memory.rs"]
@@ -78,7 +80,12 @@ fn a_fifo_in_the_place_of_any_file_is_a_fault_and_nothing_waits_for_it() {
     for name in ["plan.json", "splits.json"] {
         let tiny = Tiny::made().copy();
         put_fifo(&tiny.path("corpus").join(name));
-        assert_says(&tiny, &["verify", "--quick", "corpus"], 1, &[name, "FIFO"]);
+        assert_says(
+            &tiny,
+            &["verify", "--no-decode", "corpus"],
+            1,
+            &[name, "FIFO"],
+        );
     }
     let tiny = Tiny::made().copy();
     put_fifo(&tiny.path("fifo"));
@@ -114,7 +121,7 @@ fn verify_names_the_faults_of_all_scenarios_though_one_cannot_be_read() {
     let detections = format!("detections/{}", record.file_name().unwrap().display());
     assert_says(
         &tiny,
-        &["verify", "--quick", "corpus"],
+        &["verify", "--no-decode", "corpus"],
         1,
         &[
             "r1/DONE.json",
@@ -187,7 +194,7 @@ fn a_table_of_thirty_million_rows_is_refused_in_little_memory() {
         .unwrap();
     assert!(path.metadata().unwrap().len() < 1 << 20);
     // Decoded, it would take half a gigabyte, and several as boxes.
-    let verify = ["verify", "--quick", "corpus"];
+    let verify = ["verify", "--no-decode", "corpus"];
     let output = run(&mut tiny.dtd_within(1 << 20, &verify), PATIENCE).unwrap();
     let said = said(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
@@ -222,7 +229,7 @@ fn labels_that_cannot_be_are_refused_with_row_and_column() {
     }
     again.write(&path).unwrap();
     let words = "frames.parquet row 3: dtd_m 1e308 is out of range";
-    assert_says(&tiny, &["verify", "--quick", "corpus"], 1, &[words]);
+    assert_says(&tiny, &["verify", "--no-decode", "corpus"], 1, &[words]);
     let label = dtd(&tiny, &["label", "corpus"]);
     assert!(!label.status.success(), "{}", said(&label));
 }
@@ -412,7 +419,7 @@ fn what_needs_more_memory_than_allowed_says_how_much() {
         .write(&table)
         .unwrap();
     let words = &["of memory; there are", "by --max-memory"];
-    let little = ["--max-memory", "1M", "verify", "--quick", "corpus"];
+    let little = ["--max-memory", "1M", "verify", "--no-decode", "corpus"];
     let detect = [
         "--max-memory",
         "1M",
@@ -455,7 +462,7 @@ fn a_name_with_control_characters_reaches_no_terminal_not_even_through_a_pipe() 
     let strange = tiny.corpus().join("scenarios/a\u{1b}[31mb");
     fs::create_dir(&strange).unwrap();
     fs::write(strange.join("DONE.json"), "{}").unwrap();
-    let output = dtd(&tiny, &["verify", "--quick", "corpus"]);
+    let output = dtd(&tiny, &["verify", "--no-decode", "corpus"]);
     let said = said(&output);
     assert!(said.contains("\\u{1b}[31mb"), "{said}");
     assert!(!said.contains('\u{1b}'), "{said}");

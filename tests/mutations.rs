@@ -176,7 +176,7 @@ impl Mutated {
         if self.guard == Guard::Free || self.what == place::BESIDE || mends {
             return None;
         }
-        if self.guard == Guard::Sealed && ["quick", "verify"].contains(&verb) {
+        if self.guard == Guard::Sealed && ["undecoded", "verify"].contains(&verb) {
             return Some("verify finds nothing".into());
         }
         // Nor is a plan silent that calls the scenario damaged.

@@ -154,9 +154,9 @@ fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
     // Nobody answers, nothing is there: it is enough that they end.
     cell.dtd(&["doctor", "--sim", "127.0.0.1:9"]);
     cell.dtd(&["install-plugin", "no-x-plane"]);
-    let record = ["record", "--sim", "127.0.0.1:9", "--out", "session.mcap"];
+    let tape = ["tape", "--sim", "127.0.0.1:9", "--out", "session.mcap"];
     let view = ["view", "corpus", "--run", "run", "--no-open"];
-    for serving in [&["mock-xplane"][..], &record, &view] {
+    for serving in [&["mock-xplane"][..], &tape, &view] {
         let serving = [serving, &["--port", "0", "--until-stdin-ends"]].concat();
         Server::start(&mut cell.command(env!("CARGO_BIN_EXE_dtd"), &serving)).end();
     }

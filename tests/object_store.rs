@@ -261,7 +261,7 @@ fn a_store_that_goes_away_leaves_what_is_made_on_the_stage_and_the_next_run_send
     let stage = tempdir().unwrap();
     let way = Way::to(SERVER.address);
     let mut command = generate(way.address, &url, stage.path());
-    command.args(["--patience", "1"]);
+    command.args(["--timeout", "1"]);
     let run = start(command);
     until("a scenario is committed", || committed("away") > 0);
     way.cut();

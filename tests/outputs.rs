@@ -30,12 +30,12 @@ const VERBS: [&[&str]; 18] = [
         "refit", "RUN", "--corpus", "CORPUS", "--view", "left", "--out", "OUT",
     ],
     &["evaluate", "RUN", "--corpus", "CORPUS", "--out", "OUT"],
-    &["predict", "RUN", "CORPUS", "--out", "OUT"],
+    &["predict", "RUN", "--corpus", "CORPUS", "--out", "OUT"],
     &["export", "CORPUS", "--to", "coco", "--out", "OUT"],
     &["export-estimators", "RUN", "--out", "OUT"],
     &["evaluate-detector", "CORPUS", "--out", "OUT"],
     &["train-detector", "CORPUS", "--out", "OUT"],
-    &["record", "--sim", "mock", "--out", "OUT"],
+    &["tape", "--sim", "mock", "--out", "OUT"],
     &["examples", "OUT"],
     &["man", "OUT"],
     &["demo", "--out", "OUT"],
@@ -151,6 +151,16 @@ fn every_verb_refuses_the_places_of_others_and_changes_nothing() {
             ("export/inner", "is a sealed folder"),
         ] {
             world.refuse(verb, &world.path(place), words);
+        }
+    }
+}
+
+#[test]
+fn a_new_file_in_a_folder_that_is_not_there_is_refused_before_the_work() {
+    let world = World::new();
+    for verb in VERBS {
+        if ["predict", "tape"].contains(&verb[0]) {
+            world.refuse(verb, &world.path("nowhere/file"), "which does not exist");
         }
     }
 }

@@ -28,8 +28,8 @@ const VERBS: [(&str, &str); 10] = [
     ("plan", "plan sweep.toml --against corpus --json"),
     ("generate", "generate sweep.toml --out corpus --json"),
     ("label", "label corpus --json"),
-    ("detect", "detect corpus --model {model} --again --json"),
-    ("verify", "verify corpus --quick --json"),
+    ("detect", "detect corpus --model {model} --force --json"),
+    ("verify", "verify corpus --no-decode --json"),
     (
         "train",
         "train corpus --out run --config training.toml --seed 1 --json",
@@ -59,7 +59,7 @@ struct Start {
     tiny: Tiny,
     /// The scenario that is only in the store.
     absent: String,
-    /// The result of `verify --quick` before the race.
+    /// The result of `verify --no-decode` before the race.
     findings: Value,
 }
 
@@ -119,10 +119,10 @@ fn must(tiny: &Tiny, arguments: &[impl AsRef<std::ffi::OsStr>]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_default()
 }
 
-/// The result of `verify --quick`.
+/// The result of `verify --no-decode`.
 fn findings(tiny: &Tiny, corpus: &str) -> Value {
     let output = tiny
-        .dtd(&["verify", corpus, "--quick", "--json"])
+        .dtd(&["verify", corpus, "--no-decode", "--json"])
         .output()
         .unwrap();
     let report: Value = serde_json::from_slice(&output.stdout)

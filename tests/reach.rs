@@ -101,7 +101,7 @@ fn scenarios_are_generated_and_recorded_from_a_simulator_that_answers_from_anoth
 
         let tape = folder.path().join("session.mcap");
         let port = free_port();
-        let record = ["record", "--sim", &sim, "--out", text(&tape)];
+        let record = ["tape", "--sim", &sim, "--out", text(&tape)];
         let recorder = Server::start(
             dtd(&record, folder.path())
                 .args(["--udp-port", &port])

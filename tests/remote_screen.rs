@@ -102,7 +102,7 @@ fn pictures_of_the_screen_pass_a_recorder_and_do_not_reach_the_tape() {
     let tape = folder.path().join("session.mcap");
     let recorder = Server::start(
         there
-            .dtd(&["record", "--port", "0", "--until-stdin-ends"])
+            .dtd(&["tape", "--port", "0", "--until-stdin-ends"])
             .arg("--out")
             .arg(&tape),
     );

@@ -90,7 +90,7 @@ impl Scripted {
 
     /// A run that gives up waiting after a second.
     fn generate(&self, sweep: &Path, corpus: &Path, more: &[&str]) -> Command {
-        let mut command = DTD.command(&["generate", "--json", "--patience", "1"]);
+        let mut command = DTD.command(&["generate", "--json", "--timeout", "1"]);
         command
             .arg(sweep)
             .arg("--out")

@@ -1,4 +1,4 @@
-//! Sessions recorded by `dtd record` and replayed: the same corpus results, and other tools can read the tape.
+//! Sessions recorded by `dtd tape` and replayed: the same corpus results, and other tools can read the tape.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -32,7 +32,7 @@ fn must(arguments: &[&str]) {
 /// Records a run of some scenarios; the tape is next to the corpus.
 fn recorded(folder: &Path, more: &[&str], only: &[&str]) -> (PathBuf, PathBuf) {
     let (corpus, tape) = (folder.join("corpus"), folder.join("session.mcap"));
-    let arguments = [&["record", "--sim", "mock", "--out", text(&tape)], more].concat();
+    let arguments = [&["tape", "--sim", "mock", "--out", text(&tape)], more].concat();
     let recorder = DTD.serve(&arguments);
     let generate = [
         "generate",
@@ -120,7 +120,7 @@ fn four_weathers_recorded(folder: &Path) -> (PathBuf, PathBuf, PathBuf) {
     let [sweep, corpus, tape] =
         ["sweep.toml", "corpus", "session.mcap"].map(|name| folder.join(name));
     fs::write(&sweep, four_weathers()).unwrap();
-    let recorder = DTD.serve(&["record", "--sim", "mock", "--out", text(&tape)]);
+    let recorder = DTD.serve(&["tape", "--sim", "mock", "--out", text(&tape)]);
     let simulator = ["--sim", recorder.udp()];
     let generate = ["generate", text(&sweep), "--out", text(&corpus)];
     must(&[&generate[..], &simulator].concat());
@@ -300,7 +300,7 @@ fn a_killed_recorder_leaves_a_tape_that_reads() {
         .set_read_timeout(Some(Duration::from_secs(20)))
         .unwrap();
     let address = simulator.local_addr().unwrap().to_string();
-    let mut recorder = DTD.serve(&["record", "--sim", &address, "--out", text(&tape)]);
+    let mut recorder = DTD.serve(&["tape", "--sim", &address, "--out", text(&tape)]);
     let client = UdpSocket::bind("127.0.0.1:0").unwrap();
     for value in 0..WRITES {
         let write = WriteDataref {
@@ -361,7 +361,7 @@ fn a_recorder_in_front_of_nobody_says_so_at_the_start_and_at_the_end() {
     ] {
         let tape = folder.path().join(format!("{client_speaks}.mcap"));
         let mut recorder = Server::start(
-            DTD.command(&["record", "--sim", &address, "--out", text(&tape)])
+            DTD.command(&["tape", "--sim", &address, "--out", text(&tape)])
                 .args(["--port", "0", "--until-stdin-ends"])
                 .stderr(Stdio::piped()),
         );

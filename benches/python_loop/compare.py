@@ -63,7 +63,7 @@ def detect(dtd, corpus, model, *options):
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     began = time.perf_counter()
     run = subprocess.run(
-        [dtd, "detect", corpus, "--model", model, *options, *OPTIONS, "--again", "--json"],
+        [dtd, "detect", corpus, "--model", model, *options, *OPTIONS, "--force", "--json"],
         check=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -10,6 +10,7 @@
 //!     MANIFEST.b3  DONE.json
 //! ```
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -33,6 +34,17 @@ const OTHERS_TAKE: Duration = Duration::from_secs(30);
 #[derive(Debug, Clone)]
 pub struct Corpus {
     root: PathBuf,
+    /// Identifiers of scenarios that are treated as absent.
+    left_out: BTreeSet<String>,
+}
+
+/// A committed scenario that cannot be opened.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DamagedScenario {
+    /// Its identifier.
+    pub id: String,
+    /// What is wrong with it.
+    pub reason: String,
 }
 
 /// The folder of one scenario.
@@ -69,9 +81,7 @@ impl Corpus {
             });
         }
         own_path(root, SCENARIOS)?;
-        Ok(Self {
-            root: root.to_owned(),
-        })
+        Ok(Self::at(root))
     }
 
     /// Opens a corpus, creating missing folders.
@@ -79,9 +89,38 @@ impl Corpus {
         check_path(root)?;
         let scenarios = own_path(root, SCENARIOS)?;
         fs::create_dir_all(&scenarios).map_err(Error::io("create", &scenarios))?;
-        Ok(Self {
+        Ok(Self::at(root))
+    }
+
+    fn at(root: &Path) -> Self {
+        Self {
             root: root.to_owned(),
-        })
+            left_out: BTreeSet::new(),
+        }
+    }
+
+    /// This corpus without its damaged scenarios, and those: for readers of the whole corpus, which one of them would end.
+    ///
+    /// # Errors
+    /// The corpus cannot be listed, or the disk fails.
+    pub fn without_damaged(&self) -> Result<(Self, Vec<DamagedScenario>)> {
+        let mut sound = self.clone();
+        let mut damaged = Vec::new();
+        for scenario in self.scenarios()? {
+            match scenario.open() {
+                Ok(_) => {}
+                // What does not fit into memory may be sound.
+                Err(error) if error.is_bad_content() && !matches!(error, Error::Memory(_)) => {
+                    sound.left_out.insert(scenario.id());
+                    damaged.push(DamagedScenario {
+                        id: scenario.id(),
+                        reason: error.to_string(),
+                    });
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok((sound, damaged))
     }
 
     /// The folder of the corpus.
@@ -138,7 +177,7 @@ impl Corpus {
     }
 
     /// All committed scenarios, sorted by identifier. A folder without a seal does not count; one with a damaged seal does, and is
-    /// rejected when it is opened, so that it does not hide the others.
+    /// rejected when it is opened, so that it does not hide the others, unless it is left out ([`Self::without_damaged`]).
     pub fn scenarios(&self) -> Result<Vec<ScenarioFolder>> {
         let mut committed = Vec::new();
         for scenario in self.folders()? {
@@ -160,7 +199,11 @@ impl Corpus {
         for entry in fs::read_dir(&folder).map_err(Error::io("list", &folder))? {
             let name = entry.map_err(Error::io("list", &folder))?.file_name();
             let scenario = self.folder(&name.to_string_lossy());
-            if !scenario.id().ends_with(PARTIAL_SUFFIX) && scenario.root.is_dir() {
+            let id = scenario.id();
+            if !id.ends_with(PARTIAL_SUFFIX)
+                && scenario.root.is_dir()
+                && !self.left_out.contains(&id)
+            {
                 found.push(scenario);
             }
         }

@@ -18,6 +18,9 @@ pub fn read_json<T: DeserializeOwned>(path: &Path, what: &'static str) -> Result
 
 /// Reads the content of a JSON file; messages name it as `path` and its content as `what`.
 pub fn parse_json<T: DeserializeOwned>(text: &[u8], path: &Path, what: &'static str) -> Result<T> {
+    if text.iter().all(u8::is_ascii_whitespace) {
+        return Err(Error::corpus(path, format!("is empty, expected a {what}")));
+    }
     serde_json::from_slice(text).map_err(|source| Error::Json {
         what,
         path: path.to_owned(),

@@ -7,6 +7,7 @@ use minijinja::context;
 use report_page::chart::css_colour;
 use report_page::crop::Crop;
 use report_page::page::{drawn, render, value};
+use report_page::signed;
 use serde::Serialize;
 
 use crate::error::Result;
@@ -397,6 +398,6 @@ fn number(value: Option<f64>, decimals: usize) -> String {
 }
 
 fn spread(spread: Option<Spread>) -> String {
-    let words = |spread: Spread| format!("{:+.2} ± {:.2}", spread.median, spread.deviation);
+    let words = |spread: Spread| format!("{} ± {:.2}", signed(spread.median, 2), spread.deviation);
     spread.map_or_else(|| "–".into(), words)
 }

@@ -142,7 +142,20 @@ pub fn generate<'a>(
             };
             if in_store.contains_key(&scenario.id) {
                 outcome.skipped.push(scenario.id.clone());
-            } else if !is_whole()? {
+                continue;
+            }
+            let is_whole = match is_whole() {
+                // The others are recorded.
+                Err(error @ GenerateError::ForeignFolder { .. }) => {
+                    outcome.failed.push(FailedScenario {
+                        id: scenario.id.clone(),
+                        reason: error.to_string(),
+                    });
+                    continue;
+                }
+                whole => whole?,
+            };
+            if !is_whole {
                 to_make.push(scenario);
             } else if options.remote.is_some() {
                 staged.push(scenario);

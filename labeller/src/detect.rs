@@ -66,7 +66,7 @@ pub struct DetectOptions {
     /// Search only these scenarios; `None`: all.
     pub only: Option<BTreeSet<String>>,
     /// Detect again even if this model's detections with these settings exist.
-    pub again: bool,
+    pub force: bool,
 }
 
 impl Default for DetectOptions {
@@ -82,7 +82,7 @@ impl Default for DetectOptions {
             threads_per_worker: 1,
             batch: 1,
             only: None,
-            again: false,
+            force: false,
         }
     }
 }

@@ -406,7 +406,7 @@ mod tests {
         assert!(
             failure
                 .reason
-                .contains("0002-b/DONE.json is not a valid seal"),
+                .contains("0002-b/DONE.json: is empty, expected a seal"),
             "{failure:?}"
         );
     }

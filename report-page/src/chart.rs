@@ -7,6 +7,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use crate::error::{DrawingError, Error, Result};
+use crate::number::with_minus_signs;
 
 const WIDTH: u32 = 960;
 /// Colours of series; distinguishable for colour-blind readers (Okabe and Ito).
@@ -45,6 +46,7 @@ pub fn svg(what: &'static str, height: u32, draw: impl FnOnce(&Area) -> Drawn) -
             .map_err(|cause| Error::Chart { what, cause })?;
     }
     // A width in the file would prevent the page from scaling the picture.
+    let text = with_minus_signs(&text);
     Ok(text.replacen(&format!("width=\"{WIDTH}\" height=\"{height}\" "), "", 1))
 }
 

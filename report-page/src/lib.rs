@@ -8,6 +8,8 @@
 pub mod chart;
 pub mod crop;
 mod error;
+mod number;
 pub mod page;
 
 pub use error::{DrawingError, Error, Result};
+pub use number::{decimal, signed};

@@ -2,20 +2,23 @@
 
 mod own_folder;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::slice;
+use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use generator::generate::SimulatorTarget;
 use generator::sweep::Sweep;
 use labeller::{DetectOptions, DetectOutcome};
-use trainer::{EvaluationConfig, Metrics, RunFolder, TrainConfig};
+use serde::Serialize;
+use trainer::{EvaluationConfig, Metrics, TrainConfig};
 
 use super::Outcome;
 use super::detect::{detect, interrupted, refuse_other_models};
 use super::evaluate::{evaluate, print_metrics};
 use super::generate::{ending_of, generate, options};
 use super::label::label;
+use super::output::{Next, finish, print_json};
 use super::train::train;
 use crate::args::DemoArgs;
 use crate::failure::{Ending, Failure};
@@ -27,6 +30,7 @@ const VIDEOS_TO_SHOW: usize = 2;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DemoArgs) -> Outcome {
+    let began = Instant::now();
     let shipped = Shipped::unpack()?;
     let sweep = args.sweep.clone().unwrap_or_else(|| shipped.demo_sweep());
     let model = args.model.clone().unwrap_or_else(|| shipped.detector());
@@ -37,7 +41,12 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     let generated = generate(&sweep, &folder.corpus(), &options)?;
     match ending_of(&generated)? {
         Ending::Done => {}
-        other => return Ok(other),
+        other => {
+            for failed in &generated.failed {
+                eprintln!("demo: {}: {}", failed.id, failed.reason);
+            }
+            return Ok(other);
+        }
     }
     let corpus = Corpus::open(&folder.corpus())?;
     let labelled = label(&corpus)?;
@@ -63,45 +72,75 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     };
     let trained = train(slice::from_ref(&corpus), &folder.run(), &config)?;
     let metrics = evaluate(trained.run.root(), &corpus, &EvaluationConfig::default())?;
-    print_result(&corpus, &detected, &metrics, &trained.run)?;
+    let result = DemoResult {
+        scenarios: corpus.scenarios()?.len(),
+        corpus: corpus.root(),
+        run: trained.run.root(),
+        report: trained.run.report_path(),
+        metrics_file: trained.run.metrics_path(),
+        videos: videos(&corpus)?,
+        detections: &detected,
+        metrics: &metrics,
+    };
+    if args.json {
+        print_json(&result)?;
+    } else {
+        result.print();
+    }
+    let next = Next::verb("view", corpus.root()).and("--run");
+    finish("demo", began, &next.and(trained.run.root().display()));
     Ok(Ending::Done)
 }
 
-fn print_result(
-    corpus: &Corpus,
-    detected: &DetectOutcome,
-    metrics: &Metrics,
-    run: &RunFolder,
-) -> Result<(), Failure> {
-    let scenarios = corpus.scenarios()?;
-    println!("scenarios       {}", scenarios.len());
-    println!("frames          {} in all views", detected.counts.pictures);
-    if let Some(truth) = &detected.counts.against_truth {
-        if let Some(rate) = truth.detection_rate() {
-            println!(
-                "detection rate  {:.2} % of the frames that show the aircraft",
-                100.0 * rate
-            );
+/// What the demo made; with `--json` the document that it prints.
+#[derive(Serialize)]
+struct DemoResult<'a> {
+    corpus: &'a Path,
+    run: &'a Path,
+    report: PathBuf,
+    metrics_file: PathBuf,
+    videos: Vec<PathBuf>,
+    scenarios: usize,
+    detections: &'a DetectOutcome,
+    metrics: &'a Metrics,
+}
+
+impl DemoResult<'_> {
+    fn print(&self) {
+        let detected = self.detections;
+        println!("scenarios       {}", self.scenarios);
+        println!("frames          {} in all views", detected.counts.pictures);
+        if let Some(truth) = &detected.counts.against_truth {
+            if let Some(rate) = truth.detection_rate() {
+                println!(
+                    "detection rate  {:.2} % of the frames that show the aircraft",
+                    100.0 * rate
+                );
+            }
+            if let Some(error_px) = truth.mean_center_error_px() {
+                println!(
+                    "centre error    {error_px:.2} px on average, {} false detections",
+                    truth.false_detections
+                );
+            }
         }
-        if let Some(error_px) = truth.mean_center_error_px() {
-            println!(
-                "centre error    {error_px:.2} px on average, {} false detections",
-                truth.false_detections
-            );
+        println!();
+        print_metrics(self.metrics);
+        println!();
+        println!("report          {}", self.report.display());
+        println!("metrics         {}", self.metrics_file.display());
+        for video in self.videos.iter().take(VIDEOS_TO_SHOW) {
+            println!("video           {}", video.display());
         }
     }
-    println!();
-    print_metrics(metrics);
-    println!();
-    println!("report          {}", run.report_path().display());
-    println!("metrics         {}", run.metrics_path().display());
-    let mut videos: Vec<PathBuf> = Vec::new();
-    for scenario in &scenarios {
+}
+
+/// The videos of all scenarios.
+fn videos(corpus: &Corpus) -> Result<Vec<PathBuf>, Failure> {
+    let mut videos = Vec::new();
+    for scenario in corpus.scenarios()? {
         let record = scenario.open()?.record()?;
         videos.extend(record.views.iter().map(|view| scenario.video_path(view)));
     }
-    for video in videos.iter().take(VIDEOS_TO_SHOW) {
-        println!("video           {}", video.display());
-    }
-    Ok(())
+    Ok(videos)
 }

@@ -1,18 +1,22 @@
 //! `dtd detect`: finds the aircraft in the decoded videos, and registers the views with each other.
 
 use std::collections::BTreeSet;
+use std::iter;
 use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
+use dataset::detections::{choose, models_of};
 use dataset::plan::Plan;
+use dataset::splits::Side;
 use generator::generate::Cancel;
 use generator::shard::Shard;
 use labeller::{DetectOptions, DetectOutcome, Progress, RegistrationCounts, Watch, detect_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
-use super::output::{count, finish, print_json};
+use super::output::{Next, count, finish, print_json};
+use super::train::has_scenario_on;
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -40,7 +44,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(args.mode),
             only,
-            again: args.again,
+            force: args.force,
             ..DetectOptions::default()
         },
     )?;
@@ -55,18 +59,53 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         return Ok(ending);
     }
     if outcome.failed.is_empty() {
-        let corpus = args.corpus.display();
-        let next = match outcome.counts.confirmed {
-            0 => format!("dtd view {corpus}    # no track was confirmed"),
-            _ => format!("dtd train {corpus} --out run"),
-        };
-        finish("detect", began, &next);
+        finish("detect", began, &next(&corpus, &outcome)?);
     }
     Ok(if outcome.failed.is_empty() {
         Ending::Done
     } else {
         Ending::Losses
     })
+}
+
+/// What can be done with the corpus now.
+fn next(corpus: &Corpus, outcome: &DetectOutcome) -> Result<Next, Failure> {
+    let folders = corpus.scenarios().map_err(Failure::of_corpus)?;
+    let mut is_labelled = true;
+    for folder in &folders {
+        if !models_of(folder)?.contains(&outcome.model_hash) {
+            // Other shards do it, or nobody asked for it.
+            return Ok(Next::default());
+        }
+        is_labelled &= folder.open()?.truth_boxes_if_labelled()?.is_some();
+    }
+    if outcome.counts.confirmed == 0 {
+        eprintln!("detect: no track was confirmed");
+        return Ok(Next::verb("view", corpus.root()));
+    }
+    if !is_labelled {
+        return Ok(Next::verb("label", corpus.root()));
+    }
+    if ![Side::Train, Side::Validation]
+        .iter()
+        .all(|side| has_scenario_on(corpus, *side))
+    {
+        return Ok(Next::verb("view", corpus.root()));
+    }
+    let train = Next::verb("train", corpus.root())
+        .and("--out")
+        .and(new_run());
+    Ok(match choose(&folders, None)? {
+        Ok(_) => train,
+        Err(_) => train.and("--detections").and(&outcome.model_hash),
+    })
+}
+
+/// A name for a run that replaces nothing.
+fn new_run() -> String {
+    let names = iter::once("run".to_owned()).chain((2..).map(|number| format!("run{number}")));
+    let mut free = names.filter(|name| !Path::new(name).exists());
+    free.next().unwrap_or_default()
 }
 
 /// The scenarios of a shard, by its part of the plan; `None`: all.

@@ -1,20 +1,21 @@
 //! `dtd evaluate`: the errors of a run on the held-out trajectories.
 
 use std::path::Path;
+use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use trainer::{EvaluationConfig, JudgedSide, Metrics, RunFolder};
 
 use super::Outcome;
-use super::open_corpus::open_corpus;
-use super::output::{count, print_json, print_table};
+use super::open_corpus::open_sound_corpus;
+use super::output::{Next, count, finish, print_json, print_table};
 use super::train::{Bars, failure_of};
 use crate::estimator_args::{EvaluateArgs, SideArg};
-use crate::failure::{Ending, Failure};
+use crate::failure::Failure;
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
-    let corpus = open_corpus(&args.corpus)?;
+    let (corpus, ending) = open_sound_corpus("evaluate", &args.corpus)?;
     let config = EvaluationConfig {
         side: match args.side {
             SideArg::Test => JudgedSide::Test,
@@ -23,15 +24,19 @@ pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
         detections: args.detections.clone(),
         out: args.out.clone(),
     };
+    let began = Instant::now();
     let metrics = evaluate(&args.run, &corpus, &config)?;
+    let results = args.out.as_ref().unwrap_or(&args.run);
     if args.json {
         print_json(&metrics)?;
     } else {
         print_metrics(&metrics);
-        let results = RunFolder::at(args.out.as_ref().unwrap_or(&args.run));
-        println!("report: {}", results.report_path().display());
+        let report = RunFolder::at(results).report_path();
+        println!("report: {}", report.display());
     }
-    Ok(Ending::Done)
+    let next = Next::verb("view", &args.corpus).and("--run");
+    finish("evaluate", began, &next.and(results.display()));
+    Ok(ending)
 }
 
 /// Evaluates a run.

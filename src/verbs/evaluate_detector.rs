@@ -11,7 +11,7 @@ use labeller::{DetectOptions, Mode, Progress, Watch};
 use super::Outcome;
 use super::detect::refuse_other_models;
 use super::open_corpus::open_filled_corpus;
-use super::output::{count, finish, print_json, print_table};
+use super::output::{Next, count, finish, print_json, print_table};
 use crate::args::EvaluateDetectorArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -79,13 +79,10 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
         print_json(&evaluation)?;
     } else {
         print_summary(&evaluation);
+        let report = args.out.join(detector_evaluation::REPORT);
+        println!("report: {}", report.display());
     }
-    let report = args.out.join(detector_evaluation::REPORT);
-    finish(
-        "evaluate-detector",
-        began,
-        &format!("open {}", report.display()),
-    );
+    finish("evaluate-detector", began, &Next::default());
     Ok(match evaluation.failed.is_empty() {
         true => Ending::Done,
         false => Ending::Losses,

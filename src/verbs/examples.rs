@@ -1,7 +1,7 @@
 //! `dtd examples`: the sweeps that ship, as files to change.
 
 use super::Outcome;
-use super::output::count;
+use super::output::{Next, count};
 use crate::args::ExamplesArgs;
 use crate::failure::Ending;
 use crate::shipped;
@@ -12,10 +12,7 @@ pub(crate) fn run(args: &ExamplesArgs) -> Outcome {
     for path in &written {
         println!("{}", path.display());
     }
-    eprintln!(
-        "examples: {} written; next: dtd plan {}",
-        count(written.len(), "file"),
-        args.folder.join("scenarios.toml").display()
-    );
+    eprintln!("examples: {} written", count(written.len(), "file"));
+    Next::verb("plan", &args.folder.join("scenarios.toml")).show();
     Ok(Ending::Done)
 }

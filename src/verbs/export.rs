@@ -3,13 +3,13 @@
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use exporter::{Error, ExportOutcome, Watch};
+use exporter::{Error, ExportOutcome, Format, Watch};
 use generator::generate::Cancel;
 use serde::Serialize;
 
 use super::Outcome;
-use super::open_corpus::open_filled_corpus;
-use super::output::{count, finish, print_json};
+use super::open_corpus::{open_sound_corpus, refuse_empty};
+use super::output::{Next, count, finish, print_json};
 use crate::export_args::{Asked, ExportArgs};
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -19,10 +19,13 @@ use crate::signals;
 pub(crate) fn run(args: &ExportArgs) -> Outcome {
     let began = Instant::now();
     let asked = args.asked().map_err(Failure::bad_input_message)?;
-    let corpus = open_filled_corpus(&args.corpus)?;
+    let (corpus, ending) = open_sound_corpus("export", &args.corpus)?;
+    refuse_empty(&corpus)?;
     let (request, out) = match asked {
         Asked::Export(request, out) => (request, out),
-        Asked::Description { license } => return describe(&corpus, license, args.json),
+        Asked::Description { license } => {
+            return describe(&corpus, license, args.json).map(|()| ending);
+        }
     };
     let bar = Bar::new("export", "pictures", None);
     let cancel = Cancel::default();
@@ -46,15 +49,16 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
     };
     bar.finish();
     if args.json {
-        return print_json(&outcome).map(|()| Ending::Done);
+        return print_json(&outcome).map(|()| ending);
     }
-    print_summary(&outcome);
-    finish("export", began, &format!("ls {}", out.display()));
-    Ok(Ending::Done)
+    print_summary(&outcome, request.format);
+    println!("{}", out.display());
+    finish("export", began, &Next::default());
+    Ok(ending)
 }
 
 /// Writes `croissant.json` into the corpus.
-fn describe(corpus: &Corpus, license: Option<String>, json: bool) -> Outcome {
+fn describe(corpus: &Corpus, license: Option<String>, json: bool) -> Result<(), Failure> {
     let (path, described) = exporter::describe_corpus(corpus, license).map_err(failure)?;
     let path = path.display().to_string();
     if json {
@@ -62,10 +66,10 @@ fn describe(corpus: &Corpus, license: Option<String>, json: bool) -> Outcome {
             croissant: &path,
             described,
         };
-        return print_json(&printed).map(|()| Ending::Done);
+        return print_json(&printed);
     }
     println!("{path}");
-    Ok(Ending::Done)
+    Ok(())
 }
 
 /// What `--json` prints of a description.
@@ -85,13 +89,15 @@ fn failure(error: Error) -> Failure {
     }
 }
 
-fn print_summary(outcome: &ExportOutcome) {
-    let boxes = match outcome.boxes {
-        1 => "1 box".to_owned(),
-        boxes => format!("{boxes} boxes"),
+fn print_summary(outcome: &ExportOutcome, format: Format) {
+    let boxes = match (format, outcome.boxes) {
+        // It has no place for boxes.
+        (Format::LeRobot, _) => String::new(),
+        (_, 1) => " with 1 box".to_owned(),
+        (_, boxes) => format!(" with {boxes} boxes"),
     };
     println!(
-        "{} with {boxes} of {}{}",
+        "{}{boxes} of {}{}",
         count(outcome.pictures as usize, "picture"),
         count(outcome.scenarios as usize, "scenario"),
         if outcome.unchanged {

@@ -12,7 +12,7 @@ use trainer::{
 };
 
 use super::Outcome;
-use super::output::{finish, print_json};
+use super::output::{Next, finish, print_json};
 use super::train::failure_of;
 use crate::estimator_args::ExportEstimatorsArgs;
 use crate::failure::{Ending, Failure};
@@ -82,11 +82,7 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
         }
         println!("how to use them: {}", args.out.join(CARD).display());
     }
-    finish(
-        "export-estimators",
-        began,
-        "docs/training.md has an example in Python",
-    );
+    finish("export-estimators", began, &Next::default());
     Ok(Ending::Done)
 }
 

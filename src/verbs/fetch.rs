@@ -59,7 +59,7 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     let began = Instant::now();
     let url: &StoreUrl = &args.url;
     let store = CorpusStore::open(url, false).map_err(failure_of)?;
-    let patience = Patience(Duration::from_secs(args.patience));
+    let patience = Patience(Duration::from_secs(args.timeout_s));
     let mirror = async_runtime()?.block_on(mirror(&store, args, patience))?;
     if args.json {
         print_json(&mirror)?;

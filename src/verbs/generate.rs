@@ -23,7 +23,7 @@ use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::corpus_files::SPLIT_AGAIN;
 use super::object_store::{default_stage, failure_of};
-use super::output::{count, finish, print_json};
+use super::output::{Next, count, finish, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::{Bar, Disk, Scenarios};
@@ -34,7 +34,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let began = Instant::now();
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
     let (corpus, remote) = place(args)?;
-    let patience = Duration::from_secs(args.patience);
+    let timeout = Duration::from_secs(args.timeout_s);
     let options = GenerateOptions {
         simulators: args.sim.clone(),
         local_udp: local_udp(args)?,
@@ -43,8 +43,8 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
         only: args.only.clone(),
         shard: args.shard.or_of_environment("generate")?,
         patience: Patience {
-            simulator: patience,
-            store: patience,
+            simulator: timeout,
+            store: timeout,
             ..Patience::default()
         },
         restart: args.restart_simulator.clone().map(|command| Restart {
@@ -86,8 +86,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     }
     let ending = ending_of(&generated)?;
     if let (Ending::Done, CorpusLocation::Folder(folder)) = (&ending, &args.out) {
-        let next = format!("dtd label {}", folder.display());
-        finish("generate", began, &next);
+        finish("generate", began, &Next::verb("label", folder));
     }
     Ok(ending)
 }

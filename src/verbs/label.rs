@@ -7,7 +7,7 @@ use labeller::{LabelOutcome, label_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
-use super::output::{count, finish, print_json};
+use super::output::{Next, count, finish, print_json};
 use crate::args::LabelArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -26,8 +26,7 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
         );
     }
     if outcome.failed.is_empty() {
-        let next = format!("dtd detect {}", args.corpus.display());
-        finish("label", began, &next);
+        finish("label", began, &Next::verb("detect", &args.corpus));
     }
     Ok(if outcome.failed.is_empty() {
         Ending::Done

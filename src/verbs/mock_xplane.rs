@@ -20,6 +20,9 @@ use crate::signals;
 /// A faster clock makes frames longer. Above this length, a flight cannot be followed from frame to frame.
 const LONGEST_FRAME_S: f64 = 0.1;
 
+/// The module that XPPython3 starts.
+const PLUGIN: &str = "PI_dtd_bridge.py";
+
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
     let stage = args.window.map(open_window).transpose()?;
@@ -39,7 +42,7 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         token: LinkToken::from_environment(),
         patience: LinkPatience::default(),
         stage,
-        link: link(args),
+        link: link(args)?,
     };
     let stop = Cancel::new();
     let _in_good_order = signals::in_good_order(&stop);
@@ -71,27 +74,33 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
     ending
 }
 
-fn link(args: &MockXplaneArgs) -> LinkServer {
+fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     if args.no_plugin {
-        return LinkServer::Nobody;
+        return Ok(LinkServer::Nobody);
     }
     let WindowSize {
         width_px,
         height_px,
     } = args.window.unwrap_or(args.plugin_window);
-    match &args.plugin {
-        None => LinkServer::BuiltIn,
-        Some(folder) => LinkServer::Plugin(PluginOptions {
-            window_px: (width_px, height_px),
-            frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(LONGEST_FRAME_S),
-            steal_camera_every_frames: args.steal_camera_every,
-            move_origin_every_frames: args.move_origin_every,
-            scene_behind: args
-                .scene_behind
-                .map(|frames| SceneBehind::Constant(frames.into())),
-            ..PluginOptions::new(folder)
-        }),
+    let Some(folder) = &args.plugin else {
+        return Ok(LinkServer::BuiltIn);
+    };
+    if !folder.join(PLUGIN).is_file() {
+        return Err(Failure::bad_input_message(format!(
+            "--plugin {}: it has no {PLUGIN}; expected the repository's folder xplane-bridge/plugin",
+            folder.display()
+        )));
     }
+    Ok(LinkServer::Plugin(PluginOptions {
+        window_px: (width_px, height_px),
+        frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(LONGEST_FRAME_S),
+        steal_camera_every_frames: args.steal_camera_every,
+        move_origin_every_frames: args.move_origin_every,
+        scene_behind: args
+            .scene_behind
+            .map(|frames| SceneBehind::Constant(frames.into())),
+        ..PluginOptions::new(folder)
+    }))
 }
 
 fn open_window(size: WindowSize) -> Result<Arc<dyn DisplayWindow>, Failure> {

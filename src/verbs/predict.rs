@@ -3,15 +3,14 @@
 use trainer::RunFolder;
 
 use super::Outcome;
-use super::open_corpus::open_corpus;
+use super::open_corpus::open_sound_corpus;
 use super::output::{count, print_json};
 use super::train::{Bars, failure_of};
 use crate::estimator_args::PredictArgs;
-use crate::failure::Ending;
 
 /// Runs the verb.
 pub(crate) fn run(args: &PredictArgs) -> Outcome {
-    let corpus = open_corpus(&args.corpus)?;
+    let (corpus, ending) = open_sound_corpus("predict", &args.corpus)?;
     let predicted = trainer::predict(
         &RunFolder::at(&args.run),
         &corpus,
@@ -22,7 +21,7 @@ pub(crate) fn run(args: &PredictArgs) -> Outcome {
     .map_err(failure_of)?;
     if args.json {
         print_json(&predicted)?;
-        return Ok(Ending::Done);
+        return Ok(ending);
     }
     println!(
         "wrote {}: {} of {}",
@@ -33,5 +32,5 @@ pub(crate) fn run(args: &PredictArgs) -> Outcome {
     for (name, answered) in predicted.answered {
         println!("{name}: {answered} answered");
     }
-    Ok(Ending::Done)
+    Ok(ending)
 }

@@ -66,7 +66,7 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
     let corpus = open_filled_corpus(&args.corpus)?;
     let began = Instant::now();
     let store = CorpusStore::open(&args.url, true).map_err(failure_of)?;
-    let patience = Patience(Duration::from_secs(args.patience));
+    let patience = Patience(Duration::from_secs(args.timeout_s));
     let sent = async_runtime()?.block_on(send(&corpus, &store, patience))?;
     if args.json {
         print_json(&sent)?;

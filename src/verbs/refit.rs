@@ -5,16 +5,15 @@ use std::time::Instant;
 use trainer::{RefitConfig, RunFolder};
 
 use super::Outcome;
-use super::open_corpus::open_corpus;
+use super::open_corpus::open_sound_corpus;
 use super::output::{count, finish, print_json};
-use super::train::{Bars, failure_of};
+use super::train::{Bars, failure_of, judged_next};
 use crate::estimator_args::RefitArgs;
-use crate::failure::Ending;
 
 /// Runs the verb.
 pub(crate) fn run(args: &RefitArgs) -> Outcome {
     let began = Instant::now();
-    let corpus = open_corpus(&args.corpus)?;
+    let (corpus, ending) = open_sound_corpus("refit", &args.corpus)?;
     let config = RefitConfig {
         view: args.view.clone(),
         approaches: args.scenarios,
@@ -34,11 +33,6 @@ pub(crate) fn run(args: &RefitArgs) -> Outcome {
             &refit.frozen_after_blake3[..12]
         );
     }
-    let next = format!(
-        "dtd evaluate {} --corpus {}",
-        args.out.display(),
-        args.corpus.display()
-    );
-    finish("refit", began, &next);
-    Ok(Ending::Done)
+    finish("refit", began, &judged_next(&args.out, &corpus));
+    Ok(ending)
 }

@@ -9,13 +9,14 @@ use dataset::corpus::Corpus;
 use dataset::json_file::read_json;
 use dataset::outside_file::{self, FileKind};
 use dataset::progress::Progress;
+use dataset::splits::Side;
 use dataset::toml_file::TomlFile;
 use serde::Serialize;
 use trainer::{Choice, TrainConfig, TrainOutcome};
 
 use super::Outcome;
-use super::open_corpus::open_corpus;
-use super::output::{finish, print_json};
+use super::open_corpus::open_sound_corpus;
+use super::output::{Next, finish, print_json};
 use crate::estimator_args::TrainArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -31,10 +32,15 @@ struct Trained<'a> {
 /// Runs the verb.
 pub(crate) fn run(args: &TrainArgs) -> Outcome {
     let began = Instant::now();
-    let corpora = args.corpora.iter().map(|path| open_corpus(path));
-    let corpora = corpora.collect::<Result<Vec<Corpus>, _>>()?;
+    let mut corpora = Vec::new();
+    let mut ending = Ending::Done;
+    for path in &args.corpora {
+        let (corpus, of_corpus) = open_sound_corpus("train", path)?;
+        corpora.push(corpus);
+        ending = ending.and(of_corpus);
+    }
     if let Some(path) = &args.search {
-        return search::run(args, path, &corpora);
+        return Ok(search::run(args, path, &corpora)?.and(ending));
     }
     let outcome = train(&corpora, &args.out, &config(args)?)?;
     let run = outcome.run.root();
@@ -55,13 +61,28 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
         } = &outcome.choice;
         println!("recommended: {estimator}: {reason}");
     }
-    let next = format!(
-        "dtd evaluate {} --corpus {}",
-        run.display(),
-        args.corpora[0].display()
-    );
-    finish("train", began, &next);
-    Ok(Ending::Done)
+    finish("train", began, &judged_next(run, &corpora[0]));
+    Ok(ending)
+}
+
+/// The evaluation of a run, if the corpus has flights for it.
+pub(crate) fn judged_next(run: &Path, corpus: &Corpus) -> Next {
+    if has_scenario_on(corpus, Side::Test) {
+        Next::verb("evaluate", run)
+            .and("--corpus")
+            .and(corpus.root().display())
+    } else {
+        Next::verb("view", corpus.root())
+    }
+}
+
+/// Whether a corpus has a scenario on this side of its split.
+pub(crate) fn has_scenario_on(corpus: &Corpus, side: Side) -> bool {
+    let (Ok(splits), Ok(scenarios)) = (corpus.splits(), corpus.scenarios()) else {
+        return false;
+    };
+    let mut sides = (scenarios.iter()).filter_map(|scenario| splits.scenarios.get(&scenario.id()));
+    sides.any(|assignment| assignment.side == side)
 }
 
 /// Trains with a progress bar per stage.
@@ -145,8 +166,8 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if let Some(seed) = args.seed {
         config.seed = seed;
     }
-    if let Some(device) = args.device {
-        config.device = device.into();
+    if let Some(backend) = args.backend {
+        config.backend = backend.into();
     }
     if args.detections.is_some() {
         config.model_hash.clone_from(&args.detections);

@@ -7,15 +7,15 @@ use dataset::toml_file::TomlFile;
 use detector_training::{DetectorConfig, Effort, Error, MOST_MINUTES, train_detector};
 
 use super::Outcome;
-use super::open_corpus::open_corpus;
+use super::open_corpus::open_sound_corpus;
 use super::output::print_json;
 use super::train::Bars;
 use crate::args::TrainDetectorArgs;
-use crate::failure::{Ending, Failure};
+use crate::failure::Failure;
 
 /// Runs the verb.
 pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
-    let corpus = open_corpus(&args.corpus)?;
+    let (corpus, ending) = open_sound_corpus("train-detector", &args.corpus)?;
     let config = config(args)?;
     let report = train_detector(&corpus, &args.out, &config, &mut Bars::of("train-detector"))
         .map_err(failure_of)?;
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
             args.out.with_extension("json").display()
         );
     }
-    Ok(Ending::Done)
+    Ok(ending)
 }
 
 fn config(args: &TrainDetectorArgs) -> Result<DetectorConfig, Failure> {

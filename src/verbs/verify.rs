@@ -17,7 +17,7 @@ use super::async_runtime::async_runtime;
 use super::corpus_files::sweep_fault;
 use super::object_store::{OnBar, failure_of, nothing_committed};
 use super::open_corpus::open_corpus;
-use super::output::{count, print_json};
+use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -27,12 +27,12 @@ const MOST_VIEWS_LISTED: usize = 8;
 const MOST_TICKS_LISTED: usize = 12;
 
 /// How long a store may be away.
-const STORE_PATIENCE: Duration = Duration::from_secs(300);
+const STORE_TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Runs the verb. A corpus with faults is a failure, with every fault named on stdout.
 pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     let options = VerifyOptions {
-        decode: !args.quick,
+        decode: !args.no_decode,
         complete: args.complete,
     };
     let (name, report, description) = match &args.corpus {
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
                 "croissant.json describes an earlier state; run `dtd export {name} --to croissant` again"
             );
         }
-        println!("{}", summary(&report, args.quick));
+        println!("{}", summary(&report, args.no_decode));
     }
     if report.findings.is_empty() && report.marked().next().is_some() {
         Ok(Ending::Losses)
@@ -99,10 +99,11 @@ enum Description {
     Outdated,
 }
 
-fn summary(report: &VerifyReport, quick: bool) -> String {
-    let pictures = match quick {
-        true => "pictures not decoded (--quick)".to_owned(),
-        false => count(report.pictures as usize, "picture"),
+fn summary(report: &VerifyReport, no_decode: bool) -> String {
+    let pictures = if no_decode {
+        "pictures not decoded (--no-decode)".to_owned()
+    } else {
+        count(report.pictures as usize, "picture")
     };
     let faults = match report.findings.len() {
         0 => "no faults".to_owned(),
@@ -133,9 +134,10 @@ fn print_proof(report: &VerifyReport) {
     match report.missing.as_slice() {
         [] => {}
         [id] => println!("1 planned scenario is missing: {id}"),
-        [id, ..] => println!(
-            "{} planned scenarios are missing: {id} ...",
-            report.missing.len()
+        ids => println!(
+            "{} planned scenarios are missing: {}",
+            ids.len(),
+            listed(ids)
         ),
     }
 }
@@ -234,7 +236,7 @@ fn verify_in_store(
             }
         }
         let bar = Bar::new("verify", "scenarios", Some(committed.len() as u64));
-        let (patience, watch) = (Patience(STORE_PATIENCE), OnBar::new(&bar));
+        let (patience, watch) = (Patience(STORE_TIMEOUT), OnBar::new(&bar));
         let mut verification = Verification::new(options);
         for (done, id) in committed.iter().enumerate() {
             bar.set_done(done as u64);

@@ -89,7 +89,10 @@ impl FromStr for StoreUrl {
         {
             return Err(bad("it holds credentials; they come from the environment"));
         }
-        let mut url = Url::parse(text).map_err(|error| bad(&error.to_string()))?;
+        let mut url = Url::parse(text).map_err(|error| match error {
+            url::ParseError::RelativeUrlWithoutBase => bad("it does not begin with a scheme"),
+            other => bad(&format!("it is not a URL: {other}")),
+        })?;
         let kind = match url.scheme() {
             "s3" | "s3a" => Kind::S3,
             "gs" => Kind::Google,

@@ -73,7 +73,7 @@ fn a_hundred_and_twenty_idle_connections_and_clients_end_no_recorder() {
     let folder = tempfile::tempdir().unwrap();
     let tape = folder.path().join("session.mcap");
     let recorder = serving(&[
-        "record",
+        "tape",
         "--sim",
         &stand_in.address("udp").to_string(),
         "--out",

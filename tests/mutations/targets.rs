@@ -10,10 +10,10 @@ pub(super) const VERBS: [(&str, &str); 16] = [
     ("detect", "detect corpus --model model.onnx --json"),
     (
         "detect again",
-        "detect corpus --model model.onnx --again --json",
+        "detect corpus --model model.onnx --force --json",
     ),
     ("detect set", "detect corpus --model set.onnx --json"),
-    ("quick", "verify corpus --quick --json"),
+    ("undecoded", "verify corpus --no-decode --json"),
     ("verify", "verify corpus --json"),
     (
         "train",
@@ -62,7 +62,7 @@ pub(super) struct Target {
 /// Which verbs read the files of a scenario.
 const SCENARIO: &[&str] = &[
     "label",
-    "quick",
+    "undecoded",
     "train",
     "evaluate",
     "push",
@@ -71,7 +71,7 @@ const SCENARIO: &[&str] = &[
     "verify",
     "generate",
 ];
-const DETECTIONS: &[&str] = &["train", "evaluate", "quick", "detect"];
+const DETECTIONS: &[&str] = &["train", "evaluate", "undecoded", "detect"];
 const OBJECTS: &[&str] = &["fetch", "fetch", "push over"];
 
 /// With `{id}` for a scenario, `{model}` for the hash of the detector, and braces for one of several files.
@@ -86,9 +86,9 @@ pub(super) const TARGETS: [Target; 30] = [
     Target { file: "model.onnx", form: Form::Bytes, guard: Guard::Free, verbs: &["detect", "detect again"] },
     Target { file: "set.onnx.toml", form: Form::Toml, guard: Guard::Free, verbs: &["detect set"] },
     Target { file: "session.mcap", form: Form::Bytes, guard: Guard::Free, verbs: &["tape"] },
-    Target { file: "corpus/plan.json", form: Form::Json, guard: Guard::Checked, verbs: &["against", "quick", "push over", "generate"] },
-    Target { file: "corpus/splits.json", form: Form::Json, guard: Guard::Checked, verbs: &["train", "evaluate", "quick", "push over", "generate"] },
-    Target { file: "corpus/corpus.toml", form: Form::Toml, guard: Guard::Free, verbs: &["quick", "push", "generate"] },
+    Target { file: "corpus/plan.json", form: Form::Json, guard: Guard::Checked, verbs: &["against", "undecoded", "push over", "generate"] },
+    Target { file: "corpus/splits.json", form: Form::Json, guard: Guard::Checked, verbs: &["train", "evaluate", "undecoded", "push over", "generate"] },
+    Target { file: "corpus/corpus.toml", form: Form::Toml, guard: Guard::Free, verbs: &["undecoded", "push", "generate"] },
     Target { file: "corpus/scenarios/{id}/scenario.json", form: Form::Json, guard: Guard::Sealed, verbs: SCENARIO },
     Target { file: "corpus/scenarios/{id}/scenario.json", form: Form::Json, guard: Guard::Sealed, verbs: SCENARIO },
     Target { file: "corpus/scenarios/{id}/calibration.json", form: Form::Json, guard: Guard::Sealed, verbs: SCENARIO },
@@ -99,7 +99,7 @@ pub(super) const TARGETS: [Target; 30] = [
     Target { file: "corpus/scenarios/{id}/frames.parquet", form: Form::Table, guard: Guard::Sealed, verbs: SCENARIO },
     Target { file: "corpus/scenarios/{id}/boxes_truth.parquet", form: Form::Table, guard: Guard::Sealed, verbs: SCENARIO },
     // Only `verify` reads videos for their hashes.
-    Target { file: "corpus/scenarios/{id}/views/left.mp4", form: Form::Bytes, guard: Guard::Free, verbs: &["detect again", "quick", "push"] },
+    Target { file: "corpus/scenarios/{id}/views/left.mp4", form: Form::Bytes, guard: Guard::Free, verbs: &["detect again", "undecoded", "push"] },
     Target { file: "corpus/scenarios/{id}/views/left.mp4", form: Form::Bytes, guard: Guard::Sealed, verbs: &["verify"] },
     Target { file: "corpus/scenarios/{id}/detections/{model}.parquet", form: Form::Table, guard: Guard::Checked, verbs: DETECTIONS },
     Target { file: "corpus/scenarios/{id}/detections/{model}.parquet", form: Form::Table, guard: Guard::Checked, verbs: &["push over"] },

@@ -1,8 +1,8 @@
 //! All settings of a training. The defaults are the paper's method; [`PaperDeviation`] names what other values change about it. Saved as
 //! `config.json` next to the results.
 
+pub(crate) mod backend;
 mod check;
-pub(crate) mod device;
 mod paper_deviation;
 
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
 
-use crate::config::device::TrainingDevice;
+use crate::config::backend::TrainingBackend;
 pub use paper_deviation::PaperDeviation;
 
 /// Settings of a training. Unknown keys are rejected.
@@ -20,8 +20,8 @@ pub use paper_deviation::PaperDeviation;
 pub struct TrainConfig {
     /// Seed of all random choices: initial weights, batches, augmentation. 0 is an ordinary seed.
     pub seed: u64,
-    /// Where networks train.
-    pub device: TrainingDevice,
+    /// What networks train on.
+    pub backend: TrainingBackend,
     /// File name or hash of the detection model whose boxes are used. Optional if the corpus has detections of one model only.
     pub model_hash: Option<String>,
     /// Minimum distance to the touchdown target for training, nautical miles.
@@ -60,7 +60,7 @@ impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             seed: 0,
-            device: TrainingDevice::Cpu,
+            backend: TrainingBackend::Cpu,
             model_hash: None,
             min_dtd_nm: 0.05,
             max_dtd_nm: None,

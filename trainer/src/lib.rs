@@ -33,7 +33,7 @@ mod samples;
 mod training;
 
 pub use background::Alignment;
-pub use config::device::TrainingDevice;
+pub use config::backend::TrainingBackend;
 pub use config::{TrainConfig, schema};
 pub use error::{CorpusFault, Error, Result, RunFault};
 pub use estimators::inverse_range::{Outcome, RefittedResidual};

@@ -93,7 +93,7 @@ pub(crate) fn train_unless(
 ) -> Result<TrainOutcome> {
     let started = Instant::now();
     config.check()?;
-    let device = config.device.open()?;
+    let device = config.backend.open()?;
     let place = RunPlace::take(&RunFolder::at(out))?;
     let flights = Flights::read(corpora, config, progress)?;
     let samples = &flights.samples;

@@ -7,17 +7,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use dataset::progress::{Progress, Silent};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
-use trainer::{TrainConfig, TrainingDevice, train};
+use trainer::{TrainConfig, TrainingBackend, train};
 
 /// Small networks and few steps.
-fn config(device: TrainingDevice) -> TrainConfig {
+fn config(backend: TrainingBackend) -> TrainConfig {
     let optimisation = || Optimisation {
         steps: 40,
         batch_size: 64,
         learning_rate: 3e-3,
     };
     TrainConfig {
-        device,
+        backend,
         calibration: CalibrationConfig {
             hidden: vec![16],
             features: 16,
@@ -63,13 +63,13 @@ fn a_gpu_comes_to_the_numbers_of_the_processor() {
     let corpus = SyntheticCorpus::tiny()
         .write(&root.path().join("corpus"))
         .unwrap();
-    let error_pct = |name: &str, device| {
+    let error_pct = |name: &str, backend| {
         let out = root.path().join(name);
-        let outcome = train(&corpus, &out, &config(device), &mut Silent).unwrap();
+        let outcome = train(&corpus, &out, &config(backend), &mut Silent).unwrap();
         outcome.validation_mape_pct
     };
-    let by_hand = error_pct("processor", TrainingDevice::Cpu);
-    let by_autodiff = error_pct("gpu", TrainingDevice::Wgpu);
+    let by_hand = error_pct("processor", TrainingBackend::Cpu);
+    let by_autodiff = error_pct("gpu", TrainingBackend::Wgpu);
     assert!(
         (by_hand - by_autodiff).abs() < 1e-3 * by_hand,
         "{by_hand} % and {by_autodiff} %"
@@ -80,10 +80,10 @@ fn a_gpu_comes_to_the_numbers_of_the_processor() {
         train(
             &corpus,
             &out,
-            &config(TrainingDevice::Wgpu),
+            &config(TrainingBackend::Wgpu),
             &mut Killer::default(),
         )
     }));
     assert!(killed.is_err());
-    assert_eq!(error_pct("resumed", TrainingDevice::Wgpu), by_autodiff);
+    assert_eq!(error_pct("resumed", TrainingBackend::Wgpu), by_autodiff);
 }

@@ -39,7 +39,7 @@ pub enum TapeError {
         r#source: Box<mcap::McapError>,
     },
     /// The file is not a tape, or has another version.
-    #[error("{} is not a tape that this version reads: {found}; expected an MCAP file of `dtd record`", path.display())]
+    #[error("{} is not a tape that this version reads: {found}; expected an MCAP file of `dtd tape`", path.display())]
     NoTape {
         /// The file.
         path: PathBuf,

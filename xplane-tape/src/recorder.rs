@@ -70,7 +70,7 @@ impl RecordOptions {
     }
 }
 
-/// The recorder's addresses; as JSON, the line that `dtd record` prints.
+/// The recorder's addresses; as JSON, the line that `dtd tape` prints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecorderAddresses {
     /// X-Plane's UDP protocol.

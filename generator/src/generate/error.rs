@@ -137,7 +137,7 @@ pub enum GenerateError {
 fn no_session(tape: &Path, cause: &ScenarioError) -> String {
     format!(
         "tape {}: it gives no session to make scenarios from ({}); a tape is as long as its recorder ran: record the session \
-         again with `dtd record`, to its end",
+         again with `dtd tape`, to its end",
         tape.display(),
         why_no_session(cause)
     )

@@ -130,14 +130,18 @@ pub(super) fn is_whole(corpus: &Corpus, scenario: &PlannedScenario) -> Result<bo
     if !folder.root().exists() {
         return Ok(false);
     }
-    match folder.seal()? {
-        None => foreign("it has no seal (DONE.json)".into()),
-        Some(seal) if seal.config_hash != scenario.config_hash => {
+    match folder.seal() {
+        Err(error) if error.is_bad_content() => foreign(format!("it is damaged: {error}")),
+        Err(error) => Err(error.into()),
+        Ok(None) => foreign("it has no seal (DONE.json)".into()),
+        Ok(Some(seal)) if seal.config_hash != scenario.config_hash => {
             foreign("it was made from other parameters".into())
         }
-        Some(_) => match seal::faults_besides_videos(folder.root())?.as_slice() {
-            [] => Ok(true),
-            faults => foreign(format!("it is damaged: {}", faults.join("; "))),
+        Ok(Some(_)) => match seal::faults_besides_videos(folder.root()) {
+            Ok(faults) if faults.is_empty() => Ok(true),
+            Ok(faults) => foreign(format!("it is damaged: {}", faults.join("; "))),
+            Err(error) if error.is_bad_content() => foreign(format!("it is damaged: {error}")),
+            Err(error) => Err(error.into()),
         },
     }
 }

@@ -32,7 +32,7 @@ pub enum SimulatorTarget {
     Address(SocketAddr),
     /// The one that announces itself by X-Plane's beacon.
     Announced,
-    /// A session recorded with `dtd record`, replayed for this run.
+    /// A session recorded with `dtd tape`, replayed for this run.
     Tape(PathBuf),
 }
 

@@ -6,7 +6,7 @@ use dataset::toml_file::TomlError;
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
     /// The file cannot be read.
-    #[error("the sweep cannot be read: {0}")]
+    #[error(transparent)]
     Unreadable(dataset::Error),
     /// A mistake in it.
     #[error(transparent)]

@@ -43,7 +43,7 @@ pub(super) struct ScenarioJob {
     /// Empty until all views are done.
     finished: Mutex<Option<Result<f64>>>,
     /// Search again what another process has searched meanwhile.
-    again: bool,
+    force: bool,
     turn: Mutex<Turn>,
 }
 
@@ -90,7 +90,7 @@ impl ScenarioJob {
         options: &DetectOptions,
     ) -> Result<Option<Self>> {
         let scenario = folder.open()?;
-        let standing = match options.again {
+        let standing = match options.force {
             true => Standing::Missing,
             false => DetectionRecord::standing(&scenario, model, &Searching::of(options))?,
         };
@@ -122,7 +122,7 @@ impl ScenarioJob {
             left: AtomicUsize::new(views.len()),
             results: Mutex::new(views.iter().map(|_| None).collect()),
             finished: Mutex::new(None),
-            again: options.again,
+            force: options.force,
             turn: Mutex::new(Turn::NotBegun),
             views,
         }))
@@ -178,7 +178,7 @@ impl ScenarioJob {
 
     /// Whether nobody else has searched it since it was planned.
     fn is_missing(&self) -> Result<bool> {
-        if self.again {
+        if self.force {
             return Ok(true);
         }
         let now = self.scenario.folder().open()?;

@@ -163,7 +163,7 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
             &corpus,
             &DetectOptions {
                 settings: other,
-                again: true,
+                force: true,
                 ..two_workers()
             }
         )
@@ -404,7 +404,7 @@ fn detections_that_a_killed_process_decided_but_did_not_rename_are_read_and_sett
     fs::rename(&table, &new).unwrap();
     assert_eq!(stored(&folder).unwrap().len(), 6);
     let again = DetectOptions {
-        again: true,
+        force: true,
         ..two_workers()
     };
     assert_eq!(detect(&corpus, &again).detected, ["0001-a"]);

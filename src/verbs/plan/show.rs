@@ -9,7 +9,7 @@ use generator::plan::Estimate;
 use indicatif::DecimalBytes;
 
 use super::{Compared, Report};
-use crate::verbs::output::print_table;
+use crate::verbs::output::{print_after, print_table};
 
 /// Nobody reads more rows than these: then conditions are shown instead of scenarios.
 const MOST_ROWS: usize = 200;
@@ -32,15 +32,7 @@ impl Report<'_> {
     }
 
     fn show_scenarios(&self) {
-        let mut heading = vec![
-            "scenario",
-            "time",
-            "weather",
-            "flight",
-            "from NM",
-            "visibility km",
-            "ticks",
-        ];
+        let mut heading = vec!["scenario", "flight", "from NM", "vis. km", "ticks"];
         if self.compared.is_some() {
             heading.push("status");
         }
@@ -62,9 +54,8 @@ impl Report<'_> {
         let start_nm = parameters.start_dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
         let visibility_km = parameters.conditions.weather.visibility_m / 1_000.0;
         vec![
+            // It contains time and weather.
             scenario.id.clone(),
-            scenario.time_of_day.clone(),
-            scenario.weather.clone(),
             flight(scenario).to_owned(),
             format!("{start_nm:.2}"),
             format!("{visibility_km:.1}"),
@@ -123,23 +114,36 @@ impl Report<'_> {
             .filter(|(number, _)| *number > 0)
             .map(|(number, source)| format!("{number} {source}"))
             .collect();
-        println!("plan        {} of {}", plan.plan_hash, plan.corpus);
-        println!("scenarios   {scenarios} ({})", by_source.join(", "));
+        print_after("corpus      ", &plan.corpus);
+        print_after("plan        ", &plan.plan_hash);
+        print_after(
+            "scenarios   ",
+            &format!("{scenarios} ({})", by_source.join(", ")),
+        );
         let common = &plan.common;
         let estimate = &self.estimate;
-        println!(
-            "flight      {}: {} ticks at {} a second, {} cameras, {} pictures",
-            hours(estimate.flight_h),
-            estimate.ticks,
-            common.picture.frame_rate,
-            common.cameras.len(),
-            estimate.pictures
+        print_after(
+            "flight      ",
+            &format!(
+                "{}: {} ticks at {} a second, {} cameras, {} pictures",
+                hours(estimate.flight_h),
+                estimate.ticks,
+                common.picture.frame_rate,
+                common.cameras.len(),
+                estimate.pictures
+            ),
         );
         show_cost("recording", estimate);
-        println!("size        {} ({})", size(estimate), estimate.bytes_basis);
-        println!(
-            "free space  {} should be free on the disk: X-Plane's scenery needs more than the stand-in's",
-            DecimalBytes(estimate.room_bytes)
+        print_after(
+            "size        ",
+            &format!("{} ({})", size(estimate), estimate.bytes_basis),
+        );
+        print_after(
+            "free space  ",
+            &format!(
+                "{} should be free on the disk: X-Plane's scenery needs more than the stand-in's",
+                DecimalBytes(estimate.room_bytes)
+            ),
         );
     }
 
@@ -150,7 +154,7 @@ impl Report<'_> {
             true => " (found here; --against names another)",
             false => "",
         };
-        println!("against     {}{note}", compared.corpus);
+        print_after("against     ", &format!("{}{note}", compared.corpus));
         for (standing, note) in [
             (Standing::Whole, "complete"),
             (Standing::ToMake, "missing: planned there, not recorded yet"),
@@ -167,10 +171,10 @@ impl Report<'_> {
         let is_rejected = !(changed.is_empty() && removed.is_empty());
         if let Some(left) = self.left.as_ref().filter(|_| !is_rejected) {
             show_cost("left", left);
-            println!(
-                "            {} to write, for which {} should be free",
-                size(left),
-                DecimalBytes(left.room_bytes)
+            let room = DecimalBytes(left.room_bytes);
+            print_after(
+                "            ",
+                &format!("{} to write, for which {room} should be free", size(left)),
             );
         }
         for (name, weather) in against
@@ -178,17 +182,20 @@ impl Report<'_> {
             .iter()
             .filter(|(_, weather)| weather.is_reported())
         {
-            println!("weather     {name}, at the aircraft: {weather}");
+            print_after(
+                "weather     ",
+                &format!("{name}, at the aircraft: {weather}"),
+            );
         }
         let marked = || against.weather.values().flat_map(|weather| &weather.marked);
         for (id, differences) in marked().take(MOST_DIFFERENCES) {
-            println!("marked      {id}: {}", differences.join("; "));
+            print_after("marked      ", &format!("{id}: {}", differences.join("; ")));
         }
         for (id, what) in against.damaged.iter().take(MOST_DIFFERENCES) {
-            println!("damaged     {id}: {what}");
+            print_after("damaged     ", &format!("{id}: {what}"));
         }
         for change in changed.iter().take(MOST_DIFFERENCES) {
-            println!("changed     {}: {}", change.id, change.what);
+            print_after("changed     ", &format!("{}: {}", change.id, change.what));
         }
         for id in removed.iter().take(MOST_DIFFERENCES) {
             println!("removed     {id}");
@@ -207,13 +214,15 @@ impl Report<'_> {
             println!("            and {hidden} more; --json lists them all");
         }
         if !against.damaged.is_empty() {
-            println!(
-                "`dtd generate` rejects damaged scenarios: move their folders out of scenarios/, then it records them again."
+            print_after(
+                "",
+                "`dtd generate` leaves damaged scenarios out: move their folders out of scenarios/, then it records them again.",
             );
         }
         if is_rejected {
-            println!(
-                "A corpus only grows: `dtd generate` rejects this sweep for it. Use another folder, or give new values new names."
+            print_after(
+                "",
+                "A corpus only grows: `dtd generate` rejects this sweep for it. Use another folder, or give new values new names.",
             );
         }
     }
@@ -250,7 +259,10 @@ fn show_cost(name: &str, estimate: &Estimate) {
         ("weather", durations.weather_h, &durations.weather_basis),
         ("restarts", durations.restarts_h, &durations.restarts_basis),
     ] {
-        println!("            {part:<11} {} ({basis})", hours(part_h));
+        print_after(
+            &format!("            {part:<11} "),
+            &format!("{} ({basis})", hours(part_h)),
+        );
     }
 }
 

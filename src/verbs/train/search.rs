@@ -11,7 +11,7 @@ use serde::Deserialize;
 use toml::{Table, Value};
 use trainer::{Search, SearchTable, TrainConfig};
 
-use super::{Bars, checked, failure_of, overridden};
+use super::{Bars, checked, failure_of, judged_next, overridden};
 use crate::estimator_args::TrainArgs;
 use crate::failure::{Ending, Failure};
 use crate::verbs::Outcome;
@@ -43,11 +43,7 @@ pub(super) fn run(args: &TrainArgs, path: &Path, corpora: &[Corpus]) -> Outcome 
     let Some(best) = &table.best else {
         return Ok(Ending::Losses);
     };
-    let next = format!(
-        "dtd evaluate {} --corpus {}",
-        args.out.join(best).display(),
-        args.corpora[0].display()
-    );
+    let next = judged_next(&args.out.join(best), &corpora[0]);
     finish("train", began, &next);
     Ok(Ending::Done)
 }

@@ -1,4 +1,4 @@
-//! Why a corpus is no good for training or evaluation.
+//! Reasons why a corpus cannot be used for training or evaluation.
 
 use std::path::PathBuf;
 
@@ -125,7 +125,9 @@ pub enum CorpusFault {
     #[error("has no detections of model {asked}; there are those of {listed}")]
     OtherDetections { asked: String, listed: String },
     /// Boxes of several detectors, and none was requested.
-    #[error("has detections of several models, name one of them by its file or hash: {0}")]
+    #[error(
+        "has detections of several models: {0}; choose one with --detections, by its file or hash"
+    )]
     SeveralModels(String),
     /// Boxes of an unknown view.
     #[error("has detections of view {0}, which calibration.json does not list")]

@@ -65,6 +65,9 @@ pub enum RunFault {
     /// Its files may be of different trainings.
     #[error("has no {DONE}, so nothing says that its files belong together; train again")]
     Unsealed,
+    /// The seal or the list of files is damaged.
+    #[error("is damaged: {0}; put the right file back, or train again")]
+    DamagedSeal(dataset::Error),
     /// A file was changed.
     #[error(
         "is not what the training wrote: its hash differs from {MANIFEST}; put the right file back, or train again"

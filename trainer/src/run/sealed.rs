@@ -30,7 +30,13 @@ impl SealedRun {
         if !folder.summary_path().is_file() {
             return Err(Error::run(root, RunFault::Unfinished));
         }
-        let seal = Sealed::read(root)?.ok_or_else(|| Error::run(root, RunFault::Unsealed))?;
+        let seal = match Sealed::read(root) {
+            Ok(seal) => seal.ok_or_else(|| Error::run(root, RunFault::Unsealed))?,
+            Err(error) if error.is_bad_content() => {
+                return Err(Error::run(root, RunFault::DamagedSeal(error)));
+            }
+            Err(error) => return Err(error.into()),
+        };
         let mut files = BTreeMap::new();
         let optional = Some(RunFolder::OPTIONAL).filter(|name| seal.hash_of(name).is_some());
         for name in RunFolder::TRAINED.into_iter().chain(optional) {

@@ -4,6 +4,7 @@ use dataset::corpus::Corpus;
 use dataset::pixel_box::PixelBox;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 use report_page::crop::Crop;
+use report_page::{decimal, signed};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
@@ -57,7 +58,7 @@ pub(super) fn examples(
     };
     let example = |(title, place): (&'static str, usize)| {
         let (error_pct, predicted_m, sample) = answers[place];
-        let nm = |metres: f64| format!("{:.3}", metres / METERS_PER_NAUTICAL_MILE);
+        let nm = |metres: f64| decimal(metres / METERS_PER_NAUTICAL_MILE, 3);
         Ok(Example {
             title,
             scenario: samples.scenarios[sample.scenario].id.clone(),
@@ -73,15 +74,6 @@ pub(super) fn examples(
         .into_iter()
         .map(example)
         .collect()
-}
-
-/// With its sign, unless it is rounded to zero.
-fn signed(number: f64, decimals: usize) -> String {
-    let text = format!("{number:+.decimals$}");
-    match text.bytes().any(|digit| matches!(digit, b'1'..=b'9')) {
-        true => text,
-        false => text[1..].to_owned(),
-    }
 }
 
 fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Result<Vec<Shown>> {

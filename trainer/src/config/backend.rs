@@ -1,4 +1,4 @@
-//! Where networks train: on the processor, or on a GPU if this build can.
+//! What computes the training of networks: the processor, or a GPU if this build can.
 //!
 //! A network is kept, saved and asked on the processor, wherever it was trained. Nothing falls back to the processor in silence.
 
@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 /// A processor or a GPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum TrainingDevice {
+pub enum TrainingBackend {
     /// The processor.
     #[default]
     Cpu,
@@ -24,7 +24,7 @@ pub enum TrainingDevice {
     Cuda,
 }
 
-impl TrainingDevice {
+impl TrainingBackend {
     /// What it is called in settings.
     const fn word(self) -> &'static str {
         match self {
@@ -52,7 +52,7 @@ impl TrainingDevice {
 
     fn invalid(self, expected: String) -> Error {
         Error::Setting {
-            setting: "device",
+            setting: "backend",
             found: format!("\"{}\"", self.word()),
             expected,
         }
@@ -70,7 +70,7 @@ fn wgpu() -> Result<Device> {
         return Ok(device.clone());
     }
     let device = Device::wgpu_options().init().map_err(|error| {
-        TrainingDevice::Wgpu.invalid(format!(
+        TrainingBackend::Wgpu.invalid(format!(
             "cpu, or a GPU with a driver for Vulkan, Metal or DirectX 12: {error}"
         ))
     })?;
@@ -82,11 +82,11 @@ fn wgpu() -> Result<Device> {
 mod tests {
     #[cfg(not(feature = "wgpu"))]
     #[test]
-    fn a_device_that_this_build_lacks_is_refused_with_the_way_to_get_it() {
-        let error = super::TrainingDevice::Wgpu.open().unwrap_err().to_string();
+    fn a_backend_that_this_build_lacks_is_refused_with_the_way_to_get_it() {
+        let error = super::TrainingBackend::Wgpu.open().unwrap_err().to_string();
         assert_eq!(
             error,
-            "configuration: device is \"wgpu\", expected cpu: this dtd was built without wgpu; build it with \
+            "configuration: backend is \"wgpu\", expected cpu: this dtd was built without wgpu; build it with \
              `cargo build --release --features wgpu`"
         );
     }

@@ -1,4 +1,4 @@
-//! `dtd record`: records a session with X-Plane on a tape.
+//! `dtd tape`: records a session with X-Plane on a tape.
 
 use std::env;
 use std::net::SocketAddr;
@@ -16,7 +16,7 @@ use super::Outcome;
 use super::address::simulator;
 use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
-use crate::args::RecordArgs;
+use crate::args::TapeArgs;
 use crate::failure::{Ending, Failure};
 use crate::signals;
 
@@ -24,7 +24,7 @@ use crate::signals;
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
 /// Runs the verb, until it is stopped.
-pub(crate) fn run(args: &RecordArgs) -> Outcome {
+pub(crate) fn run(args: &TapeArgs) -> Outcome {
     let runtime = async_runtime()?;
     // Of the recorder's own questions nothing stays subscribed, so that no note is needed.
     let local_udp = LocalUdp {
@@ -101,7 +101,7 @@ fn own_stand_in(sim: &str, runtime: &Runtime) -> Result<Option<StandIn>, Failure
 async fn announced(local_udp: &LocalUdp) -> Result<SocketAddr, Failure> {
     match the_announced(DISCOVERY_TIMEOUT, local_udp).await {
         Ok(one) => {
-            eprintln!("record: the simulator at {}", one.address);
+            eprintln!("tape: the simulator at {}", one.address);
             Ok(one.address)
         }
         Err(error @ BridgeError::SeveralAnnounced { .. }) => Err(Failure::bad_input(error)),
