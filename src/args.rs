@@ -1,4 +1,7 @@
 //! Command-line arguments.
+//!
+//! A verb's argument is its subject, a run or a corpus; everything else is an option: `evaluate RUN --corpus CORPUS`,
+//! `view CORPUS --run RUN`. `push` copies, from one argument to the other.
 
 use std::env;
 use std::net::{IpAddr, SocketAddr};

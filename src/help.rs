@@ -292,6 +292,15 @@ mod tests {
     ];
 
     #[test]
+    fn a_verb_has_one_subject_and_everything_else_is_an_option() {
+        for verb in commands() {
+            let subjects = verb.get_positionals().count();
+            let most = if verb.get_name() == "push" { 2 } else { 1 };
+            assert!(subjects <= most, "{}: {subjects}", verb.get_name());
+        }
+    }
+
+    #[test]
     fn an_option_has_one_meaning_in_all_verbs() {
         let mut texts: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for verb in commands().iter().filter(|verb| verb.get_name() != "dtd") {
