@@ -672,7 +672,7 @@ pub(crate) struct TapeArgs {
     /// The simulator: X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
     ///
     /// The stand-in (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
-    #[arg(long, value_name = "auto|mock[:awkward]|HOST:PORT")]
+    #[arg(long, value_name = "auto|mock|HOST:PORT")]
     pub(crate) sim: String,
     #[command(flatten)]
     pub(crate) local_udp: LocalUdpArgs,
