@@ -284,6 +284,7 @@ mod tests {
         ("port", "; 0 takes any free one"),
         ("restart-every", "X-Plane after every N live flights"),
         ("run", "un whose "),
+        ("seed", "Seed of "),
         ("side", "Side of the split to "),
         ("sim", "simulator"),
         ("start-from", "to start from instead of random"),
