@@ -1,4 +1,7 @@
 //! Command-line arguments.
+//!
+//! A verb's argument is its subject, a run or a corpus; everything else is an option: `evaluate RUN --corpus CORPUS`,
+//! `view CORPUS --run RUN`. `push` copies, from one argument to the other.
 
 use std::env;
 use std::net::{IpAddr, SocketAddr};
@@ -669,7 +672,7 @@ pub(crate) struct TapeArgs {
     /// The simulator: X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
     ///
     /// The stand-in (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
-    #[arg(long, value_name = "auto|mock[:awkward]|HOST:PORT")]
+    #[arg(long, value_name = "auto|mock|HOST:PORT")]
     pub(crate) sim: String,
     #[command(flatten)]
     pub(crate) local_udp: LocalUdpArgs,

@@ -284,12 +284,22 @@ mod tests {
         ("port", "; 0 takes any free one"),
         ("restart-every", "X-Plane after every N live flights"),
         ("run", "un whose "),
+        ("seed", "Seed of "),
         ("side", "Side of the split to "),
         ("sim", "simulator"),
         ("start-from", "to start from instead of random"),
         ("sweep", "The sweep to "),
         ("timeout", "Longest wait for "),
     ];
+
+    #[test]
+    fn a_verb_has_one_subject_and_everything_else_is_an_option() {
+        for verb in commands() {
+            let subjects = verb.get_positionals().count();
+            let most = if verb.get_name() == "push" { 2 } else { 1 };
+            assert!(subjects <= most, "{}: {subjects}", verb.get_name());
+        }
+    }
 
     #[test]
     fn an_option_has_one_meaning_in_all_verbs() {

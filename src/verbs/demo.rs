@@ -11,7 +11,7 @@ use generator::generate::SimulatorTarget;
 use generator::sweep::Sweep;
 use labeller::{DetectOptions, DetectOutcome};
 use serde::Serialize;
-use trainer::{EvaluationConfig, Metrics, TrainConfig};
+use trainer::{EvaluationConfig, Metrics, RunFolder, TrainConfig};
 
 use super::Outcome;
 use super::detect::{detect, interrupted, refuse_other_models};
@@ -70,14 +70,16 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         model_hash: Some(detected.model_hash.clone()),
         ..TrainConfig::demo()
     };
-    let trained = train(slice::from_ref(&corpus), &folder.run(), &config)?;
-    let metrics = evaluate(trained.run.root(), &corpus, &EvaluationConfig::default())?;
+    let run = folder.run();
+    train(slice::from_ref(&corpus), &run, &config)?;
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default())?;
+    let run_folder = RunFolder::at(&run);
     let result = DemoResult {
         scenarios: corpus.scenarios()?.len(),
         corpus: corpus.root(),
-        run: trained.run.root(),
-        report: trained.run.report_path(),
-        metrics_file: trained.run.metrics_path(),
+        run: &run,
+        report: run_folder.report_path(),
+        metrics_file: run_folder.metrics_path(),
         videos: videos(&corpus)?,
         detections: &detected,
         metrics: &metrics,
@@ -88,7 +90,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         result.print();
     }
     let next = Next::verb("view", corpus.root()).and("--run");
-    finish("demo", began, &next.and(trained.run.root().display()));
+    finish("demo", began, &next.and(run.display()));
     Ok(Ending::Done)
 }
 

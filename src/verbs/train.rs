@@ -61,7 +61,7 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
         } = &outcome.choice;
         println!("recommended: {estimator}: {reason}");
     }
-    finish("train", began, &judged_next(run, &corpora[0]));
+    finish("train", began, &judged_next(&args.out, &corpora[0]));
     Ok(ending)
 }
 
