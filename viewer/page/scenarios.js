@@ -245,9 +245,9 @@ export class Scenarios {
   gallery(rows) {
     const facts = row => [row.weather_differs.length ? `${row.weather} (not as planned)` : row.weather, row.time_of_day, row.side].filter(Boolean).join(' · ');
     return element('ul', { class: 'gallery' }, rows.map(row => {
-      const recorded = row.state === 'recording' && row.recorded_ticks !== null ? ` ${count(row.recorded_ticks)} of ${count(row.ticks)}` : '';
+      const words = row.state === 'recording' && row.recorded_ticks !== null ? `${count(row.recorded_ticks)} of ${count(row.ticks)} ticks` : 'no picture';
       return element('li', { class: 'card', 'data-id': row.id },
-        this.thumbnails.of(row, isOpenable(row), STATES[row.state] + recorded),
+        this.thumbnails.of(row, isOpenable(row), words),
         element('p', { class: 'name' }, isOpenable(row) ? element('a', { href: address({ scenario: row.id }) }, row.id) : row.id),
         element('p', { class: 'note' }, facts(row)),
         element('p', { class: 'note' }, element('span', { class: `state ${row.state}` }, STATES[row.state]),
