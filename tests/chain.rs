@@ -215,9 +215,9 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
     for (name, figures) in metrics["estimators"].as_object().unwrap() {
         let [mape, sd] = ["mape_pct", "sd_pct"].map(|key| figures["dual"][key].as_f64().unwrap());
         assert!(0.0 < mape && 0.0 < sd, "{name}: {figures}");
-        let row = report
-            .split("<tr")
-            .find(|row| row.contains(&format!("<code>{name}</code>")));
+        // What is before the first row names the best ones.
+        let mut rows = report.split("<tr").skip(1);
+        let row = rows.find(|row| row.contains(&format!("<code>{name}</code>")));
         let row = row.unwrap_or_else(|| panic!("no row of {name} in the report"));
         for cell in [
             format!(">{mape:.3}<"),
@@ -230,7 +230,21 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
     // Of the best, the typical and the worst tick; a view may have seen nothing there.
     let pictures = report.matches("<image href=\"data:image/").count();
     assert!((3..=6).contains(&pictures), "{pictures} pictures");
-    assert_eq!(report.matches("<svg").count(), 3 + pictures, "plots");
+    assert_eq!(report.matches("<svg").count(), 4 + pictures, "plots");
+    let place = |words: &str| report.find(words).unwrap_or_else(|| panic!("no {words:?}"));
+    assert!(place("Recommended: <code>") < place("The best 5 by distance"));
+    assert!(place("logarithmic") < place("<table"));
+    assert!(
+        place("bursts_5_s") < place("bursts_20_s") && place("bursts_20_s") < place("bursts_60_s")
+    );
+    // Every estimator has a row by weather, by time and while views fail, and the oracle is explained.
+    let condition_tables =
+        &report[place("<h2>By weather and time of day</h2>")..place("<h2>Spread of the error")];
+    for name in metrics["estimators"].as_object().unwrap().keys() {
+        let row = format!("<td class=\"word\"><code>{name}</code>");
+        assert_eq!(condition_tables.matches(&row).count(), 3, "{name}");
+    }
+    place("The oracle is no competitor.");
     assert!(report.matches("<rect").count() > 20, "empty plots");
     // The name of SVG's vocabulary is no address: nothing is loaded from it.
     let report = report.replace("http://www.w3.org/2000/svg", "");

@@ -17,7 +17,9 @@ use rand_chacha::ChaCha12Rng;
 use serde_json::{Value, json};
 use testkit::command::{said, text};
 use testkit::files::contents;
-use testkit::{onnx_runtime_with_openvino, program_of_venv, repository, skipped};
+use testkit::{
+    judge_in_chromium, onnx_runtime_with_openvino, program_of_venv, repository, skipped,
+};
 use tiny::{MODEL, SCENARIOS, Tiny};
 
 /// A picture: its aircraft, and what was found.
@@ -280,6 +282,7 @@ fn every_picture_is_accounted_for_and_the_corpus_stays_as_it_is() {
     let disparity = evaluation["registration"]["disparity_sd_px"].as_f64();
     assert!(disparity.is_some_and(|px| px < 1.0), "{evaluation}");
 
+    judge_in_chromium("report_page.py", tiny.path("judged/report.html"));
     let report = fs::read_to_string(tiny.path("judged/report.html")).unwrap();
     for words in ["<svg", "data:image/png;base64,", "Where every picture went"] {
         assert!(report.contains(words), "{words}");

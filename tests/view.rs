@@ -6,12 +6,12 @@ mod tiny;
 use std::fs::{self, File};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::net::TcpStream;
-use std::process::Command;
 
 use dataset::corpus::Corpus;
+use image::RgbImage;
 use serde_json::{Value, json};
 use testkit::command::Server;
-use testkit::{program_of_venv, repository, skipped};
+use testkit::judge_in_chromium;
 use tiny::{SCENARIOS, Tiny, said};
 
 /// The server of a folder, and how to ask it.
@@ -68,6 +68,10 @@ impl Page {
         serde_json::from_slice(&answer.body).unwrap()
     }
 
+    fn thumbnail(&self, id: &str) -> Answer {
+        self.ask(&format!("/thumbnail?scenario={id}"), "")
+    }
+
     fn scenario(&self, id: &str) -> Value {
         self.json(&format!("/api/scenario?scenario={id}"))
     }
@@ -83,6 +87,12 @@ impl Page {
 impl Answer {
     fn text(&self) -> String {
         String::from_utf8_lossy(&self.body).into_owned()
+    }
+
+    fn image(&self) -> RgbImage {
+        assert_eq!(self.status, 200, "{}", self.text());
+        assert!(self.head.contains("content-type: image/jpeg"));
+        image::load_from_memory(&self.body).unwrap().to_rgb8()
     }
 }
 
@@ -242,6 +252,16 @@ fn nobody_else_is_answered_and_no_request_leaves_the_corpus() {
     for (headers, status) in [
         (format!("Host: {address}\r\n"), 200),
         (format!("Host: localhost:{}\r\n", address.port()), 200),
+        // The other end of a tunnel (`ssh -L 9000:localhost:4180`).
+        ("Host: localhost:9000\r\n".to_owned(), 200),
+        (
+            "Host: localhost:9000\r\nOrigin: http://localhost:9000\r\n".to_owned(),
+            200,
+        ),
+        (
+            "Host: localhost:9000\r\nOrigin: http://localhost:3000\r\n".to_owned(),
+            403,
+        ),
         (
             format!("Host: {address}\r\nOrigin: http://{address}\r\n"),
             200,
@@ -308,11 +328,92 @@ fn nobody_else_is_answered_and_no_request_leaves_the_corpus() {
 }
 
 #[test]
+fn a_person_who_is_refused_gets_a_page_with_the_command_that_helps() {
+    let page = Page::of(Tiny::made(), &[]);
+    let port = page.server.address("address").port();
+    let open = |host: &str, target: &str, accept: &str| {
+        page.send(&format!(
+            "GET {target} HTTP/1.1\r\nHost: {host}\r\nAccept: {accept}\r\nConnection: close\r\n\r\n"
+        ))
+    };
+    let browser = "text/html,application/xhtml+xml,*/*;q=0.8";
+    let refused = open("evil.example:4180", "/", browser);
+    assert_eq!(refused.status, 403);
+    assert!(refused.head.contains("content-type: text/html"));
+    let policy = "content-security-policy: default-src 'none'; style-src 'unsafe-inline'";
+    assert!(refused.head.contains(policy), "{}", refused.head);
+    let text = refused.text();
+    let command = format!("ssh -L {port}:127.0.0.1:{port} USER@COMPUTER");
+    for words in [
+        "DNS rebinding",
+        &command,
+        &format!("http://localhost:{port}/"),
+    ] {
+        assert!(text.contains(words), "{words:?} is not in {text}");
+    }
+    let hostile = open("<script>", "/", browser).text();
+    assert!(hostile.contains("&lt;script&gt;") && !hostile.contains("<script"));
+
+    let absent = open("localhost:9000", "/nowhere", browser);
+    assert_eq!(absent.status, 404);
+    assert!(absent.text().contains("there is nothing at this address"));
+    assert!(!absent.text().contains("ssh"));
+    // Scripts get JSON, as before.
+    let script = open("evil.example", "/api/corpus", "*/*");
+    assert!(script.head.contains("content-type: application/json"));
+}
+
+#[test]
+fn a_thumbnail_shows_the_aircraft_where_it_is_nearest_and_whole() {
+    let tiny = Tiny::made();
+    let page = Page::of(tiny, &[]);
+    let corpus = Corpus::open(&tiny.corpus()).unwrap();
+    for folder in corpus.scenarios().unwrap() {
+        let (id, open) = (folder.id(), folder.open().unwrap());
+        let answer = page.thumbnail(&id);
+        let shown = answer.image();
+        let truth = open.truth_boxes().unwrap();
+        let whole = truth.iter().filter(|real| real.visible_fraction >= 0.99);
+        let nearest = whole.max_by(|a, b| a.pixel_box.area().total_cmp(&b.pixel_box.area()));
+        let nearest = nearest.unwrap();
+        let picture = open.picture(&nearest.view, nearest.tick).unwrap();
+        let [width, height] = picture.size_px;
+        assert!(shown.width() < width && shown.height() < height);
+        let start = |centre: f64, length: u32, side: u32| {
+            (centre - f64::from(length) / 2.0).clamp(0.0, f64::from(side - length)) as u32
+        };
+        let aircraft = nearest.pixel_box;
+        let left = start(aircraft.cx_px, shown.width(), width);
+        let top = start(aircraft.cy_px, shown.height(), height);
+        let [from_x, from_y, to_x, to_y] = aircraft.edges().map(|edge| edge.max(0.0) as u32);
+        let mut differences = Vec::new();
+        for (x, y) in (from_x..to_x).flat_map(|x| (from_y..to_y).map(move |y| (x, y))) {
+            let expected = &picture.rgb[(y * width + x) as usize * 3..][..3];
+            let found = shown.get_pixel(x - left, y - top).0;
+            let pairs = found.iter().zip(expected);
+            differences.extend(pairs.map(|(found, expected)| f64::from(found.abs_diff(*expected))));
+        }
+        let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+        assert!(mean < 12.0, "{id}: differs by {mean} from the aircraft");
+        assert!(page.thumbnail(&id).body == answer.body);
+    }
+    for (target, status) in [
+        ("scenario=nowhere", 404),
+        ("scenario=..%2F..", 404),
+        ("", 400),
+    ] {
+        let answer = page.ask(&format!("/thumbnail?{target}"), "");
+        assert_eq!(answer.status, status, "{target}");
+    }
+}
+
+#[test]
 fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
     let tiny = Tiny::made().copy();
     let scenarios = tiny.scenarios();
     let name = |index: usize| scenarios[index].file_name().unwrap().to_str().unwrap();
     let (unlabelled, partial, failed, damaged) = (name(0), name(1), name(2), name(3));
+    let without_pictures = name(4);
     let again = [
         "generate",
         "sweep.toml",
@@ -333,13 +434,17 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
     let record = json!({ "id": failed, "config_hash": "0", "reasons": ["<b>no fuel</b>", "fog"] });
     let path = tiny.corpus().join(format!("failed/{failed}.json"));
     fs::write(path, record.to_string()).unwrap();
-    let video = Corpus::open(&tiny.corpus())
-        .unwrap()
-        .scenario(damaged)
-        .video_path("left");
-    let mut file = File::options().write(true).open(video).unwrap();
-    file.seek(SeekFrom::Start(2_000)).unwrap();
-    file.write_all(&[0; 64]).unwrap();
+    let corpus = Corpus::open(&tiny.corpus()).unwrap();
+    for (id, view) in [
+        (damaged, "left"),
+        (without_pictures, "left"),
+        (without_pictures, "right"),
+    ] {
+        let video = corpus.scenario(id).video_path(view);
+        let mut file = File::options().write(true).open(video).unwrap();
+        file.seek(SeekFrom::Start(2_000)).unwrap();
+        file.write_all(&[0; 64]).unwrap();
+    }
     let hostile = "<script>alert(1)<:script>";
     fs::create_dir(tiny.corpus().join("scenarios").join(hostile)).unwrap();
 
@@ -351,6 +456,17 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
     assert_eq!(
         (&told["models"], &told["views"][0]["truth"]),
         (&json!([]), &Value::Null)
+    );
+
+    // Without labels or detections, all of its last picture.
+    let last = page.thumbnail(unlabelled).image();
+    assert_eq!(last.dimensions(), (480, 320));
+    let refused = page.thumbnail(without_pictures);
+    assert_eq!(refused.status, 422);
+    assert!(
+        refused.text().contains("does not match its seal"),
+        "{}",
+        refused.text()
     );
 
     assert_eq!(page.row(partial)["state"], "recording");
@@ -456,20 +572,12 @@ fn what_cannot_be_shown_is_refused_before_a_port_is_opened() {
 }
 
 #[test]
-fn chromium_shows_steps_zooms_and_restores_and_finds_nothing_inaccessible() {
-    let browser = Command::new("chromium").arg("--version").output();
-    if !browser.is_ok_and(|output| output.status.success()) {
-        skipped("it needs Chromium (scripts/setup.sh installs it)");
-        return;
-    }
+fn chromium_shows_pictures_steps_zooms_and_restores_and_finds_nothing_inaccessible() {
     let tiny = Tiny::made().copy();
     let hostile = tiny.corpus().join("scenarios/<img src=x onerror=alert(1)>");
     fs::create_dir(hostile).unwrap();
     let page = Page::of(&tiny, &["--run", "run"]);
-    let judged = Command::new(program_of_venv("python"))
-        .arg(repository().join("tests/judges/view_page.py"))
-        .arg(format!("http://{}/", page.server.address("address")))
-        .output()
-        .unwrap();
-    assert!(judged.status.success(), "{}", said(&judged));
+    let address = page.server.address("address");
+    judge_in_chromium("view_page.py", format!("http://{address}/"));
+    judge_in_chromium("report_page.py", tiny.path("run/report.html"));
 }

@@ -16,7 +16,7 @@ PLAYED_S = 6.0
 # Notes the time at which all rows are there.
 OPENED = """
 new MutationObserver(() => {
-  if (document.querySelectorAll('.scenarios tbody tr').length >= ROWS) window.opened_ms ??= performance.now();
+  if (document.querySelectorAll('.gallery .card').length >= ROWS) window.opened_ms ??= performance.now();
 }).observe(document, { childList: true, subtree: true });
 """
 # Steps by a key; answers with the milliseconds until the next frame of the screen after the tick is shown.

@@ -22,7 +22,7 @@ use crate::registrations::{Registration, parse_registrations};
 use crate::scenario::ScenarioRecord;
 use crate::seal::{DONE, Seal, hash_file, view_of};
 use crate::sealed::{ATTEMPTS, Sealed};
-use crate::video::{PacketReader, VideoReader};
+use crate::video::{PacketReader, RgbPicture, VideoReader};
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";
@@ -279,6 +279,20 @@ impl OpenScenario {
                 size(expected)
             ),
         ))
+    }
+
+    /// The picture of a view at a tick, from its sealed video.
+    ///
+    /// # Errors
+    /// The video cannot be opened or decoded, or has no such picture.
+    pub fn picture(&self, view: &str, tick: u32) -> Result<RgbPicture> {
+        let pts = self.record()?.frame_rate.pts_of_tick(tick);
+        self.open_video(view)?.picture_at(pts)?.ok_or_else(|| {
+            Error::corpus(
+                self.folder.root(),
+                format!("the video of view {view} has no picture of tick {tick}"),
+            )
+        })
     }
 
     /// The file of a view's video, after reading all of it and checking it against the seal.

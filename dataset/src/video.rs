@@ -31,7 +31,7 @@ pub use conversion::PicturePart;
 pub use fragments::recorded_pictures;
 pub use index::refine_time_base;
 pub use packets::{CodedPicture, PacketCodec, PacketReader};
-pub use reader::VideoReader;
+pub use reader::{RgbPicture, VideoReader};
 pub(crate) use time_base::TimeBase;
 pub use trial::{TRIAL_PICTURES, TrialFault, try_encoder};
 pub use video_encoder::VideoEncoder;

@@ -185,10 +185,10 @@ impl Example {
         Ok(Self { candidate, crop })
     }
 
-    /// The true box and the found one: left, top, width and height in the crop, pixels.
+    /// The lines around the true box and the found one: left, top, width and height in the crop, pixels.
     pub(crate) fn boxes(&self) -> [Option<[f64; 4]>; 2] {
         let Candidate { truth, found, .. } = &self.candidate;
-        [truth, found].map(|pixel_box| Some(self.crop.place_of(pixel_box.as_ref()?)))
+        [truth, found].map(|pixel_box| Some(self.crop.frame_of(pixel_box.as_ref()?)))
     }
 }
 

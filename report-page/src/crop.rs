@@ -1,4 +1,4 @@
-//! A part of a picture inside a page, with boxes over it.
+//! A part of a picture inside a page, with boxes around the aircraft.
 
 use std::io::Cursor;
 
@@ -10,12 +10,63 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// Width of a crop over its height.
+/// Width of a part over its height.
 const ASPECT: f64 = 1.5;
-/// Width of a crop, pixels, unless the box needs more.
+/// Width of a part, pixels, unless the box needs more.
 const LEAST_WIDTH_PX: f64 = 96.0;
 /// Width of a crop over that of the box.
 const SURROUNDINGS: f64 = 3.0;
+/// Distance between a box and the line around it, over the width of the crop: a line on the box would cover a small aircraft.
+const GAP: f64 = 0.015;
+
+/// A part of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// Left-most column and top-most row.
+    pub start_px: [u32; 2],
+    /// Columns and rows.
+    pub size_px: [u32; 2],
+}
+
+impl Part {
+    /// The part around a box, `surroundings` times as wide as it, of a picture of this width and height.
+    pub fn around(
+        shown: &PixelBox,
+        surroundings: f64,
+        [picture_width, picture_height]: [u32; 2],
+    ) -> Self {
+        let needed = (shown.width_px * surroundings).max(shown.height_px * surroundings * ASPECT);
+        let width = needed.max(LEAST_WIDTH_PX).min(f64::from(picture_width)) as u32;
+        let height = ((f64::from(width) / ASPECT) as u32).min(picture_height);
+        let start = |centre: f64, length: u32, picture: u32| {
+            (centre - f64::from(length) / 2.0).clamp(0.0, f64::from(picture - length)) as u32
+        };
+        Self {
+            start_px: [
+                start(shown.cx_px, width, picture_width),
+                start(shown.cy_px, height, picture_height),
+            ],
+            size_px: [width, height],
+        }
+    }
+
+    /// All of a picture of this width and height.
+    pub fn whole(picture_size: [u32; 2]) -> Self {
+        Self {
+            start_px: [0, 0],
+            size_px: picture_size,
+        }
+    }
+
+    /// Its pixels; the picture has rows of RGB without gaps.
+    pub fn cut(&self, rgb: &[u8], picture_width: u32) -> RgbImage {
+        let ([left, top], [width, height]) = (self.start_px, self.size_px);
+        RgbImage::from_fn(width, height, |x, y| {
+            let pixel = ((top + y) as usize * picture_width as usize + (left + x) as usize) * 3;
+            image::Rgb([rgb[pixel], rgb[pixel + 1], rgb[pixel + 2]])
+        })
+    }
+}
 
 /// The picture around a box.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -36,37 +87,31 @@ impl Crop {
     ///
     /// # Errors
     /// The PNG cannot be written.
-    pub fn around(
-        shown: &PixelBox,
-        rgb: &[u8],
-        [picture_width, picture_height]: [u32; 2],
-    ) -> Result<Self> {
-        let needed = (shown.width_px * SURROUNDINGS).max(shown.height_px * SURROUNDINGS * ASPECT);
-        let width = needed.max(LEAST_WIDTH_PX).min(f64::from(picture_width)) as u32;
-        let height = ((f64::from(width) / ASPECT) as u32).min(picture_height);
-        let start = |centre: f64, length: u32, picture: u32| {
-            (centre - f64::from(length) / 2.0).clamp(0.0, f64::from(picture - length)) as u32
-        };
-        let left = start(shown.cx_px, width, picture_width);
-        let top = start(shown.cy_px, height, picture_height);
-        let crop = RgbImage::from_fn(width, height, |x, y| {
-            let pixel = (((top + y) * picture_width + left + x) * 3) as usize;
-            image::Rgb([rgb[pixel], rgb[pixel + 1], rgb[pixel + 2]])
-        });
+    pub fn around(shown: &PixelBox, rgb: &[u8], picture_size: [u32; 2]) -> Result<Self> {
+        let part = Part::around(shown, SURROUNDINGS, picture_size);
         let mut png = Cursor::new(Vec::new());
-        crop.write_to(&mut png, ImageFormat::Png)
+        part.cut(rgb, picture_size[0])
+            .write_to(&mut png, ImageFormat::Png)
             .map_err(Error::Crop)?;
         let png = STANDARD.encode(png.into_inner());
+        let [width_px, height_px] = part.size_px;
         Ok(Self {
             source: format!("data:image/png;base64,{png}"),
-            width_px: width,
-            height_px: height,
-            start_px: [left, top],
+            width_px,
+            height_px,
+            start_px: part.start_px,
         })
     }
 
+    /// Left, top, width and height of the line around a box of the picture, pixels from the crop's corner.
+    pub fn frame_of(&self, pixel_box: &PixelBox) -> [f64; 4] {
+        let gap = GAP * f64::from(self.width_px);
+        let [left, top, width, height] = self.place_of(pixel_box);
+        [left - gap, top - gap, width + 2.0 * gap, height + 2.0 * gap]
+    }
+
     /// Left, top, width and height of a box of the picture in the crop, pixels from the crop's corner.
-    pub fn place_of(&self, pixel_box: &PixelBox) -> [f64; 4] {
+    fn place_of(&self, pixel_box: &PixelBox) -> [f64; 4] {
         let [left, top, ..] = pixel_box.edges();
         // The corner of a picture's first pixel is half a pixel before its centre.
         let [x, y] = self.start_px.map(|start| f64::from(start) - 0.5);
@@ -99,6 +144,9 @@ mod tests {
             (255, 255)
         );
         assert_eq!((at(left - 2.0, top), at(right + 2.0, bottom - 1.0)), (0, 0));
+        let [frame_left, frame_top, frame_width, frame_height] = crop.frame_of(&shown);
+        assert!(frame_left < left - 1.0 && frame_top < top - 1.0);
+        assert!(frame_left + frame_width > right + 1.0 && frame_top + frame_height > bottom + 1.0);
         let wide = PixelBox::from_edges(0.0, 0.0, 400.0, 10.0);
         let whole = Crop::around(&wide, &rgb, [300, 200]).unwrap();
         assert_eq!((whole.width_px, whole.height_px), (300, 200));

@@ -11,7 +11,7 @@ pub type DrawingError = DrawingAreaErrorKind<io::Error>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A chart.
-    #[error("report: cannot draw {what}: {cause}")]
+    #[error("report: cannot draw the chart of {what}: {cause}")]
     Chart {
         /// The chart.
         what: &'static str,

@@ -6,6 +6,8 @@
 #![forbid(unsafe_code)]
 
 pub mod chart;
+#[cfg(test)]
+mod colour_vision;
 pub mod crop;
 mod error;
 mod number;

@@ -8,6 +8,7 @@
 #![forbid(unsafe_code)]
 
 pub mod approach;
+mod chromium;
 pub mod command;
 pub mod files;
 pub mod peak;
@@ -23,6 +24,7 @@ mod skip;
 pub mod sweep;
 pub mod synthetic;
 
+pub use chromium::judge_in_chromium;
 pub use repository::{
     onnx_runtime, onnx_runtime_with_openvino, program_of_venv, python_with_torch, repository,
 };

@@ -1,5 +1,6 @@
-"""The page of `dtd view` in Chromium: boxes lie where the truth is at every zoom, keys step, links restore, names are text, and axe
-finds nothing inaccessible. The page keeps its own content security policy.
+"""The page of `dtd view` in Chromium: it opens with pictures, frames lie around the true boxes at every zoom and cover nothing of them,
+keys step, links restore, names are text, paths have colours with a legend, nothing is wider than a phone, and axe finds nothing
+inaccessible. The page keeps its own content security policy.
 
 Usage: python view_page.py URL      of a corpus with labels, detections, a run, and a scenario folder with the name HOSTILE
 """
@@ -11,12 +12,20 @@ import urllib.parse
 import urllib.request
 
 import numpy as np
-from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
+
+from browser import PHONE, check_access, check_width, chromium
 
 HOSTILE = "<img src=x onerror=alert(1)>"
 ZOOMS = [None, 1, 2, 4, 8, 16, 32]
+# Zooms at which a frame is wider than its least width, and marks could cover a small aircraft.
+SMALL_ZOOMS = [None, 1, 2]
+# Distance of a frame from its box, screen pixels.
+GAP = 4
+# Width below which a frame does not shrink.
+LEAST_FRAME = 22
+LONGEST_ARM = 14
 # Greenness of the line of a true box, above that of any ground.
 GREEN = 70
 
@@ -47,7 +56,7 @@ def check_edge(profile: np.ndarray, expected: float, tolerance: float, what: str
 
 
 def check_boxes(page: Page, url: str, scenario: str, tables: dict) -> int:
-    """At every zoom the true box is drawn within half a pixel of the truth. Returns the number of edges looked at."""
+    """At every zoom the corners around the true box lie within half a pixel of its edges, a gap outside. Returns the number of edges looked at."""
     edges = 0
     tick = tables["views"][0]["truth"]["tick"][0]
     for zoom in ZOOMS:
@@ -74,24 +83,74 @@ def check_boxes(page: Page, url: str, scenario: str, tables: dict) -> int:
             centre_x = (cx - middle[0]) * scale + place["width"] / 2 + shift_x
             centre_y = (cy - middle[1]) * scale + place["height"] / 2 + shift_y
             tolerance = max(0.5 * scale, 0.5)
+            half_x, half_y = (max(side / 2 * scale + GAP, LEAST_FRAME / 2) for side in (width, height))
+            # The arms of a corner have a quarter of a side, at most LONGEST_ARM: these two lines cross their middles.
+            column, row = (int(centre - half + min(half / 2, LONGEST_ARM) / 2) for centre, half in [(centre_x, half_x), (centre_y, half_y)])
             profiles = [
-                (green[int(centre_y), :], centre_x, width, size_x),
-                (green[:, int(centre_x)], centre_y, height, size_y),
+                (green[max(row, 0), :], centre_x, half_x, size_x, 0 < row),
+                (green[:, max(column, 0)], centre_y, half_y, size_y, 0 < column),
             ]
-            for profile, centre, side, size in profiles:
-                if side * scale < 8:
+            for profile, centre, half, size, is_seen in profiles:
+                if half * 2 < LEAST_FRAME + 2 or not is_seen:
                     continue
-                for edge in [centre - side / 2 * scale, centre + side / 2 * scale]:
+                for edge in [centre - half, centre + half]:
                     if 4 < edge < size - 4:
                         check_edge(profile, edge, tolerance, f"{view['id']} at zoom {zoom}")
                         edges += 1
     return edges
 
 
-def check_access(page: Page, what: str) -> None:
-    violations = Axe().run(page).response["violations"]
-    found = [f"{one['id']}: {one['help']}: {one['nodes'][0]['html']}" for one in violations]
-    assert not found, f"{what}: {found}"
+def check_uncovered(page: Page, url: str, scenario: str, tables: dict) -> None:
+    """With all marks, what is inside the true box looks as it does without any."""
+    tick = tables["views"][0]["truth"]["tick"][0]
+    compared = 0
+    for zoom in SMALL_ZOOMS:
+        seen = []
+        for layers in ["none", "truth,detections,shifts"]:
+            link = {"scenario": scenario, "tick": tick, "layers": layers, "zoom": zoom or ""}
+            page.goto("about:blank")
+            page.goto(f"{url}#{urllib.parse.urlencode(link)}")
+            wait_for_tick(page, tick)
+            page.get_by_label("Inset").uncheck()
+            canvases = page.locator("canvas.picture").all()
+            shots = [np.asarray(Image.open(io.BytesIO(canvas.screenshot())).convert("RGB")).astype(int) for canvas in canvases]
+            seen.append((shots, [canvas.bounding_box() for canvas in canvases]))
+        for index, view in enumerate(tables["views"]):
+            truth = view["truth"]
+            if tick not in truth["tick"]:
+                continue
+            row = truth["tick"].index(tick)
+            cx, cy, width, height = (truth[name][row] for name in ["cx_px", "cy_px", "width_px", "height_px"])
+            place = seen[0][1][index]
+            scale = zoom or place["width"] / view["width_px"]
+            middle = (cx, cy) if zoom else ((view["width_px"] - 1) / 2, (view["height_px"] - 1) / 2)
+            x = (cx - middle[0]) * scale + place["width"] / 2 + place["x"] % 1
+            y = (cy - middle[1]) * scale + place["height"] / 2 + place["y"] % 1
+            rows = slice(int(y - height / 2 * scale), int(y + height / 2 * scale) + 1)
+            columns = slice(int(x - width / 2 * scale), int(x + width / 2 * scale) + 1)
+            bare, marked = (shots[index] for shots, _ in seen)
+            inside = np.abs(bare - marked)[rows, columns]
+            assert inside.size and inside.max() <= 2, f"{view['id']} at zoom {zoom}: a mark covers the aircraft"
+            assert np.abs(bare - marked).max() > 100, f"{view['id']} at zoom {zoom}: no mark"
+            compared += 1
+    assert compared >= 3, f"only {compared} pictures were compared"
+
+
+def check_pictures(page: Page, tables: dict, scenario: str) -> None:
+    """The page opens with a picture of every scenario, and the paths have colours with a legend."""
+    page.wait_for_function("document.querySelectorAll('.thumbnail img').length >= 5")
+    loaded = "[...document.querySelectorAll('.thumbnail img')].every(image => image.complete && image.naturalWidth >= 96)"
+    page.wait_for_function(loaded)
+    card = page.locator(f".card[data-id='{scenario}']")
+    assert tables["record"]["conditions"]["weather_name"] in card.inner_text(), card.inner_text()
+    legend = page.get_by_role("list", name="Colours of the paths")
+    for by, words in [("weather", "clear"), ("side", "train"), ("error", "up to")]:
+        page.get_by_label("Coloured by").select_option(by)
+        legend.get_by_text(words).first.wait_for()
+    page.wait_for_function("location.hash.includes('colour=error')")
+    page.get_by_label("Coloured by").select_option("weather")
+    page.get_by_label("Sort by").select_option("-worst_pct")
+    page.get_by_label("Sort by").select_option("id")
 
 
 def check_play_after_jump(page: Page, url: str, scenario: str, ticks: int) -> None:
@@ -112,10 +171,16 @@ def check_all(page: Page, url: str) -> None:
 
     page.goto(url)
     page.get_by_role("link", name=scenario, exact=True).wait_for()
-    assert page.get_by_role("rowheader", name=HOSTILE).count() == 1, "the hostile name is not shown"
-    assert page.locator("img").count() == 0, "the hostile name became an element"
     page.get_by_text("Reading the predictions").wait_for(state="detached")
-    check_access(page, "overview")
+    check_pictures(page, tables, scenario)
+    check_access(page, "pictures of all scenarios")
+    check_width(page, "pictures of all scenarios")
+    assert page.locator(".card").get_by_text(HOSTILE).count() == 1, "the hostile name is not shown"
+    page.get_by_label("Show", exact=True).select_option("table")
+    assert page.get_by_role("rowheader", name=HOSTILE).count() == 1, "the hostile name is not in the table"
+    assert page.locator("img[src=x]").count() == 0, "the hostile name became an element"
+    check_access(page, "table of all scenarios")
+    check_width(page, "table of all scenarios")
     page.get_by_label("Name contains").fill(scenario)
     page.wait_for_function("location.hash.includes('text=')")
     page.reload()
@@ -125,6 +190,7 @@ def check_all(page: Page, url: str) -> None:
 
     wait_for_tick(page, 0)
     check_access(page, "scenario")
+    check_width(page, "scenario")
     # The run was hardly trained: its errors are large.
     clipped = "[...document.querySelectorAll('.now .scroll')].some(table => table.scrollWidth > table.clientWidth)"
     assert not page.evaluate(clipped), "a column of the predictions is clipped"
@@ -154,6 +220,7 @@ def check_all(page: Page, url: str) -> None:
     check_play_after_jump(page, url, scenario, tables["record"]["ticks"])
     edges = check_boxes(page, url, scenario, tables)
     assert edges >= 20, f"only {edges} edges of boxes were looked at"
+    check_uncovered(page, url, scenario, tables)
 
 
 def check_policy(browser: Browser, url: str) -> None:
@@ -172,12 +239,24 @@ def check_policy(browser: Browser, url: str) -> None:
     context.close()
 
 
+def check_on_a_phone(browser: Browser, url: str) -> None:
+    """The pages fit a narrow window."""
+    page = browser.new_context(viewport={"width": PHONE, "height": 800}).new_page()
+    scenario = next(row["id"] for row in api(url, "api/corpus")["scenarios"] if row["state"] == "detected")
+    page.goto(url)
+    page.get_by_role("link", name=scenario, exact=True).wait_for()
+    check_width(page, "pictures of all scenarios")
+    page.get_by_role("link", name=scenario, exact=True).click()
+    wait_for_tick(page, 0)
+    check_width(page, "scenario")
+    page.context.close()
+
+
 def main() -> None:
     url = sys.argv[1]
-    with sync_playwright() as playwright:
-        # A container's root has no sandbox.
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+    with chromium() as browser:
         check_policy(browser, url)
+        check_on_a_phone(browser, url)
         for width, scheme in [(1280, "light"), (2560, "dark")]:
             context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)
             page = context.new_page()
@@ -188,7 +267,6 @@ def main() -> None:
             check_all(page, url)
             assert not faults, faults
             context.close()
-        browser.close()
 
 
 if __name__ == "__main__":

@@ -19,6 +19,27 @@ export function line(number) {
   return { colour: colour(`series-${number % SERIES}`), dash: DASHES[Math.floor(number / SERIES) % DASHES.length] };
 }
 
+/** A stroke of a line, for legends. */
+export function stroke(style) {
+  const canvas = document.createElement('canvas');
+  canvas.className = 'stroke';
+  drawStroke(canvas, style);
+  return canvas;
+}
+
+/** Draws it again, for example after the system changed between light and dark. */
+export function drawStroke(canvas, { colour, dash }) {
+  Object.assign(canvas, { width: 28, height: 10 });
+  const context = canvas.getContext('2d');
+  context.strokeStyle = colour;
+  context.lineWidth = 3;
+  context.setLineDash(dash);
+  context.beginPath();
+  context.moveTo(0, 5);
+  context.lineTo(28, 5);
+  context.stroke();
+}
+
 /** Calls `redraw` when the system changes between light and dark. */
 export function onSchemeChange(redraw, signal) {
   dark.addEventListener('change', redraw, { signal });

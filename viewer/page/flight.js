@@ -110,11 +110,11 @@ export class Flight {
     return found.filter(box => box.confirmed).sort((one, other) => other.score - one.score);
   }
 
-  /** Where the aircraft is in a view, or is thought to be: { x, y, width }, pixels; null if nothing is known. */
+  /** Where the aircraft is in a view, or is thought to be: { x, y, width, height }, pixels; null if nothing is known. */
   target(id, tick) {
     const box = this.truth.get(id).get(tick)?.[0] ?? this.counted(id, tick)[0]
       ?? nearest(this.truth.get(id), tick) ?? nearest(this.detections.get(id), tick);
-    return box ? { x: box.cx, y: box.cy, width: box.width } : null;
+    return box ? { x: box.cx, y: box.cy, width: box.width, height: box.height } : null;
   }
 
   /** The followed point: in the reference view, and where it is in this one. */

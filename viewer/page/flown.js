@@ -9,7 +9,7 @@ const GLIDE_PATH_DEG = 3;
 
 /** Two charts over the remaining distance along the course: offset from the centreline, and height. */
 export class FlownPaths {
-  constructor({ height = 190, onpick } = {}) {
+  constructor({ height = 190, onpick, onpoint } = {}) {
     this.map = new LineChart({ title: 'Map: right of the centreline', unit: 'm', height, bottom: false,
       label: 'Map of the flown paths: offset from the extended centreline over the distance along the course' });
     this.profile = new LineChart({ title: 'Profile: height over the touchdown target', unit: 'm', height: height + 18,
@@ -17,6 +17,8 @@ export class FlownPaths {
     this.paths = new Map();
     this.shown = () => true;
     this.chosen = null;
+    /** Colour and dash of a path. */
+    this.style = id => ({ colour: colour(id === this.chosen ? 'accent' : 'edge'), dash: [] });
     this.at = null;
     this.glide_path_deg = GLIDE_PATH_DEG;
     this.element = element('div', { class: 'flown' }, this.map.canvas, this.profile.canvas,
@@ -26,6 +28,10 @@ export class FlownPaths {
         const id = this.nearest(chart, event);
         if (id !== null) onpick?.(id);
       };
+      if (onpoint) {
+        chart.onpoint = (_x, event) => onpoint(this.nearest(chart, event));
+        chart.canvas.addEventListener('pointerleave', () => onpoint(null));
+      }
     }
     if (onpick) this.element.classList.add('pickable');
   }
@@ -61,9 +67,7 @@ export class FlownPaths {
       chart.x = [high, low];
       const values = shown.flatMap(([, path]) => path[key]);
       chart.y = range(values.length ? [...values, 0] : [-1, 1]);
-      chart.lines = shown.map(([id, path]) => id === this.chosen
-        ? { x: path.along, y: path[key], colour: colour('accent'), width: 2.5 }
-        : { x: path.along, y: path[key], colour: colour('edge'), width: 1 });
+      chart.lines = shown.map(([id, path]) => ({ x: path.along, y: path[key], width: id === this.chosen ? 3.5 : 1.5, ...this.style(id) }));
       // The chosen path is on top of the others.
       chart.lines.sort((one, other) => one.width - other.width);
       chart.marks = [{ x: 0, y: 0, colour: colour('ink') }];

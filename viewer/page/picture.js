@@ -11,13 +11,23 @@ const FILLED = 0.6;
 const INSET = { width: 0.34, height: 2 / 3 };
 /** Pixels around a magnified part that are there when it is dragged. */
 const MARGIN_PX = 24;
-/** Colours over pictures, which are neither light nor dark. */
+/** Colours over pictures, which are neither light nor dark, and the parts of a frame: those of equal boxes do not cover each other. */
 export const MARKS = {
-  truth: { colour: '#39ff5a', dash: [], name: 'true box' },
-  detection: { colour: '#ffb000', dash: [5, 3], name: 'detection' },
-  unconfirmed: { colour: '#c8c8c8', dash: [2, 3], name: 'unconfirmed detection' },
-  shift: { colour: '#3fd0ff', dash: [], name: 'registered point' },
+  truth: { colour: '#39ff5a', part: 'corners' },
+  detection: { colour: '#ffb000', part: 'sides' },
+  unconfirmed: { colour: '#c8c8c8', part: 'sides' },
+  shift: { colour: '#3fd0ff' },
 };
+/** Screen pixels between a box and its frame, which would cover a small aircraft, and between two marks. */
+const GAP = 4;
+/** Least width and height of a frame, screen pixels. */
+const LEAST_FRAME = 22;
+/** Parts of a frame's side that a corner and a side have. */
+const CORNER = 0.25, SIDE = 0.3;
+/** Longest arm of a corner and of a cross, screen pixels. */
+const LONGEST_ARM = 14;
+/** Farthest from its point that an arm of a cross begins, screen pixels. */
+const MOST_CLEAR = 40;
 
 /** A view of the player. `view` has id, width_px and height_px. */
 export class Picture {
@@ -119,7 +129,7 @@ export class Picture {
     const fit = Math.min(size.width / this.view.width_px, size.height / this.view.height_px);
     const main = this.zoom === null ? { scale: fit, middle: whole } : { scale: this.zoom, middle: this.middle() };
     this.canvas.classList.toggle('magnified', this.zoom !== null);
-    this.drawOn(size, main, 1.5);
+    this.drawOn(size, main, 2, this.marks);
     // A small copy of a whole picture costs as much as a large one: too much while it plays.
     const isUseful = this.hasInset && this.image && (this.zoom === null ? this.target : !this.video);
     this.inset.hidden = !isUseful;
@@ -129,11 +139,11 @@ export class Picture {
     const inset = this.context(this.inset);
     if (!inset) return;
     if (this.zoom === null) {
-      this.drawOn(inset, { scale: closest(inset.width * FILLED / this.target.width), middle: this.target }, 1.5);
+      this.drawOn(inset, { scale: closest(inset.width * FILLED / this.target.width), middle: this.target }, 2, this.marks);
       return;
     }
     const small = Math.min(inset.width / this.view.width_px, inset.height / this.view.height_px);
-    this.drawOn(inset, { scale: small, middle: whole }, 1);
+    this.drawOn(inset, { scale: small, middle: whole }, 1, []);
     const { context } = inset;
     const [width, height] = [size.width / this.zoom * small, size.height / this.zoom * small];
     const [x, y] = place(inset, { scale: small, middle: whole }, this.middle());
@@ -155,7 +165,7 @@ export class Picture {
     return { context, width, height };
   }
 
-  drawOn(size, shown, lineWidth) {
+  drawOn(size, shown, lineWidth, marks) {
     const { context, width, height } = size;
     const { scale } = shown;
     context.clearRect(0, 0, width, height);
@@ -173,33 +183,22 @@ export class Picture {
       context.textAlign = 'center';
       wrapped(context, this.message, width - 40).forEach((line, index) => context.fillText(line, width / 2, height / 2 + 18 * index));
     }
-    for (const mark of this.marks) {
-      const { colour, dash } = MARKS[mark.kind];
+    for (const mark of marks) {
+      const { colour, part } = MARKS[mark.kind];
       const path = new Path2D();
-      if ('width' in mark) {
-        const [x, y] = place(size, shown, { x: mark.cx - mark.width / 2, y: mark.cy - mark.height / 2 });
-        path.rect(x, y, mark.width * scale, mark.height * scale);
-      } else {
-        const [x, y] = place(size, shown, mark);
-        const [arm, gap] = [15, 6];
-        for (const [a, b] of [[-arm, -gap], [gap, arm]]) {
-          path.moveTo(x + a, y);
-          path.lineTo(x + b, y);
-          path.moveTo(x, y + a);
-          path.lineTo(x, y + b);
-        }
+      const lines = part ? frameLines(frame(size, shown, mark), part) : crossLines(place(size, shown, mark), frame(size, shown, this.target ?? mark));
+      for (const [from, ...points] of lines) {
+        path.moveTo(...from);
+        for (const point of points) path.lineTo(...point);
       }
       // A dark line below a bright one is visible on any sky.
-      context.setLineDash([]);
       context.strokeStyle = 'rgba(0, 0, 0, .45)';
       context.lineWidth = lineWidth + 1.5;
       context.stroke(path);
-      context.setLineDash(dash);
       context.strokeStyle = colour;
       context.lineWidth = lineWidth;
       context.stroke(path);
     }
-    context.setLineDash([]);
   }
 
   /** Says in words what is drawn. */
@@ -240,6 +239,33 @@ function drawImage(size, shown, image, covered) {
 /** Where a point of the picture is on a canvas. */
 function place({ width, height }, { scale, middle }, { x, y }) {
   return [(x - middle.x) * scale + width / 2, (y - middle.y) * scale + height / 2];
+}
+
+/** The frame around a box, or around a point: [left, top, right, bottom] on a canvas. */
+function frame(size, shown, { cx, cy, x = cx, y = cy, width = 0, height = 0 }) {
+  const [middleX, middleY] = place(size, shown, { x, y });
+  const [halfX, halfY] = [width, height].map(side => Math.max(side * shown.scale / 2 + GAP, LEAST_FRAME / 2));
+  return [middleX - halfX, middleY - halfY, middleX + halfX, middleY + halfY];
+}
+
+/** Lines of the corners of a frame, or of the middles of its sides. */
+function frameLines([left, top, right, bottom], part) {
+  if (part === 'corners') {
+    const [x, y] = [right - left, bottom - top].map(side => Math.min(side * CORNER, LONGEST_ARM));
+    return [[left, top, x, y], [right, top, -x, y], [right, bottom, -x, -y], [left, bottom, x, -y]]
+      .map(([cornerX, cornerY, armX, armY]) => [[cornerX + armX, cornerY], [cornerX, cornerY], [cornerX, cornerY + armY]]);
+  }
+  const ends = (from, to) => [from + (to - from) * (1 - SIDE) / 2, to - (to - from) * (1 - SIDE) / 2];
+  const [[x, toX], [y, toY]] = [ends(left, right), ends(top, bottom)];
+  return [[[x, top], [toX, top]], [[x, bottom], [toX, bottom]], [[left, y], [left, toY]], [[right, y], [right, toY]]];
+}
+
+/** Lines of a cross at a point that begin outside of a frame, unless that is much larger than they are. */
+function crossLines([x, y], [left, top, right, bottom]) {
+  const clear = distance => Math.min(Math.max(distance, 0) + GAP, MOST_CLEAR);
+  const arms = [[-clear(x - left), 0], [clear(right - x), 0], [0, -clear(y - top)], [0, clear(bottom - y)]];
+  return arms.map(([armX, armY]) => [[x + armX, y + armY],
+    [x + armX + Math.sign(armX) * LONGEST_ARM, y + armY + Math.sign(armY) * LONGEST_ARM]]);
 }
 
 /** The largest zoom up to a limit. */

@@ -1,6 +1,6 @@
 // What the tables and the runs say at the shown tick, in numbers.
 
-import { line } from './colours.js';
+import { drawStroke, line, stroke } from './colours.js';
 import { check, element } from './dom.js';
 import { METRES_PER_NM, brief, fixed, metres, nauticalMiles, seconds, speed } from './units.js';
 
@@ -24,7 +24,7 @@ export class Readout {
       one.cells = [element('td', { class: 'first' }), element('td'), element('td')];
       const [mean, worst] = whole(one);
       const worstTick = one.error.findIndex(error => error !== null && Math.abs(error) === worst);
-      one.swatch = element('canvas', { width: 28, height: 10, class: 'stroke' });
+      one.swatch = stroke(line(one.number));
       return element('tr', {},
         element('th', { class: 'word', scope: 'row' },
           check(one.estimator, one.isShown, isShown => this.online(one, isShown), one.swatch),
@@ -74,17 +74,6 @@ export class Readout {
 
   /** Draws the strokes of the lines beside their names. */
   drawStrokes() {
-    for (const { number, swatch } of this.flight.lines) {
-      const context = swatch.getContext('2d');
-      const { colour, dash } = line(number);
-      context.clearRect(0, 0, 28, 10);
-      context.strokeStyle = colour;
-      context.lineWidth = 3;
-      context.setLineDash(dash);
-      context.beginPath();
-      context.moveTo(0, 5);
-      context.lineTo(28, 5);
-      context.stroke();
-    }
+    for (const { number, swatch } of this.flight.lines) drawStroke(swatch, line(number));
   }
 }

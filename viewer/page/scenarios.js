@@ -1,11 +1,13 @@
-// All scenarios: a table with filters, the progress of a recording, the flown paths, and the runs.
+// All scenarios: their pictures or a table, with filters, the progress of a recording, the flown paths, and the runs.
 
 import { choice, element, json } from './dom.js';
 import { FlownPaths } from './flown.js';
 import { address, note, shown } from './link.js';
+import { classes, colourings, legend } from './path-colours.js';
 import { comparison, estimators } from './runs.js';
+import { Thumbnails } from './thumbnails.js';
 import { onSchemeChange } from './colours.js';
-import { count, duration, fixed, plural } from './units.js';
+import { brief, count, duration, fixed, plural } from './units.js';
 
 const STATES = {
   planned: 'planned', recording: 'recording', failed: 'failed', damaged: 'damaged',
@@ -54,21 +56,29 @@ export class Scenarios {
     this.filters = Object.fromEntries(FILTERS.map(name => [name, asked[name] ?? '']));
     this.sort = asked.sort ?? 'id';
     this.judge = asked.judge ?? '';
+    this.form = asked.as === 'table' ? 'table' : 'pictures';
+    this.colouring = asked.colour ?? 'weather';
     this.showsAll = false;
     this.head = element('div');
     this.filterBar = element('form', { class: 'filters', onsubmit: event => event.preventDefault() });
-    this.table = element('div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Scenarios' });
+    this.thumbnails = new Thumbnails(signal);
+    this.list = element('div', { onpointerover: event => this.point(event.target.closest('[data-id]')?.dataset.id ?? null),
+      onpointerleave: () => this.point(null) });
     this.found = element('p', { class: 'note', role: 'status' });
     this.failures = element('div');
     this.compared = element('section');
-    this.flown = new FlownPaths({ onpick: id => { location.hash = address({ scenario: id }); } });
+    this.flown = new FlownPaths({ onpick: id => { location.hash = address({ scenario: id }); }, onpoint: id => this.point(id) });
+    this.colourChoice = element('div');
+    this.legend = element('ul', { class: 'legend', 'aria-label': 'Colours of the paths' });
     this.flownSaid = element('p', { class: 'note' });
     this.element = element('div', { class: 'overview' },
-      element('section', { class: 'list', 'aria-labelledby': 'title' },
-        element('h1', { id: 'title' }, corpus.corpus), this.head, this.filterBar, this.found, this.table, this.failures),
+      element('section', { class: 'top-of-list', 'aria-labelledby': 'title' },
+        element('h1', { id: 'title' }, corpus.corpus), this.head, this.filterBar, this.found),
+      element('div', { class: 'list' }, this.list, this.failures),
       element('section', { class: 'beside', 'aria-labelledby': 'flown-title' },
-        element('h2', { id: 'flown-title' }, 'Flown paths'), this.flown.element, this.flownSaid, this.compared));
-    onSchemeChange(() => this.flown.draw(), signal);
+        element('h2', { id: 'flown-title' }, 'Flown paths'),
+        element('div', { class: 'layers' }, this.colourChoice, this.legend), this.flown.element, this.flownSaid, this.compared));
+    onSchemeChange(() => this.drawPaths(), signal);
     this.fill();
     this.readPaths();
   }
@@ -89,7 +99,8 @@ export class Scenarios {
       ...corpus.problems.map(problem => element('p', { class: 'problem' }, problem)),
       this.progress());
     this.fillFilters();
-    this.fillTable();
+    this.fillColours();
+    this.fillList();
     const failed = corpus.scenarios.filter(row => row.faults.length);
     this.failures.replaceChildren(...failed.length ? [
       element('h2', {}, 'What failed, and why'),
@@ -148,6 +159,13 @@ export class Scenarios {
     };
     if (this.filterBar.contains(document.activeElement) && document.activeElement.tagName === 'INPUT') return;
     this.filterBar.replaceChildren(
+      choice('Show', [['pictures', 'pictures'], ['table', 'table']], this.form, form => {
+        this.form = form;
+        note({ as: form === 'table' ? form : undefined });
+        this.fillFilters();
+        this.filterBar.querySelector('select').focus();
+        this.fillList();
+      }),
       field('text', 'Name contains', { type: 'search', size: 14 }),
       select('weather', 'weather', 'Weather'), select('time', 'time_of_day', 'Time'), select('side', 'side', 'Side'),
       select('state', 'state', 'State', STATES),
@@ -155,16 +173,32 @@ export class Scenarios {
         choice('Errors of', judges, this.judge, value => {
           this.judge = value;
           note({ judge: value });
-          this.fillTable();
+          this.fillList();
         }),
         field('worst', 'Worst above, %', { type: 'number', min: 0, step: 'any' }),
-      ] : []);
+      ] : [],
+      // Headings sort a table.
+      ...this.form === 'pictures' ? [choice('Sort by', this.orders(judges.length > 0), this.sort, sort => {
+        this.sort = sort;
+        note({ sort });
+        this.fillList();
+      })] : []);
+  }
+
+  fillColours() {
+    this.colourings = colourings(this.runs.some(run => Object.values(run.flights).length));
+    if (this.colourChoice.contains(document.activeElement)) return;
+    this.colourChoice.replaceChildren(choice('Coloured by', this.colourings, this.colouredBy(), value => {
+      this.colouring = value;
+      note({ colour: value === 'weather' ? undefined : value });
+      this.drawPaths();
+    }));
   }
 
   filter(name, value) {
     this.filters[name] = value;
     note({ [name]: value });
-    this.fillTable();
+    this.fillList();
   }
 
   /** Rows with their errors, filtered and sorted. */
@@ -186,8 +220,42 @@ export class Scenarios {
     return rows.filter(isShown).sort(order);
   }
 
-  fillTable() {
+  orders(hasErrors) {
+    const orders = [['id', 'name'], ['weather', 'weather'], ['time_of_day', 'time'], ['side', 'side'], ['state', 'state'],
+      ...hasErrors ? [['-worst_pct', 'worst error'], ['-mape_pct', 'largest MAPE'], ['mape_pct', 'smallest MAPE']] : []];
+    // Headings of the table sort in further ways.
+    return orders.some(([order]) => order === this.sort) ? orders : [...orders, [this.sort, 'as the table']];
+  }
+
+  fillList() {
     const rows = this.rows();
+    const some = this.showsAll ? rows : rows.slice(0, MOST_ROWS);
+    this.list.replaceChildren(this.form === 'table' ? this.table(some) : this.gallery(some),
+      ...some.length < rows.length ? [element('button', { type: 'button', onclick: () => {
+        this.showsAll = true;
+        this.fillList();
+      } }, `Show all ${count(rows.length)}`)] : []);
+    const all = this.corpus.scenarios.length;
+    this.found.textContent = rows.length === all ? plural(all, 'scenario') : `${count(rows.length)} of ${plural(all, 'scenario')}`;
+    this.visible = new Map(rows.map(row => [row.id, row]));
+    this.flown.shown = id => this.visible.has(id);
+    this.drawPaths();
+  }
+
+  gallery(rows) {
+    const facts = row => [row.weather_differs.length ? `${row.weather} (not as planned)` : row.weather, row.time_of_day, row.side].filter(Boolean).join(' · ');
+    return element('ul', { class: 'gallery' }, rows.map(row => {
+      const words = row.state === 'recording' && row.recorded_ticks !== null ? `${count(row.recorded_ticks)} of ${count(row.ticks)} ticks` : 'no picture';
+      return element('li', { class: 'card', 'data-id': row.id },
+        this.thumbnails.of(row, isOpenable(row), words),
+        element('p', { class: 'name' }, isOpenable(row) ? element('a', { href: address({ scenario: row.id }) }, row.id) : row.id),
+        element('p', { class: 'note' }, facts(row)),
+        element('p', { class: 'note' }, element('span', { class: `state ${row.state}` }, STATES[row.state]),
+          ...row.mape_pct === undefined ? [] : [' · ', element('span', { class: 'nowrap' }, `MAPE ${brief(row.mape_pct, 3, 10)} %`)]));
+    }));
+  }
+
+  table(rows) {
     const hasErrors = rows.some(row => row.worst_pct !== undefined);
     const columns = COLUMNS.filter(([key]) => hasErrors || !key.endsWith('_pct'));
     const cell = (row, key) => {
@@ -210,26 +278,38 @@ export class Scenarios {
       const turn = () => {
         this.sort = is && !isDown ? `-${key}` : is ? key : key.endsWith('_pct') ? `-${key}` : key;
         note({ sort: this.sort });
-        this.fillTable();
-        this.table.querySelector(`[data-key=${key}]`).focus();
+        this.fillList();
+        this.list.querySelector(`[data-key=${key}]`).focus();
       };
       return element('th', { class: kind, scope: 'col', 'aria-sort': is ? (isDown ? 'descending' : 'ascending') : undefined },
         element('button', { type: 'button', class: 'sort', 'data-key': key, onclick: turn }, title, is ? (isDown ? ' ↓' : ' ↑') : ''));
     };
-    const some = this.showsAll ? rows : rows.slice(0, MOST_ROWS);
-    this.table.replaceChildren(element('table', { class: 'scenarios' },
+    return element('div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Scenarios' }, element('table', { class: 'scenarios' },
       element('thead', {}, element('tr', {}, columns.map(heading))),
-      element('tbody', {}, some.map(row => element('tr', {},
-        columns.map(([key, , kind]) => element(key === 'id' ? 'th' : 'td', { class: kind, scope: key === 'id' ? 'row' : undefined }, cell(row, key))))))),
-      ...some.length < rows.length ? [element('button', { type: 'button', onclick: () => {
-        this.showsAll = true;
-        this.fillTable();
-      } }, `Show all ${count(rows.length)}`)] : []);
-    const all = this.corpus.scenarios.length;
-    this.found.textContent = rows.length === all ? plural(all, 'scenario') : `${count(rows.length)} of ${plural(all, 'scenario')}`;
-    this.visible = new Set(rows.map(row => row.id));
-    this.flown.shown = id => this.visible.has(id);
+      element('tbody', {}, rows.map(row => element('tr', { 'data-id': row.id },
+        columns.map(([key, , kind]) => element(key === 'id' ? 'th' : 'td', { class: kind, scope: key === 'id' ? 'row' : undefined }, cell(row, key))))))));
+  }
+
+  /** The chosen colours, if there are any of this kind. */
+  colouredBy() {
+    return this.colourings.some(([value]) => value === this.colouring) ? this.colouring : 'weather';
+  }
+
+  /** Draws the paths and their legend in the chosen colours. */
+  drawPaths() {
+    const rows = [...this.visible.values()];
+    const shown = classes(this.colouredBy(), rows.filter(row => this.flown.paths.has(row.id)), this.corpus.scenarios);
+    this.flown.style = id => shown.find(one => one.has(this.visible.get(id))).style();
+    this.legend.replaceChildren(...legend(shown));
     this.flown.draw();
+  }
+
+  /** Marks the path of a scenario, and its row or picture; null marks none. */
+  point(id) {
+    if (id === this.flown.chosen) return;
+    this.flown.chosen = id;
+    this.flown.draw();
+    for (const one of this.list.querySelectorAll('[data-id]')) one.classList.toggle('pointed', one.dataset.id === id);
   }
 
   /** Reads the paths that are not there yet, a few at a time. */
@@ -252,7 +332,7 @@ export class Scenarios {
   }
 
   sayPaths(missing) {
-    this.flown.draw();
+    this.drawPaths();
     this.flownSaid.textContent = missing ? `${plural(missing, 'path')} still to be read`
       : this.flown.paths.size ? 'Click a path to open its scenario. Offset and height are magnified against the distance.' : 'Nothing is recorded yet.';
   }

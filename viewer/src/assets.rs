@@ -17,7 +17,7 @@ macro_rules! page {
 }
 
 /// Address, kind and content of each file.
-const FILES: [(&str, &str, &str); 19] = [
+const FILES: [(&str, &str, &str); 21] = [
     ("/", HTML, page!("index.html")),
     ("/icon.svg", ICON, page!("icon.svg")),
     ("/family.css", STYLE, report_page::page::STYLE),
@@ -30,12 +30,14 @@ const FILES: [(&str, &str, &str); 19] = [
     ("/flight-charts.js", SCRIPT, page!("flight-charts.js")),
     ("/flown.js", SCRIPT, page!("flown.js")),
     ("/link.js", SCRIPT, page!("link.js")),
+    ("/path-colours.js", SCRIPT, page!("path-colours.js")),
     ("/picture.js", SCRIPT, page!("picture.js")),
     ("/playback.js", SCRIPT, page!("playback.js")),
     ("/readout.js", SCRIPT, page!("readout.js")),
     ("/runs.js", SCRIPT, page!("runs.js")),
     ("/scenario.js", SCRIPT, page!("scenario.js")),
     ("/scenarios.js", SCRIPT, page!("scenarios.js")),
+    ("/thumbnails.js", SCRIPT, page!("thumbnails.js")),
     ("/units.js", SCRIPT, page!("units.js")),
 ];
 

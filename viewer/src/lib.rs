@@ -19,10 +19,12 @@ mod path;
 mod pictures;
 mod planes;
 mod refusal;
+mod refusal_page;
 mod rounded;
 mod run;
 mod scenario_tables;
 mod server;
+mod thumbnail;
 mod video_file;
 
 pub use error::ViewError;

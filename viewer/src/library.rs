@@ -8,6 +8,7 @@ use dataset::file_name;
 use crate::opened::Opened;
 use crate::refusal::Refusal;
 use crate::run::Run;
+use crate::thumbnail::Thumbnails;
 
 /// Scenarios that stay open: the shown one, and the one before.
 const MOST_OPENED: usize = 2;
@@ -16,6 +17,7 @@ const MOST_OPENED: usize = 2;
 pub(crate) struct Library {
     pub(crate) corpus: Corpus,
     pub(crate) runs: Vec<Run>,
+    pub(crate) thumbnails: Thumbnails,
     opened: Mutex<Vec<Arc<Opened>>>,
 }
 
@@ -24,6 +26,7 @@ impl Library {
         Self {
             corpus,
             runs,
+            thumbnails: Thumbnails::new(),
             opened: Mutex::default(),
         }
     }

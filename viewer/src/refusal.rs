@@ -1,12 +1,12 @@
 //! Answers to requests that cannot be fulfilled: a status, and a sentence for the page to show.
 
-use axum::Json;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
+use axum::{Extension, Json};
 use serde_json::json;
 
 /// Why a request got nothing.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Refusal {
     pub(crate) status: StatusCode,
     pub(crate) message: String,
@@ -44,7 +44,9 @@ impl From<dataset::Error> for Refusal {
 }
 
 impl IntoResponse for Refusal {
+    /// JSON for the scripts of the page. The refusal goes along, so that it can become a page for a person.
     fn into_response(self) -> Response {
-        (self.status, Json(json!({ "error": self.message }))).into_response()
+        let json = Json(json!({ "error": self.message }));
+        (self.status, Extension(self), json).into_response()
     }
 }

@@ -16,14 +16,14 @@ use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 use tokio::task::spawn_blocking;
 
-use crate::doorkeeper::{OwnNames, guard};
+use crate::doorkeeper::guard;
 use crate::error::ViewError;
 use crate::library::Library;
 use crate::pictures::{Form, Picture};
 use crate::planes::{MOST_EVERY, Part};
 use crate::refusal::Refusal;
 use crate::run::{Run, Summary};
-use crate::{assets, connections, overview, path, planes, scenario_tables, video_file};
+use crate::{assets, connections, overview, path, planes, scenario_tables, thumbnail, video_file};
 
 /// Columns and rows of a picture that is sent as planes, and of its part if there is one.
 const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
@@ -97,13 +97,11 @@ fn router(library: Arc<Library>, address: SocketAddr) -> Router {
         .route("/api/path", get(flown_path))
         .route("/api/scenario", get(scenario))
         .route("/frame", get(frame))
+        .route("/thumbnail", get(scenario_thumbnail))
         .route("/video", get(video))
         .fallback(async || Refusal::not_found("there is nothing at this address"))
         .with_state(library)
-        .layer(middleware::from_fn_with_state(
-            Arc::new(OwnNames::of(address)),
-            guard,
-        ))
+        .layer(middleware::from_fn_with_state(address.port(), guard))
 }
 
 type Answer = Result<Response, Refusal>;
@@ -162,6 +160,15 @@ async fn scenario(State(library): State<Arc<Library>>, asked: Asked<OfScenario>)
         json(&scenario_tables::read(&library, &opened)?)
     })
     .await
+}
+
+async fn scenario_thumbnail(
+    State(library): State<Arc<Library>>,
+    asked: Asked<OfScenario>,
+) -> Answer {
+    let OfScenario { scenario } = understood(asked)?;
+    let jpeg = thumbnail::read(library, scenario).await?;
+    Ok(([(CONTENT_TYPE, "image/jpeg")], jpeg).into_response())
 }
 
 async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> Answer {

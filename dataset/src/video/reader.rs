@@ -16,6 +16,15 @@ use crate::outside_file::{self, FileKind};
 /// Pictures that a decoder references, the one that it decodes, and those being converted to RGB.
 const FRAMES_HELD: u64 = 8;
 
+/// A decoded picture.
+#[derive(Debug, Clone)]
+pub struct RgbPicture {
+    /// Rows of RGB from top to bottom without gaps.
+    pub rgb: Vec<u8>,
+    /// Columns and rows.
+    pub size_px: [u32; 2],
+}
+
 /// A video that is being read. Pictures are decoded on the calling thread: use several threads for several videos.
 pub struct VideoReader {
     path: PathBuf,
@@ -172,6 +181,26 @@ impl VideoReader {
         self.frames_read = 0;
         self.all_sent = false;
         Ok(())
+    }
+
+    /// Goes to the picture with this timestamp and converts it; `None` if there is none.
+    pub fn picture_at(&mut self, pts: i64) -> Result<Option<RgbPicture>> {
+        self.seek(pts)?;
+        let found = loop {
+            match self.skip_frame()? {
+                Some(earlier) if earlier < pts => {}
+                found => break found,
+            }
+        };
+        if found != Some(pts) {
+            return Ok(None);
+        }
+        let mut rgb = Vec::new();
+        self.convert(&mut rgb)?;
+        Ok(Some(RgbPicture {
+            rgb,
+            size_px: [self.width_px, self.height_px],
+        }))
     }
 
     /// The picture that was decoded last, as [`VideoReader::next_frame`] gives it.

@@ -39,7 +39,7 @@ impl Line {
 
 /// Recall over distance; one colour a line, in their order.
 pub(super) fn recall(lines: &[Line]) -> Result<String> {
-    chart("the chart of recall", lines, 0.0..102.0, "found, %", 0)
+    chart("recall by distance", lines, 0.0..102.0, "found, %", 0)
 }
 
 /// Deviations over distance.
@@ -49,7 +49,7 @@ pub(super) fn deviations(lines: &[Line], what: &'static str) -> Result<String> {
         .flat_map(|line| line.points.iter().map(|point| point.1));
     let highest = values.fold(0.0, f64::max);
     chart(
-        "the chart of deviations",
+        "deviations by distance",
         lines,
         axis(0.0, 1.1 * highest),
         what,

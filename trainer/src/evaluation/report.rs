@@ -2,7 +2,7 @@
 //!
 //! The page is a template (`report/report.html`) in the look of all pages (`report-page/`); its plots are SVG, drawn by [`plots`], and its
 //! pictures are cut out of the corpus's videos, if they are there.
-//! Figures of the paper are shown next to ours where it has them (its table 3).
+//! It begins with the recommended estimator. Figures of the paper are shown next to ours where it has them (its table 3).
 
 mod examples;
 mod plots;
@@ -25,6 +25,8 @@ use crate::run::trained::TrainedRun;
 use crate::samples::{DistanceRange, Samples};
 
 const TEMPLATE: &str = include_str!("report/report.html");
+/// Estimators in the charts of errors by distance: more lines cannot be told apart.
+const CHARTED: usize = 5;
 
 /// A scenario in the data summary.
 #[derive(Serialize)]
@@ -64,7 +66,15 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let rules = &metrics.rules;
     let seen = ticks_seen(samples, rules.range());
     let flown = tables::best_covered_scenario(samples, ticks.ticks());
-    let outcomes = (0..Estimator::ALL.len()).map(|number| ticks.outcomes(answers, number));
+    let best = tables::best(metrics, CHARTED);
+    let outcomes = best
+        .iter()
+        .map(|&number| (number, ticks.outcomes(answers, number)));
+    let bins = best.iter().filter_map(|&number| {
+        let of = metrics.estimators.get(Estimator::ALL[number].name())?;
+        Some((number, &of.by_distance_nm[..]))
+    });
+    let bins: Vec<_> = bins.collect();
     let recommended = |estimator: &Estimator| estimator.name() == trained.summary.choice.estimator;
     let examples = match Estimator::ALL.iter().position(recommended) {
         Some(number) => {
@@ -76,8 +86,12 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let page = render(
         TEMPLATE,
         context! {
+            recommendation => value(tables::recommendation(&trained.summary.choice, metrics)),
             headline => value(tables::headline(metrics)),
-            legend => value(legend()),
+            legend => value(legend(&best)),
+            best_plot => drawn(plots::best_by_distance(&bins)?),
+            by_weather => value(tables::by_weather(metrics)),
+            by_time => value(tables::by_time(metrics)),
             conditions => value(tables::conditions(metrics)),
             weather_at_aircraft => value(tables::weather_at_aircraft(metrics)),
             scenarios => value(scenario_rows(samples, &seen)),
@@ -121,13 +135,14 @@ struct LegendEntry {
     name: &'static str,
 }
 
-fn legend() -> Vec<LegendEntry> {
-    let entry = |(which, estimator): (usize, Estimator)| LegendEntry {
-        colour: css_colour(which),
-        is_hollow: plots::is_hollow(which),
-        name: estimator.name(),
+/// Entries of the estimators of these numbers.
+fn legend(shown: &[usize]) -> Vec<LegendEntry> {
+    let entry = |&number: &usize| LegendEntry {
+        colour: css_colour(number),
+        is_hollow: plots::is_hollow(number),
+        name: Estimator::ALL[number].name(),
     };
-    Estimator::ALL.into_iter().enumerate().map(entry).collect()
+    shown.iter().map(entry).collect()
 }
 
 /// Ticks of a scenario within the judged distances.

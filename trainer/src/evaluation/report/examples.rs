@@ -7,7 +7,7 @@ use report_page::crop::Crop;
 use report_page::{decimal, signed};
 use serde::Serialize;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::evaluation::metrics::Outcome;
 use crate::samples::{Sample, Samples};
 
@@ -30,7 +30,7 @@ pub(super) struct Example {
 struct Shown {
     view: String,
     crop: Option<Crop>,
-    /// Left, top, width and height of the box in the crop, pixels.
+    /// Left, top, width and height of the line around the box in the crop, pixels.
     box_px: Option<[f64; 4]>,
     /// Why there is no picture.
     absent: Option<String>,
@@ -79,57 +79,52 @@ pub(super) fn examples(
 fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Result<Vec<Shown>> {
     let scenario = &samples.scenarios[sample.scenario].id;
     let tick = sample.tick;
+    let opened = unless_of_disk(corpus.scenario(scenario).open())?;
     let shown = |(view, seen): (&String, &Option<PixelBox>)| {
-        let crop = match seen {
-            None => Err("no box".to_owned()),
-            Some(seen) => match cropped(corpus, scenario, view, tick, seen) {
-                Ok(crop) => Ok(crop),
-                Err(Error::Dataset(error)) if error.is_of_disk() => return Err(error.into()),
-                Err(error) => {
-                    tracing::warn!(scenario, tick, view, %error, "the report lacks a picture");
-                    Err(format!("no picture: {error}"))
-                }
-            },
+        let Some(seen) = seen else {
+            return Ok(Shown::without(view, "no box".to_owned()));
         };
-        let box_px = seen
-            .as_ref()
-            .and_then(|seen| Some(crop.as_ref().ok()?.place_of(seen)));
-        Ok(Shown {
-            view: view.clone(),
-            box_px,
-            absent: crop.as_ref().err().cloned(),
-            crop: crop.ok(),
-        })
+        let picture = match &opened {
+            Ok(opened) => unless_of_disk(opened.picture(view, tick))?,
+            Err(fault) => Err(fault.clone()),
+        };
+        let crop = picture.and_then(|picture| {
+            Crop::around(seen, &picture.rgb, picture.size_px).map_err(|error| error.to_string())
+        });
+        match crop {
+            Ok(crop) => Ok(Shown {
+                view: view.clone(),
+                box_px: Some(crop.frame_of(seen)),
+                crop: Some(crop),
+                absent: None,
+            }),
+            Err(fault) => {
+                tracing::warn!(scenario, tick, view, %fault, "the report lacks a picture");
+                Ok(Shown::without(view, format!("no picture: {fault}")))
+            }
+        }
     };
     samples.views.iter().zip(&sample.boxes).map(shown).collect()
 }
 
-/// The picture around a box, from the sealed video.
-fn cropped(
-    corpus: &Corpus,
-    scenario: &str,
-    view: &str,
-    tick: u32,
-    seen: &PixelBox,
-) -> Result<Crop> {
-    let scenario = corpus.scenario(scenario).open()?;
-    let pts = scenario.record()?.frame_rate.pts_of_tick(tick);
-    let mut video = scenario.open_video(view)?;
-    video.seek(pts)?;
-    let mut rgb = Vec::new();
-    let found = loop {
-        match video.skip_frame()? {
-            Some(earlier) if earlier < pts => {}
-            found => break found,
+impl Shown {
+    fn without(view: &str, absent: String) -> Self {
+        Self {
+            view: view.to_owned(),
+            crop: None,
+            box_px: None,
+            absent: Some(absent),
         }
-    };
-    if found != Some(pts) {
-        return Err(dataset::Error::corpus(
-            scenario.folder().root(),
-            format!("the video of view {view} has no picture of tick {tick}"),
-        )
-        .into());
     }
-    video.convert(&mut rgb)?;
-    Ok(Crop::around(seen, &rgb, [video.width(), video.height()])?)
+}
+
+/// The result, or the fault of a missing or damaged file in words.
+///
+/// # Errors
+/// The disk is broken.
+fn unless_of_disk<T>(found: dataset::Result<T>) -> Result<std::result::Result<T, String>> {
+    match found {
+        Err(error) if error.is_of_disk() => Err(error.into()),
+        found => Ok(found.map_err(|error| error.to_string())),
+    }
 }

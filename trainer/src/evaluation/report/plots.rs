@@ -2,9 +2,11 @@
 
 use plotters::prelude::*;
 use report_page::Result;
-use report_page::chart::{COLOURS, FONT, GRID, INK, MOST_POINTS, axes, axis, shown_points, svg};
+use report_page::chart::{
+    COLOURS, FONT, GRID, INK, LogarithmicAxis, MOST_POINTS, axes, axis, shown_points, svg,
+};
 
-use crate::evaluation::metrics::{Outcome, distance_bins};
+use crate::evaluation::metrics::{DistanceBin, Outcome, distance_bins};
 use crate::run::estimator::Estimator;
 use crate::run::trained::Convergence;
 use crate::samples::Sample;
@@ -64,20 +66,68 @@ impl FiveNumbers {
     }
 }
 
-/// Whether the boxes of an estimator are not filled: there are more estimators than colours that everybody can tell apart.
+/// Whether boxes and points of an estimator are not filled: there are more estimators than colours that everybody can tell apart.
 pub(super) fn is_hollow(which: usize) -> bool {
     which >= COLOURS.len()
 }
 
-/// Box plot of the signed percentage error by distance bin and estimator. `shown`: the outcomes of each.
+/// Mean errors over distance, on a logarithmic axis. `shown`: the numbers of estimators, each with its bins.
+pub(super) fn best_by_distance(shown: &[(usize, &[DistanceBin])]) -> Result<String> {
+    let points = |bins: &[DistanceBin]| -> Vec<(f64, f64)> {
+        let middle_nm = |bin: &DistanceBin| f64::midpoint(bin.from_nm, bin.to_nm);
+        let bins = bins.iter();
+        bins.filter_map(|bin| Some((middle_nm(bin), bin.figures.mape_pct?)))
+            .collect()
+    };
+    let bins = || shown.iter().flat_map(|(_, bins)| bins.iter());
+    let first = bins().map(|bin| bin.from_nm).reduce(f64::min);
+    let last = bins().map(|bin| bin.to_nm).reduce(f64::max);
+    let distances = axis(first.unwrap_or(0.0), last.unwrap_or(1.0));
+    let labels = bins().map(|bin| bin.to_nm.round() as usize).max();
+    let errors = LogarithmicAxis::over(bins().filter_map(|bin| bin.figures.mape_pct));
+    svg(
+        "mean error by distance of the best estimators",
+        380,
+        |area| {
+            let mut chart = ChartBuilder::on(area)
+                .margin(8)
+                .x_label_area_size(44)
+                .y_label_area_size(66)
+                .build_cartesian_2d(distances, errors)?;
+            axes(&mut chart)
+                .x_labels(labels.unwrap_or(1).clamp(2, MOST_LABELS))
+                .y_labels(24)
+                .y_label_formatter(&LogarithmicAxis::number)
+                .x_desc("distance to touchdown, NM")
+                .y_desc("mean error, % (logarithmic)")
+                .draw()?;
+            for (which, bins) in shown.iter().rev() {
+                let colour = COLOURS[which % COLOURS.len()];
+                let points = points(bins);
+                chart.draw_series(LineSeries::new(
+                    points.iter().copied(),
+                    colour.stroke_width(2),
+                ))?;
+                let inside = if is_hollow(*which) { WHITE } else { colour };
+                for style in [inside.filled(), colour.stroke_width(2)] {
+                    let circles = points.iter().map(|&point| Circle::new(point, 4, style));
+                    chart.draw_series(circles)?;
+                }
+            }
+            Ok(())
+        },
+    )
+}
+
+/// Box plot of the signed percentage error by distance bin and estimator. `shown`: the numbers of estimators, each with its outcomes.
 pub(super) fn errors_by_distance<'a>(
-    shown: impl Iterator<Item = Vec<Outcome<'a>>>,
+    shown: impl Iterator<Item = (usize, Vec<Outcome<'a>>)>,
     bin_nm: f64,
 ) -> Result<String> {
     let mut boxes = Vec::new();
     let mut width_nm = bin_nm;
     let mut estimators = 0;
-    for (which, outcomes) in shown.enumerate() {
+    for (slot, (which, outcomes)) in shown.enumerate() {
         estimators += 1;
         for ([from_nm, to_nm], inside) in distance_bins(&outcomes, bin_nm) {
             width_nm = to_nm - from_nm;
@@ -86,18 +136,19 @@ pub(super) fn errors_by_distance<'a>(
                 .filter_map(|outcome| outcome.signed_error_pct())
                 .collect();
             if let Some(numbers) = FiveNumbers::of(errors) {
-                boxes.push((which, from_nm, numbers));
+                boxes.push((slot, which, from_nm, numbers));
             }
         }
     }
-    let first = boxes.iter().map(|b| b.1).reduce(f64::min).unwrap_or(0.0);
-    let last = boxes.iter().map(|b| b.1).reduce(f64::max).unwrap_or(0.0) + width_nm;
+    let first = boxes.iter().map(|b| b.2).reduce(f64::min).unwrap_or(0.0);
+    let last = boxes.iter().map(|b| b.2).reduce(f64::max).unwrap_or(0.0) + width_nm;
     let distances = axis(first, last);
     let labels = (((last - first) / width_nm).round() as usize + 1).min(MOST_LABELS);
-    let ends = boxes.iter().flat_map(|b| b.2.whiskers).map(f64::abs);
-    // One extreme whisker must not flatten all boxes: it is cut off at the picture's edge.
-    let reach = reach_pct(quantile(ends.collect(), 0.9), 0.1, 1.15);
-    svg("the box plot", 430, |area| {
+    let ends = boxes.iter().flat_map(|b| b.3.whiskers).map(f64::abs);
+    // Whiskers of the worst estimators must not flatten all boxes: they are cut off at the picture's edge.
+    let reach = reach_pct(quantile(ends.collect(), 0.7), 0.02, 1.15);
+    let decimals = if reach < 0.5 { 2 } else { 1 };
+    svg("the spread of errors by distance", 430, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
             .x_label_area_size(44)
@@ -106,7 +157,7 @@ pub(super) fn errors_by_distance<'a>(
         axes(&mut chart)
             .disable_x_mesh()
             .x_labels(labels)
-            .y_label_formatter(&|y| format!("{y:+.1}"))
+            .y_label_formatter(&|y| format!("{y:+.decimals$}"))
             .x_desc("distance to touchdown, NM")
             .y_desc("percentage error, % (+ = too far)")
             .draw()?;
@@ -114,11 +165,11 @@ pub(super) fn errors_by_distance<'a>(
             vec![(first, 0.0), (last, 0.0)],
             INK.mix(0.6),
         )])?;
-        let slot = width_nm * 0.84 / estimators.max(1) as f64;
-        for (which, from_nm, numbers) in &boxes {
+        let slot_nm = width_nm * 0.84 / estimators.max(1) as f64;
+        for (slot, which, from_nm, numbers) in &boxes {
             let colour = COLOURS[which % COLOURS.len()];
-            let left = from_nm + width_nm * 0.08 + slot * *which as f64 + slot * 0.1;
-            let right = left + slot * 0.8;
+            let left = from_nm + width_nm * 0.08 + slot_nm * *slot as f64 + slot_nm * 0.1;
+            let right = left + slot_nm * 0.8;
             let middle = (left + right) / 2.0;
             let cut = |y: f64| y.clamp(-reach, reach);
             let [low, median, high] = numbers.quartiles.map(cut);
@@ -166,7 +217,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
     let errors = points().map(|p| p.1).filter(|error| error.is_finite());
     let high = reach_pct(quantile(errors.collect(), 0.95), 0.01, 1.2);
     let [steps, errors] = [axis(0.0, last), axis(0.0, high)];
-    svg("the convergence plot", 360, |area| {
+    svg("validation error during training", 360, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
             .x_label_area_size(44)
@@ -262,7 +313,7 @@ pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -
     });
     let reach = reach_pct(quantile(errors.collect(), 0.98), 0.05, 1.2);
     let errors_pct = -reach..reach;
-    svg("the plot of a flight", 560, |area| {
+    svg("distances and errors of a held-out flight", 560, |area| {
         let (above, below) = area.split_vertically(300);
         let mut distances = ChartBuilder::on(&above)
             .margin(8)
@@ -326,9 +377,13 @@ pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use crate::estimators::paper_lstm::EstimatorLogEntry;
     use crate::estimators::paper_lstm::calibration_training::CalibrationLogEntry;
+    use crate::evaluation::metrics::EstimatorMetrics;
+    use crate::evaluation::rules::EvaluationRules;
 
     /// A plot of extreme values must still open: finite numbers, and not too many of them.
     fn assert_sound(svg: &str) {
@@ -370,8 +425,13 @@ mod tests {
             let samples: Vec<_> = ticks.iter().map(|t| sample(t.0, t.1)).collect();
             for answer in answers {
                 let outcomes: Vec<_> = ticks.iter().map(|t| outcome(t.1, Some(answer))).collect();
-                let shown = std::iter::repeat_n(outcomes.clone(), Estimator::ALL.len());
+                let shown = (0..Estimator::ALL.len()).map(|which| (which, outcomes.clone()));
                 assert_sound(&errors_by_distance(shown, 1.0).unwrap());
+                let rules = EvaluationRules::current();
+                let common = vec![true; outcomes.len()];
+                let metrics = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), &rules);
+                let bins = &metrics.by_distance_nm[..];
+                assert_sound(&best_by_distance(&[(0, bins), (7, bins)]).unwrap());
                 let of = |_| samples.iter().zip(outcomes.iter().copied()).collect();
                 assert_sound(&flight(of).unwrap());
             }

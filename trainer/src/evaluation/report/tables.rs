@@ -1,12 +1,14 @@
 //! The tables of the report as rows of strings.
 
-use std::collections::BTreeSet;
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
 use crate::evaluation::metrics::{
     ErrorFigures, EstimatorMetrics, FlightFigures, Metrics, SplitFigures,
 };
+use crate::run::choice::Choice;
 use crate::run::estimator::{Description, Estimator};
 use crate::samples::{Sample, Samples};
 
@@ -23,11 +25,24 @@ const PAPER: [(&str, [f64; 4]); 9] = [
     ("18:00", [0.13, 0.14, 0.19, 0.55]),
 ];
 
+/// The recommended estimator.
+#[derive(Serialize)]
+pub(super) struct Recommendation<'a> {
+    name: &'a str,
+    title: &'static str,
+    reason: &'a str,
+    /// `None` if it was not evaluated.
+    all: Option<Cells>,
+    interval: String,
+    in_sight: String,
+}
+
 /// One estimator.
 #[derive(Serialize)]
 pub(super) struct HeadlineRow {
     name: &'static str,
     title: &'static str,
+    is_oracle: bool,
     how: String,
     all: Cells,
     /// Of the MAPE.
@@ -58,11 +73,19 @@ struct Cells {
     samples: usize,
 }
 
-/// One estimator while views fail.
+/// Figures of every estimator, in columns by something.
 #[derive(Serialize)]
-struct RemovedRow {
+pub(super) struct FiguresTable {
+    columns: Vec<String>,
+    rows: Vec<FiguresRow>,
+}
+
+/// One estimator.
+#[derive(Serialize)]
+struct FiguresRow {
     name: &'static str,
-    /// In the order of [`RemovedTable::removals`].
+    is_oracle: bool,
+    /// In the order of [`FiguresTable::columns`].
     figures: Vec<Cells>,
 }
 
@@ -76,13 +99,6 @@ pub(super) fn weather_at_aircraft(metrics: &Metrics) -> Vec<WeatherRow<'_>> {
             marked: weather.marked.keys().map(String::as_str).collect(),
         })
         .collect()
-}
-
-/// All estimators while views fail.
-#[derive(Serialize)]
-pub(super) struct RemovedTable {
-    removals: Vec<String>,
-    rows: Vec<RemovedRow>,
 }
 
 /// One flight: MAPE of every estimator.
@@ -113,6 +129,43 @@ pub(super) struct WeatherRow<'a> {
     marked: Vec<&'a str>,
 }
 
+/// The recommended estimator with its figures.
+pub(super) fn recommendation<'a>(choice: &'a Choice, metrics: &Metrics) -> Recommendation<'a> {
+    let description = Estimator::ALL.map(Estimator::description);
+    let title = description.iter().find(|one| one.name == choice.estimator);
+    let of = metrics.estimators.get(&choice.estimator);
+    Recommendation {
+        name: &choice.estimator,
+        title: title.map_or("", |one| one.title),
+        reason: &choice.reason,
+        all: of.map(|of| cells(&of.overall.all)),
+        interval: interval(of),
+        in_sight: share(of.and_then(|of| of.overall.all.coverage_in_sight)),
+    }
+}
+
+/// Ends of the interval of the MAPE.
+fn interval(of: Option<&EstimatorMetrics>) -> String {
+    let ends = of.and_then(|of| Some(of.intervals?.mape_pct));
+    ends.map_or(NONE.into(), |ends| {
+        let [low, high] = ends.map(|end| format!("{end:.3}"));
+        format!("{low} to {high}")
+    })
+}
+
+/// Numbers of the estimators with the smallest errors over the common ticks, the best first. The oracle is none of them.
+pub(super) fn best(metrics: &Metrics, most: usize) -> Vec<usize> {
+    let error = |(number, estimator): (usize, Estimator)| {
+        let of = metrics.estimators.get(estimator.name())?;
+        Some((of.common.mape_pct?, number))
+    };
+    let competitors = Estimator::ALL.into_iter().enumerate();
+    let competitors = competitors.filter(|(_, estimator)| !estimator.is_oracle());
+    let mut errors: Vec<(f64, usize)> = competitors.filter_map(error).collect();
+    errors.sort_by(|one, other| one.0.total_cmp(&other.0));
+    errors.into_iter().take(most).map(|one| one.1).collect()
+}
+
 /// All estimators.
 pub(super) fn headline(metrics: &Metrics) -> Vec<HeadlineRow> {
     Estimator::ALL
@@ -121,19 +174,16 @@ pub(super) fn headline(metrics: &Metrics) -> Vec<HeadlineRow> {
             let Description { name, title, how } = estimator.description();
             let of = metrics.estimators.get(name)?;
             let overall = &of.overall;
-            let interval = of.intervals.map(|intervals| {
-                let [low, high] = intervals.mape_pct.map(|end| format!("{end:.3}"));
-                format!("{low} to {high}")
-            });
             Some(HeadlineRow {
                 name,
                 title,
+                is_oracle: estimator.is_oracle(),
                 how: match estimator {
                     Estimator::PaperLstm => format!("{how}; {}", faithfulness(metrics)),
                     _ => how.to_owned(),
                 },
                 all: cells(&overall.all),
-                interval: interval.unwrap_or_else(|| NONE.into()),
+                interval: interval(Some(of)),
                 in_sight: share(overall.all.coverage_in_sight),
                 common: cells(&of.common),
                 dual: cells(&overall.dual),
@@ -179,25 +229,77 @@ pub(super) fn conditions(metrics: &Metrics) -> Vec<ConditionRow> {
 }
 
 /// All estimators while views fail.
-pub(super) fn removed(metrics: &Metrics) -> RemovedTable {
-    let shown: Vec<(&'static str, &EstimatorMetrics)> = (Estimator::ALL.iter())
-        .filter_map(|estimator| {
-            let name = estimator.name();
-            Some((name, metrics.estimators.get(name)?))
-        })
+pub(super) fn removed(metrics: &Metrics) -> FiguresTable {
+    let by_removal = |of: &EstimatorMetrics| {
+        let removals = of.views_removed.iter();
+        removals
+            .map(|(name, figures)| (name.clone(), figures.all))
+            .collect()
+    };
+    figures_table(metrics, by_removal)
+}
+
+/// All estimators by weather.
+pub(super) fn by_weather(metrics: &Metrics) -> FiguresTable {
+    figures_table(metrics, |of| overall(&of.by_weather))
+}
+
+/// All estimators by local time.
+pub(super) fn by_time(metrics: &Metrics) -> FiguresTable {
+    figures_table(metrics, |of| overall(&of.by_time))
+}
+
+fn overall(figures: &BTreeMap<String, SplitFigures>) -> BTreeMap<String, ErrorFigures> {
+    let of = |(name, figures): (&String, &SplitFigures)| (name.clone(), figures.all);
+    figures.iter().map(of).collect()
+}
+
+fn figures_table(
+    metrics: &Metrics,
+    by: impl Fn(&EstimatorMetrics) -> BTreeMap<String, ErrorFigures>,
+) -> FiguresTable {
+    let shown: Vec<(Estimator, BTreeMap<String, ErrorFigures>)> = (Estimator::ALL.into_iter())
+        .filter_map(|estimator| Some((estimator, by(metrics.estimators.get(estimator.name())?))))
         .collect();
-    let names = shown.iter().flat_map(|(_, of)| of.views_removed.keys());
-    let removals: BTreeSet<&String> = names.collect();
-    let row = |&(name, of): &(&'static str, &EstimatorMetrics)| RemovedRow {
-        name,
-        figures: (removals.iter())
-            .filter_map(|&removal| Some(cells(&of.views_removed.get(removal)?.all)))
+    let names = shown.iter().flat_map(|(_, figures)| figures.keys());
+    let mut columns: Vec<String> = names
+        .cloned()
+        .collect::<BTreeSet<_>>()
+        .into_iter()
+        .collect();
+    columns.sort_by(|one, other| by_number(one, other));
+    let row = |(estimator, figures): &(Estimator, BTreeMap<String, ErrorFigures>)| FiguresRow {
+        name: estimator.name(),
+        is_oracle: estimator.is_oracle(),
+        figures: (columns.iter())
+            .map(|name| figures.get(name).map_or_else(Cells::none, cells))
             .collect(),
     };
-    RemovedTable {
+    FiguresTable {
         rows: shown.iter().map(row).collect(),
-        removals: removals.into_iter().cloned().collect(),
+        columns,
     }
+}
+
+/// Sorts `bursts_5_s` before `bursts_20_s`: by what is before the first digit, by the number there, and by the rest.
+fn by_number(one: &str, other: &str) -> Ordering {
+    let parts = |name: &str| -> (String, f64, String) {
+        let is_digit = |c: char| c.is_ascii_digit() || c == '.';
+        let begin = name.find(is_digit).unwrap_or(name.len());
+        let (words, rest) = name.split_at(begin);
+        let end = rest.find(|c| !is_digit(c)).unwrap_or(rest.len());
+        let (digits, rest) = rest.split_at(end);
+        (
+            words.into(),
+            digits.parse().unwrap_or_default(),
+            rest.into(),
+        )
+    };
+    let (one, other) = (parts(one), parts(other));
+    let by_words = one.0.cmp(&other.0);
+    by_words
+        .then(one.1.total_cmp(&other.1))
+        .then(one.2.cmp(&other.2))
 }
 
 /// MAPE by flight.
@@ -242,6 +344,22 @@ fn cells(figures: &ErrorFigures) -> Cells {
     }
 }
 
+impl Cells {
+    /// Cells of an estimator without figures.
+    fn none() -> Self {
+        let none = || NONE.to_owned();
+        Self {
+            mape: none(),
+            median: none(),
+            p95: none(),
+            sd: none(),
+            p95_m: none(),
+            coverage: none(),
+            samples: 0,
+        }
+    }
+}
+
 /// The test scenario with the most samples: the best one to plot.
 pub(super) fn best_covered_scenario(samples: &Samples, test: &[&Sample]) -> Option<usize> {
     let count = |index: usize| {
@@ -252,4 +370,30 @@ pub(super) fn best_covered_scenario(samples: &Samples, test: &[&Sample]) -> Opti
     (0..samples.scenarios.len())
         .filter(|&index| count(index) > 0)
         .max_by_key(|&index| count(index))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bursts_are_sorted_by_their_length() {
+        let mut names = [
+            "bursts_20_s",
+            "only_left",
+            "bursts_5_s",
+            "bursts_60_s",
+            "bursts_0.5_s",
+        ];
+        names.sort_by(|one, other| by_number(one, other));
+        let sorted = [
+            "bursts_0.5_s",
+            "bursts_5_s",
+            "bursts_20_s",
+            "bursts_60_s",
+            "only_left",
+        ];
+        assert_eq!(names, sorted);
+        assert_eq!(by_number("06:00", "18:00"), Ordering::Less);
+    }
 }
