@@ -18,7 +18,7 @@ use crate::args::local;
 /// What a verb writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Output {
-    /// A new file.
+    /// A new file in an existing folder.
     NewFile,
     /// A file, possibly in the place of an earlier one, which the verb checks.
     File,
@@ -108,6 +108,15 @@ impl Output {
             return Err(format!(
                 "is inside {}, which is a file; name another place",
                 file.display()
+            ));
+        }
+        if let Some(folder) = place.parent()
+            && self == Self::NewFile
+            && !folder.exists()
+        {
+            return Err(format!(
+                "is in {}, which does not exist; create that folder first, or name another place",
+                folder.display()
             ));
         }
         let inside = place

@@ -156,6 +156,18 @@ fn every_verb_refuses_the_places_of_others_and_changes_nothing() {
 }
 
 #[test]
+fn a_file_in_a_folder_that_does_not_exist_is_refused_before_any_work() {
+    let world = World::new();
+    let new_files: Vec<_> = (VERBS.iter())
+        .filter(|verb| verb[0] == "predict" || verb.contains(&"--sim"))
+        .collect();
+    assert_eq!(new_files.len(), 2);
+    for verb in new_files {
+        world.refuse(verb, &world.path("nodir/x"), "does not exist");
+    }
+}
+
+#[test]
 fn a_run_a_corpus_and_an_export_are_continued_by_their_own_verbs_only() {
     let world = World::new();
     for verb in VERBS {
