@@ -13,6 +13,7 @@ mod scenario;
 use std::io::Write;
 use std::path::Path;
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::CameraEntry;
@@ -85,6 +86,18 @@ impl Version {
         let form: Self = parse_json(text, path, WHAT)?;
         Ok(form.plan_version.unwrap_or(1))
     }
+}
+
+/// Whether a text is a plan of any version, valid or not in its values.
+pub fn is_plan(text: &[u8]) -> bool {
+    #[derive(Deserialize)]
+    struct AnyPlan {
+        #[serde(rename = "plan_hash")]
+        _plan_hash: String,
+        #[serde(rename = "scenarios")]
+        _scenarios: Vec<IgnoredAny>,
+    }
+    serde_json::from_slice::<AnyPlan>(text).is_ok()
 }
 
 impl Common {
@@ -167,6 +180,12 @@ impl Plan {
             None => Ok(plan),
             Some(fault) => Err(Error::corpus(path, fault)),
         }
+    }
+
+    /// Returns true for a plan that another version of the command made.
+    pub fn is_of_other_version(text: &[u8]) -> bool {
+        is_plan(text)
+            && Version::of(text, Path::new(Corpus::PLAN)).is_ok_and(|found| found != PLAN_VERSION)
     }
 
     /// Writes a `plan.json`, one line per scenario.

@@ -101,7 +101,7 @@ impl Against {
                         seals.insert(id, seal);
                     }
                     Committed::Damaged(faults) => {
-                        damaged.insert(id, faults);
+                        damaged.insert(id, faults.to_string());
                     }
                     Committed::No => {}
                 }
