@@ -182,10 +182,19 @@ impl Plan {
         }
     }
 
-    /// Returns true for a plan that another version of the command made.
-    pub fn is_of_other_version(text: &[u8]) -> bool {
-        is_plan(text)
-            && Version::of(text, Path::new(Corpus::PLAN)).is_ok_and(|found| found != PLAN_VERSION)
+    /// Reads the text of a `plan.json` that can be written again; `None` if it is damaged.
+    ///
+    /// # Errors
+    /// Another version of the command made it.
+    pub fn parse_undamaged(text: &[u8], path: &Path) -> Result<Option<Self>> {
+        let is_of_other_version = || {
+            let found = Version::of(text, path);
+            is_plan(text) && found.is_ok_and(|found| found != PLAN_VERSION)
+        };
+        match Self::parse(text, path) {
+            Err(error) if error.is_bad_content() && !is_of_other_version() => Ok(None),
+            parsed => parsed.map(Some),
+        }
     }
 
     /// Writes a `plan.json`, one line per scenario.

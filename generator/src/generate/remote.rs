@@ -56,12 +56,8 @@ impl Remote {
 
     /// The plan of the store, if ours may replace it; `None` if it is damaged.
     fn agrees(&self, plan: &Plan, theirs: &[u8]) -> Result<Option<Plan>, GenerateError> {
-        let theirs = match Plan::parse(theirs, &self.path_of(Corpus::PLAN)) {
-            Ok(theirs) => theirs,
-            Err(error) if error.is_bad_content() && !Plan::is_of_other_version(theirs) => {
-                return Ok(None);
-            }
-            Err(error) => return Err(error.into()),
+        let Some(theirs) = Plan::parse_undamaged(theirs, &self.path_of(Corpus::PLAN))? else {
+            return Ok(None);
         };
         match Difference::between(&theirs, plan).conflict() {
             Some(difference) => Err(GenerateError::OtherPlan {
