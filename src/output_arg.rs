@@ -110,15 +110,6 @@ impl Output {
                 file.display()
             ));
         }
-        if let Some(folder) = place.parent()
-            && self == Self::NewFile
-            && !folder.exists()
-        {
-            return Err(format!(
-                "is in {}, which does not exist; create that folder first, or name another place",
-                folder.display()
-            ));
-        }
         let inside = place
             .ancestors()
             .skip(1)
@@ -134,6 +125,15 @@ impl Output {
             return Err(format!(
                 "is inside {}, which a corpus reserves for its own files; name a place outside",
                 own.display()
+            ));
+        }
+        if let Some(folder) = place.parent()
+            && self == Self::NewFile
+            && !folder.exists()
+        {
+            return Err(format!(
+                "is in {}, which does not exist; create that folder first, or name another place",
+                folder.display()
             ));
         }
         match Owner::of(&place) {
