@@ -140,6 +140,11 @@ impl StoredSeal {
         }
     }
 
+    /// Notes when the scenario was sealed. In stores of earlier versions, the time of `DONE.json` stands for it until that is replaced.
+    pub(crate) fn keep_time(&mut self, sealed: SystemTime) {
+        self.sealed_unix_ms.get_or_insert(unix_ms(sealed));
+    }
+
     /// The manifest as one of the files to look for.
     fn manifest(&self) -> SealedFile {
         manifest_file(&self.seal)

@@ -107,6 +107,7 @@ async fn put_as_before(store: &CorpusStore, id: &str, folder: &ScenarioFolder) {
     let names = [
         "frames.parquet",
         "views/left.mp4",
+        "boxes_truth.parquet",
         "scenario.json",
         MANIFEST,
         DONE,

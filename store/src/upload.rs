@@ -289,7 +289,8 @@ impl CorpusStore {
         if !faults.is_empty() {
             return Ok(damaged(faults));
         }
-        if let Some(mended) = mended {
+        if let Some(mut mended) = mended {
+            mended.keep_time(found.sealed());
             return Ok(Standing::Mended(mended));
         }
         let theirs = SealedCopy {

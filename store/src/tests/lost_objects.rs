@@ -100,6 +100,24 @@ async fn an_unlabelled_copy_gives_back_a_video_and_takes_no_labels() {
 }
 
 #[tokio::test]
+async fn a_mended_seal_of_an_earlier_version_is_no_newer_than_before() {
+    let [_, first, second, _] = LocalCopy::some();
+    let store = CorpusStore::in_memory();
+    put_as_before(&store, ID, &second.folder()).await;
+    let sealed_ms = async || {
+        let found = store.found_seal(ID).await.unwrap().unwrap();
+        crate::stored_seal::unix_ms(found.sealed())
+    };
+    let before = sealed_ms().await;
+    lose(&store, "views/left.mp4", Loss::Deleted).await;
+    tokio::time::sleep(std::time::Duration::from_millis(5)).await;
+    assert_eq!(push(&store, &first.corpus).await.unwrap(), Pushed::Newer);
+    assert_eq!(sealed_ms().await, before);
+    let state = store.committed_state(ID, None).await.unwrap();
+    assert_eq!(state, Committed::Whole(second.seal.clone()));
+}
+
+#[tokio::test]
 async fn a_complete_scenario_costs_one_read_and_no_listing_of_its_own() {
     let [_, labelled, ..] = LocalCopy::some();
     let faulty = FaultyStore::new(Faults::NONE);
