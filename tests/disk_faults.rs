@@ -1,8 +1,8 @@
 //! A disk that fails once: after any error of any sync, rename, write or read, no sealed scenario is damaged, and the same command
 //! again ends with 0 and the files of an undisturbed run.
 //!
-//! `DTD_DISK_FAULTS` is the number of faults for each verb (a few), or `all`; `DTD_DISK_FAULTS_SEED` draws them,
-//! `DTD_DISK_FAULTS_VERBS=label,push` restricts the verbs.
+//! `DTD_DISK_FAULTS` is the number of faults for each verb (a few; 39 are about 500 in all), or `all`; `DTD_DISK_FAULTS_SEED` draws them,
+//! `DTD_DISK_FAULTS_VERBS=label,push` restricts the verbs. As many faults as there are processors are tried at once.
 
 mod tiny;
 
@@ -11,18 +11,18 @@ use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::LazyLock;
-use std::time::Duration;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{LazyLock, Mutex};
+use std::thread;
 
 use dataset::corpus::Corpus;
-use dataset::frames::Frames;
-use dataset::seal::{self, seal_folder};
+use dataset::seal;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha12Rng;
 use testkit::files::contents;
 use testkit::{repository, skipped};
-use tiny::{Tiny, said};
+use tiny::{TOO_LONG, Tiny, said};
 
 /// Verbs that write, each with work to do; `{store}` stands for the URL of an object store, `{model}` for the detector.
 const VERBS: [(&str, &str); 13] = [
@@ -57,8 +57,6 @@ const FEW: usize = 4;
 /// Errors of a disk that breaks and of one that is full.
 const EIO: i32 = 5;
 const ENOSPC: i32 = 28;
-/// Longer than anything here takes.
-const TOO_LONG: Duration = Duration::from_secs(300);
 
 /// A fault of the disk.
 #[derive(Debug, Clone)]
@@ -72,12 +70,7 @@ struct Fault {
 /// A corpus of which the last scenario is only in the store.
 static LACKING: LazyLock<Tiny> = LazyLock::new(|| {
     let tiny = Tiny::made().copy();
-    let output = tiny
-        .dtd(&arguments(&tiny, "push corpus {store}"))
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
-    fs::remove_dir_all(tiny.scenarios().last().unwrap()).unwrap();
+    tiny.leave_to_store(tiny.scenarios().last().unwrap());
     tiny
 });
 
@@ -85,15 +78,7 @@ static LACKING: LazyLock<Tiny> = LazyLock::new(|| {
 static LABELLED_OTHERWISE: LazyLock<Tiny> = LazyLock::new(|| {
     let tiny = Tiny::made().copy();
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
-    for folder in &corpus.scenarios().unwrap()[..2] {
-        let mut frames = Frames::read(&folder.frames_path()).unwrap();
-        for row in &mut frames.rows {
-            row.labels.as_mut().unwrap().dtd_m += 1e-7;
-        }
-        frames.write(&folder.frames_path()).unwrap();
-        let config_hash = folder.seal().unwrap().unwrap().config_hash;
-        seal_folder(folder.root(), &config_hash).unwrap();
-    }
+    tiny::label_otherwise(&corpus.scenarios().unwrap()[..2]);
     tiny
 });
 
@@ -104,15 +89,6 @@ fn start_of(verb: &str) -> Tiny {
         "label" => LABELLED_OTHERWISE.copy(),
         _ => Tiny::made().copy(),
     }
-}
-
-fn arguments(tiny: &Tiny, line: &str) -> Vec<String> {
-    let fill = |word: &str| match word {
-        "{store}" => format!("file://{}", tiny.path("store").display()),
-        "{model}" => tiny::MODEL.into(),
-        _ => word.into(),
-    };
-    line.split_whitespace().map(fill).collect()
 }
 
 /// The library that makes a disk fail, built once; `None` without a compiler.
@@ -132,7 +108,7 @@ static FAILING_DISK: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
 });
 
 fn run_on(tiny: &Tiny, line: &str, log: &Path, fault: Option<&Fault>) -> Output {
-    let mut command = tiny.dtd(&arguments(tiny, line));
+    let mut command = tiny.dtd(&tiny.arguments(line));
     command
         .env("LD_PRELOAD", FAILING_DISK.as_ref().unwrap())
         .env("DISK_FAULT_ROOT", tiny.root())
@@ -223,8 +199,9 @@ impl Undisturbed {
         })
     }
 
-    /// Everything that is wrong after a fault and the same command again.
-    fn wrong_after(&self, verb: &str, line: &str, fault: &Fault) -> Vec<String> {
+    /// Everything that is wrong after a fault and the same command again; `None` if the fault did not happen, since no two runs do exactly
+    /// the same.
+    fn wrong_after(&self, verb: &str, line: &str, fault: &Fault) -> Option<Vec<String>> {
         let folder = tempfile::tempdir().unwrap();
         let log = folder.path().join("log");
         let tiny = start_of(verb);
@@ -245,7 +222,7 @@ impl Undisturbed {
             }
         }
         if !first.status.success() {
-            let mut again = tiny.dtd(&arguments(&tiny, line));
+            let mut again = tiny.dtd(&tiny.arguments(line));
             let second = tiny::run(&mut again, TOO_LONG).unwrap();
             if !second.status.success() {
                 wrong.push(format!(
@@ -274,7 +251,7 @@ impl Undisturbed {
                 format!("at {}, the first time it said: {words}", at.trim()),
             );
         }
-        wrong
+        (!at.is_empty() || !wrong.is_empty()).then_some(wrong)
     }
 }
 
@@ -307,7 +284,7 @@ fn after_one_fault_of_the_disk_the_same_command_ends_with_the_files_of_an_undist
     });
     let only = setting("DTD_DISK_FAULTS_VERBS");
     let mut random = ChaCha12Rng::seed_from_u64(seed);
-    let (mut struck, mut broken) = (0, 0);
+    let (struck, broken) = (AtomicUsize::new(0), AtomicUsize::new(0));
     for (verb, line) in VERBS {
         if only
             .as_ref()
@@ -327,18 +304,30 @@ fn after_one_fault_of_the_disk_the_same_command_ends_with_the_files_of_an_undist
             undisturbed.faults.len(),
             undisturbed.varying
         );
-        for fault in chosen {
-            struck += 1;
-            let wrong = undisturbed.wrong_after(verb, line, fault);
-            if !wrong.is_empty() {
-                broken += 1;
-                eprintln!(
-                    "{verb} with {fault:?} of seed {seed}:\n  {}",
-                    wrong.join("\n  ")
-                );
+        let chosen = Mutex::new(chosen.into_iter());
+        let next = || chosen.lock().unwrap().next();
+        let try_faults = || {
+            while let Some(fault) = next() {
+                let Some(wrong) = undisturbed.wrong_after(verb, line, fault) else {
+                    continue;
+                };
+                struck.fetch_add(1, Ordering::Relaxed);
+                if !wrong.is_empty() {
+                    broken.fetch_add(1, Ordering::Relaxed);
+                    eprintln!(
+                        "{verb} with {fault:?} of seed {seed}:\n  {}",
+                        wrong.join("\n  ")
+                    );
+                }
             }
-        }
+        };
+        thread::scope(|scope| {
+            for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
+                scope.spawn(try_faults);
+            }
+        });
     }
+    let (struck, broken) = (struck.into_inner(), broken.into_inner());
     println!("{struck} faults, {broken} broken");
     assert_eq!(broken, 0, "of {struck} faults, see above");
 }

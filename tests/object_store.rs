@@ -3,6 +3,8 @@
 
 #[path = "object_store/s3_server.rs"]
 mod s3_server;
+#[path = "object_store/ways_out.rs"]
+mod ways_out;
 
 use std::fs;
 use std::net::SocketAddr;
@@ -673,7 +675,7 @@ fn detections_are_never_overwritten_here_and_replaced_there_only_by_newer_ones()
     }
     let output = refetch(&two);
     assert!(output.status.success(), "{}", said(&output));
-    assert_eq!(number(&json(&output), "replaced_detections"), 1);
+    assert_eq!(number(&json(&output), "mended_detections"), 1);
     assert!(fs::read(&theirs).unwrap() == ours);
 }
 

@@ -16,12 +16,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
-use dataset::frames::Frames;
-use dataset::seal::seal_folder;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use serde_json::Value;
-use tiny::{Tiny, said};
+use tiny::{TOO_LONG, Tiny, said};
 
 /// The verbs that work on a corpus, with `{store}` for the URL of an object store and `{model}` for the detector.
 const VERBS: [(&str, &str); 10] = [
@@ -42,9 +40,6 @@ const VERBS: [(&str, &str); 10] = [
     ("push", "push corpus {store} --json"),
     ("fetch", "fetch {store} --out corpus --json"),
 ];
-
-/// Longer than anything here takes.
-const TOO_LONG: Duration = Duration::from_secs(300);
 
 /// Files that only their owner may touch, next to ours and with names like our temporary ones.
 const NOTES: [&str; 3] = [
@@ -76,17 +71,8 @@ static START: LazyLock<Start> = LazyLock::new(|| {
     let [first, second, .., last] = &training[..] else {
         panic!("{} training scenarios", training.len());
     };
-    for folder in [first, second] {
-        let mut frames = Frames::read(&folder.frames_path()).unwrap();
-        for row in &mut frames.rows {
-            row.labels.as_mut().unwrap().dtd_m += 1e-7;
-        }
-        frames.write(&folder.frames_path()).unwrap();
-        let config_hash = folder.seal().unwrap().unwrap().config_hash;
-        seal_folder(folder.root(), &config_hash).unwrap();
-    }
-    must(&tiny, &["push", "corpus", &store_of(&tiny)]);
-    fs::remove_dir_all(last.root()).unwrap();
+    tiny::label_otherwise([first, second]);
+    tiny.leave_to_store(last.root());
     for name in NOTES {
         fs::write(tiny.path(name), name).unwrap();
     }
@@ -99,19 +85,6 @@ static START: LazyLock<Start> = LazyLock::new(|| {
         tiny,
     }
 });
-
-fn store_of(tiny: &Tiny) -> String {
-    format!("file://{}", tiny.path("store").display())
-}
-
-fn arguments(tiny: &Tiny, verb: usize) -> Vec<String> {
-    let fill = |word: &str| match word {
-        "{store}" => store_of(tiny),
-        "{model}" => tiny::MODEL.into(),
-        _ => word.into(),
-    };
-    VERBS[verb].1.split_whitespace().map(fill).collect()
-}
 
 fn must(tiny: &Tiny, arguments: &[impl AsRef<std::ffi::OsStr>]) -> Value {
     let output = tiny.dtd(arguments).output().unwrap();
@@ -159,7 +132,7 @@ fn race(first: usize, second: usize, apart: Duration) -> Vec<String> {
     let before = tiny.files();
     let [one, other] = [(first, Duration::ZERO), (second, apart)]
         .map(|(verb, pause)| {
-            let mut command = tiny.dtd(&arguments(&tiny, verb));
+            let mut command = tiny.dtd(&tiny.arguments(VERBS[verb].1));
             thread::spawn(move || {
                 // Not waiting for anything: the delay is the variable.
                 thread::sleep(pause);
@@ -218,7 +191,7 @@ fn race(first: usize, second: usize, apart: Duration) -> Vec<String> {
         ));
     }
     if names.contains(&"push") {
-        must(&tiny, &["fetch", &store_of(&tiny), "--out", "fetched"]);
+        must(&tiny, &["fetch", &tiny.store(), "--out", "fetched"]);
         let found = findings(&tiny, "fetched");
         if found != serde_json::json!([]) {
             wrong.push(format!("in the store verify finds {found}"));
@@ -278,7 +251,7 @@ fn two_verbs_at_once_lose_nothing_and_end_truly() {
     for (verb, took) in alone.iter_mut().enumerate() {
         let tiny = START.tiny.copy();
         let began = Instant::now();
-        must(&tiny, &arguments(&tiny, verb));
+        must(&tiny, &tiny.arguments(VERBS[verb].1));
         *took = began.elapsed();
     }
     let mut random = ChaCha12Rng::seed_from_u64(seed);

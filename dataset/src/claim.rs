@@ -41,7 +41,7 @@ const SAID_AFTER: Duration = Duration::from_secs(2);
 pub struct Claim {
     path: PathBuf,
     /// Holds the lock.
-    _file: File,
+    file: File,
 }
 
 /// Who holds a claim.
@@ -142,14 +142,21 @@ impl Claim {
                 continue;
             }
             refuse_other_content(&mut file, &path)?;
-            let text = serde_json::to_vec(&Holder::this_process()).unwrap_or_default();
-            file.set_len(0)
-                .and_then(|()| file.rewind())
-                .and_then(|()| file.write_all(&text))
-                .map_err(Error::io("write", &path))?;
-            return Ok(Claimed::Mine(Self { path, _file: file }));
+            // From here on the file is ours: it is deleted if it cannot be written.
+            let mut claim = Self { path, file };
+            claim.write_holder()?;
+            return Ok(Claimed::Mine(claim));
         }
         Ok(Claimed::Theirs(None))
+    }
+
+    fn write_holder(&mut self) -> Result<()> {
+        let text = serde_json::to_vec(&Holder::this_process()).unwrap_or_default();
+        let Self { path, file } = self;
+        file.set_len(0)
+            .and_then(|()| file.rewind())
+            .and_then(|()| file.write_all(&text))
+            .map_err(Error::io("write", path))
     }
 
     /// Deletes the claims of killed processes, and no other files there.
@@ -198,13 +205,15 @@ impl Holder {
 fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
     let found = file.metadata().map_err(Error::io("read", path))?;
     let mut text = Vec::new();
-    let is_claim = found.is_file() && found.nlink() == 1 && found.len() <= MOST_BYTES && {
-        file.take(MOST_BYTES)
-            .read_to_end(&mut text)
-            .map_err(Error::io("read", path))?;
-        // A kill leaves it empty or complete: it is written at once.
-        text.is_empty() || serde_json::from_slice::<Holder>(&text).is_ok()
-    };
+    let is_small_file = found.is_file() && found.nlink() == 1 && found.len() <= MOST_BYTES;
+    // A kill leaves it empty or complete: it is written at once.
+    let is_claim = is_small_file
+        && (found.len() == 0 || {
+            file.take(MOST_BYTES)
+                .read_to_end(&mut text)
+                .map_err(Error::io("read", path))?;
+            serde_json::from_slice::<Holder>(&text).is_ok()
+        });
     match is_claim {
         true => Ok(()),
         false => Err(Error::corpus(

@@ -10,6 +10,8 @@
 //!     MANIFEST.b3  DONE.json
 //! ```
 
+mod place;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,11 +19,12 @@ use std::time::Duration;
 
 use crate::claim::{Claim, Claimed, WHOLE_CORPUS};
 use crate::error::{Error, Result};
-use crate::new_file::TEMPORARY_SUFFIX;
 use crate::own_path::{own_path, refuse_link};
 use crate::seal::{self, Seal};
 use crate::splits::Splits;
 use crate::video::VideoCodec;
+
+pub use place::{check_path, check_place, foreign_entries, own_folder_around};
 
 /// Ending of a folder that is still being filled.
 pub const PARTIAL_SUFFIX: &str = ".partial";
@@ -212,85 +215,6 @@ impl Corpus {
     }
 }
 
-/// The mark of a stage, and the folder that a new disk comes with.
-const HARMLESS: [&str; 2] = ["stage.json", "lost+found"];
-/// Maximum number of foreign files that a message names.
-const MOST_SHOWN: usize = 3;
-
-/// The folders of a corpus that are reserved for its scenarios, its claims and its failure reports.
-const OWN_FOLDERS: [&str; 3] = [SCENARIOS, "claims", "failed"];
-
-/// The reserved folder of a corpus that contains this path, if any: only the corpus' own files may be written there.
-pub fn own_folder_around(path: &Path) -> Option<&Path> {
-    path.ancestors().find(|folder| {
-        let name = folder.file_name().and_then(|name| name.to_str());
-        let corpus = folder.parent().unwrap_or(folder);
-        name.is_some_and(|name| OWN_FOLDERS.contains(&name))
-            && (Corpus::is_at(corpus) || has_sealed_scenario(corpus))
-    })
-}
-
-/// Returns true for a corpus without plan and split, such as an imported one.
-fn has_sealed_scenario(root: &Path) -> bool {
-    let entries = fs::read_dir(root.join(SCENARIOS));
-    entries.is_ok_and(|entries| entries.flatten().any(|entry| seal::is_at(&entry.path())))
-}
-
-/// Rejects a path that cannot hold a corpus, before anything is done: FFmpeg accepts only UTF-8 paths, and so do most tools that
-/// read a corpus.
-pub fn check_path(root: &Path) -> Result<()> {
-    match root.to_str() {
-        Some(_) => Ok(()),
-        None => Err(Error::corpus(
-            root,
-            "is not a UTF-8 path, which FFmpeg requires; rename the folder",
-        )),
-    }
-}
-
-/// Rejects a folder that contains anything but a corpus: its files would be written among those of others. What an interrupted
-/// start leaves is part of a corpus; hidden files, and the `lost+found` of a new disk, are nobody's work.
-pub fn check_place(root: &Path) -> Result<()> {
-    check_path(root)?;
-    if root.join(SCENARIOS).exists() || root.join(Corpus::PLAN).exists() {
-        return Ok(());
-    }
-    // A missing or unreadable folder is reported where it is made or read.
-    let Ok(entries) = fs::read_dir(root) else {
-        return Ok(());
-    };
-    let names = entries.flatten().map(|entry| entry.file_name());
-    let mut others: Vec<String> = names
-        .map(|name| name.to_string_lossy().into_owned())
-        .filter(|name| !is_harmless(name))
-        .collect();
-    if others.is_empty() {
-        return Ok(());
-    }
-    others.sort();
-    let shown = others[..MOST_SHOWN.min(others.len())].join(", ");
-    let more = match others.len().saturating_sub(MOST_SHOWN) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
-    Err(Error::corpus(
-        root,
-        format!(
-            "is not a corpus, and contains {shown}{more}; expected a corpus, an empty folder or a new name, such as {}",
-            root.join("corpus").display()
-        ),
-    ))
-}
-
-/// Whether a corpus may begin beside an entry of its folder.
-fn is_harmless(name: &str) -> bool {
-    name.starts_with('.')
-        || name.ends_with(TEMPORARY_SUFFIX)
-        || OWN_FOLDERS.contains(&name)
-        || Corpus::FILES.contains(&name)
-        || HARMLESS.contains(&name)
-}
-
 impl ScenarioFolder {
     /// The folder itself.
     pub fn root(&self) -> &Path {
@@ -400,34 +324,5 @@ impl ScenarioFolder {
     /// The right to search the scenario, which several processes share; others may read and label it meanwhile. Does not wait.
     pub fn claim_search(&self) -> Result<Claimed> {
         Claim::take(&self.corpus, &format!("detect-{}", self.id()))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_corpus_begins_in_a_vacant_folder_and_never_among_the_files_of_others() {
-        let folder = tempfile::tempdir().unwrap();
-        let root = folder.path();
-        check_place(&root.join("new")).unwrap();
-        check_place(root).unwrap();
-        for own in [".DS_Store", "corpus.toml", "splits.json", "stage.json"] {
-            fs::write(root.join(own), "").unwrap();
-        }
-        fs::create_dir(root.join("claims")).unwrap();
-        check_place(root).unwrap();
-        for other in ["thesis.tex", "a.csv", "notes", "z"] {
-            fs::write(root.join(other), "").unwrap();
-        }
-        let message = check_place(root).unwrap_err().to_string();
-        assert!(
-            message.contains("contains a.csv, notes, thesis.tex and 1 more"),
-            "{message}"
-        );
-        // Whoever keeps notes in a corpus may.
-        Corpus::create(root).unwrap();
-        check_place(root).unwrap();
     }
 }

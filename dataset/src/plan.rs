@@ -13,6 +13,7 @@ mod scenario;
 use std::io::Write;
 use std::path::Path;
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::CameraEntry;
@@ -85,6 +86,18 @@ impl Version {
         let form: Self = parse_json(text, path, WHAT)?;
         Ok(form.plan_version.unwrap_or(1))
     }
+}
+
+/// Whether a text is a plan of any version, valid or not in its values.
+pub fn is_plan(text: &[u8]) -> bool {
+    #[derive(Deserialize)]
+    struct AnyPlan {
+        #[serde(rename = "plan_hash")]
+        _plan_hash: String,
+        #[serde(rename = "scenarios")]
+        _scenarios: Vec<IgnoredAny>,
+    }
+    serde_json::from_slice::<AnyPlan>(text).is_ok()
 }
 
 impl Common {
@@ -166,6 +179,21 @@ impl Plan {
         match check::fault(&plan) {
             None => Ok(plan),
             Some(fault) => Err(Error::corpus(path, fault)),
+        }
+    }
+
+    /// Reads the text of a `plan.json` that can be written again; `None` if it is damaged.
+    ///
+    /// # Errors
+    /// Another version of the command made it.
+    pub fn parse_undamaged(text: &[u8], path: &Path) -> Result<Option<Self>> {
+        let is_of_other_version = || {
+            let found = Version::of(text, path);
+            is_plan(text) && found.is_ok_and(|found| found != PLAN_VERSION)
+        };
+        match Self::parse(text, path) {
+            Err(error) if error.is_bad_content() && !is_of_other_version() => Ok(None),
+            parsed => parsed.map(Some),
         }
     }
 

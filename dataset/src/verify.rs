@@ -185,10 +185,16 @@ impl Verification {
         self.scenarios.push(folder);
     }
 
-    /// Records a scenario that could not even be read.
-    pub fn add_unreadable(&mut self, id: &str, reason: impl fmt::Display) {
+    /// Records a scenario that could not even be read, with the faults of its files.
+    pub fn add_unreadable<'a>(
+        &mut self,
+        id: &str,
+        faults: impl IntoIterator<Item = (&'a str, String)>,
+    ) {
         self.report.scenarios += 1;
-        self.add_fault(id, seal::MANIFEST, reason);
+        for (file, reason) in faults {
+            self.add_fault(id, file, reason);
+        }
     }
 
     /// Records a fault of a scenario's file that was found elsewhere, such as on the way here.

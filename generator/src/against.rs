@@ -89,7 +89,15 @@ impl Against {
         Box::pin(async move {
             let path = Path::new(store.name()).join(Corpus::PLAN);
             let frozen = match store.read(Corpus::PLAN).await? {
-                Some(bytes) => Some(Plan::parse(&bytes, &path)?),
+                Some(bytes) => {
+                    let frozen = Plan::parse_undamaged(&bytes, &path)?;
+                    if frozen.is_none() {
+                        tracing::warn!(
+                            "the store's plan.json is damaged; `dtd generate` with the sweep of the corpus writes it again"
+                        );
+                    }
+                    frozen
+                }
                 None => None,
             };
             let listing = store.listing().await?;
@@ -101,7 +109,7 @@ impl Against {
                         seals.insert(id, seal);
                     }
                     Committed::Damaged(faults) => {
-                        damaged.insert(id, faults);
+                        damaged.insert(id, faults.to_string());
                     }
                     Committed::No => {}
                 }

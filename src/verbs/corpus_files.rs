@@ -10,9 +10,11 @@ use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use dataset::plan::Plan;
 use dataset::splits::{Leak, Splits};
-use generator::plan::{Difference, assign_sides, is_seeded_by};
-use generator::sweep::SplitFractions;
+use generator::plan::{Difference, assign_sides, expand, is_seeded_by};
+use generator::sweep::{SplitFractions, Sweep};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
+use store::{CorpusStore, StoreError};
 
 /// One of the files, read and valid.
 pub(super) enum CorpusFile {
@@ -27,6 +29,9 @@ pub(super) struct SweepHead {
     corpus: generator::sweep::Corpus,
     #[serde(default)]
     split: SplitFractions,
+    /// Rules that name recordings, which are files beside the sweep.
+    #[serde(default)]
+    recorded: Vec<IgnoredAny>,
 }
 
 /// How the local version of a file relates to the remote one.
@@ -145,9 +150,9 @@ impl CorpusFiles {
         Ok(ours.map_or(Standing::TheirsHasMore, |(_, ours)| ours.standing(&theirs)))
     }
 
-    /// Whether this is the text that the plan was expanded from, if the plan is there and records that.
-    pub(super) fn is_of_sweep(&self, sweep: &[u8]) -> Option<bool> {
-        self.plan()?.is_of_sweep(sweep)
+    /// How a text differs from the sweep that the plan was made from, if the plan is there.
+    pub(super) fn difference_from_sweep(&self, text: &[u8]) -> Option<String> {
+        difference_from_sweep(self.plan()?, text)
     }
 
     /// Whether the text of another copy of this plan is the one that this plan records, too.
@@ -206,9 +211,12 @@ impl CorpusFiles {
             ));
         }
         if let Some((bytes, _)) = self.get(Corpus::SWEEP)
-            && plan.is_of_sweep(bytes) == Some(false)
+            && let Some(difference) = difference_from_sweep(plan, bytes)
         {
-            return Err((Corpus::SWEEP, OTHER_SWEEP.into()));
+            return Err((
+                Corpus::SWEEP,
+                format!("it is not the text that plan.json was made from: {difference}"),
+            ));
         }
         Ok(())
     }
@@ -240,15 +248,63 @@ pub(super) fn sweep_fault(corpus: &Corpus) -> Option<String> {
         match added {
             Ok(()) => {}
             Err(_) if name == Corpus::PLAN => return None,
-            Err(fault) => return Some(format!("{fault:#}")),
+            Err(fault) => return Some(format!("{fault:#}; {WRITE_AGAIN}")),
         }
     }
-    files.check_together().err().map(|(_, fault)| fault)
+    let fault = files.check_together().err();
+    fault.map(|(_, fault)| format!("{fault}; {WRITE_AGAIN}"))
 }
 
-/// The message about a changed sweep.
-pub(super) const OTHER_SWEEP: &str = "it is not the text that plan.json was made from: its hash differs from sweep_blake3 there; `dtd generate` with \
-                                      the sweep of the corpus writes it again";
+/// How a text differs from the sweep that a plan was made from: by its hash in the plan or, for plans of earlier versions, by its
+/// expansion. `None` if it does not, or if it has no hash and names recordings, which are not here.
+pub(super) fn difference_from_sweep(plan: &Plan, text: &[u8]) -> Option<String> {
+    if let Some(is_same) = plan.is_of_sweep(text) {
+        return (!is_same).then(|| "its hash differs from sweep_blake3 there".into());
+    }
+    let head = match CorpusFile::parse(Corpus::SWEEP, text) {
+        Ok(CorpusFile::Sweep(head)) => head,
+        Ok(_) => return None,
+        Err(fault) => return Some(fault.to_string()),
+    };
+    if !head.recorded.is_empty() {
+        return None;
+    }
+    let text = String::from_utf8_lossy(text).into_owned();
+    // It names no files, so its folder does not matter.
+    match Sweep::parse(Path::new(Corpus::SWEEP), Path::new(""), text) {
+        Ok(sweep) => difference_from_expansion(plan, &expand(&sweep)),
+        Err(error) => Some(error.message),
+    }
+}
+
+fn difference_from_expansion(plan: &Plan, expanded: &Plan) -> Option<String> {
+    if plan.plan_hash == expanded.plan_hash {
+        return None;
+    }
+    let difference = Difference::between(plan, expanded);
+    let added = difference.added.first();
+    let added = added.map(|id| format!("scenario {id} is not in plan.json"));
+    let conflict = difference.conflict().or(added);
+    Some(conflict.unwrap_or_else(|| "it gives another order of scenarios".into()))
+}
+
+/// The files of the whole corpus in a store; or the name of one that is damaged, and the reason.
+pub(super) async fn files_of(
+    store: &CorpusStore,
+) -> Result<Result<CorpusFiles, (&'static str, String)>, StoreError> {
+    let mut files = CorpusFiles::default();
+    for name in Corpus::FILES {
+        if let Some(bytes) = store.read(name).await?
+            && let Err(fault) = files.add(name, bytes)
+        {
+            return Ok(Err((name, format!("{fault:#}"))));
+        }
+    }
+    Ok(Ok(files))
+}
+
+/// Advice for a sweep that is lost or was changed.
+const WRITE_AGAIN: &str = "`dtd generate` with the sweep of the corpus writes it again";
 
 /// The message about a regenerated split.
 pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenerated from plan and seed; if the corpus was ever added to, its \

@@ -8,15 +8,15 @@ use dataset::corpus::{Corpus, check_place};
 use dataset::json_file::write_atomically;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
-use dataset::plan::Plan;
+use dataset::plan::{Plan, PlannedScenarios};
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
-use store::{CorpusStore, Fetched, Patience, StoreUrl};
+use store::{CorpusStore, Fetched, Patience, StoreError, StoreUrl};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::corpus_files::{CorpusFile, CorpusFiles, SPLIT_AGAIN, Standing};
-use super::object_store::{OnBar, failure_of, nothing_committed};
+use super::corpus_files::{CorpusFile, SPLIT_AGAIN, Standing, difference_from_sweep, files_of};
+use super::object_store::{OnBar, failure_of, mend, nothing_committed};
 use super::output::{count, print_json};
 use crate::args::FetchArgs;
 use crate::failure::{Ending, Failure};
@@ -39,7 +39,7 @@ struct Mirror {
     /// Models' detections that were downloaded, as ID/MODEL.
     detections: Vec<String>,
     /// Of these, those that replaced damaged ones.
-    replaced_detections: Vec<String>,
+    mended_detections: Vec<String>,
     /// Models' detections that were left alone.
     left_detections: Vec<Lost>,
     /// Decisions about the files of the whole corpus, if any.
@@ -76,8 +76,8 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     for said in &mirror.corpus_files {
         eprintln!("{said}");
     }
-    for replaced in &mirror.replaced_detections {
-        eprintln!("replaced the damaged detections {replaced}");
+    for mended in &mirror.mended_detections {
+        eprintln!("mended the detections {mended}, which were damaged here");
     }
     for left in &mirror.left_detections {
         eprintln!("detections {} were not fetched: {}", left.id, left.reason);
@@ -127,6 +127,7 @@ async fn mirror(
                 .into(),
         });
     }
+    let planned = PlannedScenarios::read(&corpus).map_err(Failure::of_corpus)?;
     bar.set_total(ids.len() as u64);
     for (done, id) in ids.iter().enumerate() {
         bar.working_on(id);
@@ -154,7 +155,14 @@ async fn mirror(
                 });
                 continue;
             }
-            Err(error @ store::StoreError::Damaged { .. }) => {
+            Err(error @ StoreError::Faulty { .. }) => {
+                mirror.failed.push(Lost {
+                    id: id.clone(),
+                    reason: format!("{error}. {}", mend(store, &planned, id)),
+                });
+                continue;
+            }
+            Err(error @ StoreError::Damaged { .. }) => {
                 mirror.failed.push(Lost {
                     id: id.clone(),
                     reason: error.to_string(),
@@ -172,8 +180,8 @@ async fn mirror(
         let name = |model: &String| format!("{id}/{model}");
         mirror.detections.extend(moved.moved.iter().map(name));
         mirror
-            .replaced_detections
-            .extend(moved.replaced.iter().map(name));
+            .mended_detections
+            .extend(moved.mended.iter().map(name));
         mirror
             .left_detections
             .extend(moved.left.into_iter().map(|left| Lost {
@@ -217,23 +225,17 @@ fn wanted(
 async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<String>, Failure> {
     let damaged = |name: &str, reason: &dyn Display| {
         Failure::Failed(anyhow::anyhow!(
-            "{}/{name}: {reason}. Nothing was fetched; `dtd push` from an intact copy of the corpus replaces it",
+            "{}/{name}: {reason}. Nothing was fetched; `dtd push` from an intact copy of the corpus, or `dtd generate` with its sweep, replaces it",
             store.name()
         ))
     };
-    let mut theirs = CorpusFiles::default();
-    for name in Corpus::FILES {
-        if let Some(bytes) = store.read(name).await.map_err(failure_of)? {
-            theirs
-                .add(name, bytes)
-                .map_err(|reason| damaged(name, &reason))?;
-        }
-    }
-    theirs
-        .check_together()
+    let theirs = files_of(store).await.map_err(failure_of)?;
+    let theirs = theirs
+        .and_then(|theirs| theirs.check_together().map(|()| theirs))
         .map_err(|(name, reason)| damaged(name, &reason))?;
     // Nobody else changes them in the meantime.
     let _claim = corpus.claim().map_err(Failure::of_corpus)?;
+    let has_plan = corpus.plan_path().exists();
     let mut said = Vec::new();
     let mut to_write = Vec::new();
     let mut plan_is_theirs = true;
@@ -256,6 +258,14 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
             continue;
         }
         let shown = path.display().to_string();
+        // Without a plan, it may be anybody's work.
+        if name == Corpus::SWEEP && !has_plan && !ours.is_empty() {
+            return Err(Failure::bad_input_message(format!(
+                "{shown} differs from {}/{name}, and there was no plan.json that was made from it. Nothing was fetched; move it away, or name \
+                 another folder",
+                store.name()
+            )));
+        }
         let is_theirs = match CorpusFile::parse(name, &ours).map(|ours| ours.standing(file)) {
             Err(damage) => {
                 said.push(format!("replaced {shown}, which was damaged: {damage}"));
@@ -274,11 +284,11 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
             Ok(Standing::Same) => false,
             Ok(Standing::AsThePlan) if plan_is_theirs => true,
             // The plans are the same, but ours is not the text that they were made from.
-            Ok(Standing::AsThePlan) if is_of_plan(corpus, &ours) == Some(false) => {
+            Ok(Standing::AsThePlan) if is_of_other_plan(corpus, &ours) => {
                 said.push(format!(
                     "replaced {shown}, which had been changed since it was frozen"
                 ));
-                is_of_plan(corpus, bytes) == Some(true)
+                !is_of_other_plan(corpus, bytes)
             }
             Ok(Standing::AsThePlan) => false,
             Ok(Standing::Conflict(difference)) => {
@@ -315,7 +325,8 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
     Ok(said)
 }
 
-/// Whether this is the sweep of the corpus' own plan, if that is readable and records it.
-fn is_of_plan(corpus: &Corpus, sweep: &[u8]) -> Option<bool> {
-    Plan::of_corpus(corpus).ok()??.is_of_sweep(sweep)
+/// Whether this is not the sweep of the corpus' own plan, if that is readable.
+fn is_of_other_plan(corpus: &Corpus, sweep: &[u8]) -> bool {
+    let plan = Plan::of_corpus(corpus).ok().flatten();
+    plan.is_some_and(|plan| difference_from_sweep(&plan, sweep).is_some())
 }

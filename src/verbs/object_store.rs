@@ -4,6 +4,7 @@ use std::env;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use dataset::plan::PlannedScenarios;
 use store::{CorpusStore, StoreError, StoreUrl, Watch};
 
 use crate::failure::Failure;
@@ -24,6 +25,18 @@ pub(super) fn nothing_committed(store: &CorpusStore) -> Failure {
         "{}: holds no committed scenario; is the prefix right?",
         store.name()
     ))
+}
+
+/// Advice for a scenario that is damaged in a store. A scenario that is not planned is neither pushed nor recorded.
+pub(super) fn mend(store: &CorpusStore, planned: &PlannedScenarios, id: &str) -> String {
+    if planned.has(id) {
+        "`dtd push` from a folder that has it whole sends what is missing; without one, `dtd generate` records it again".into()
+    } else {
+        format!(
+            "plan.json has no such scenario: delete {}/scenarios/{id}/DONE.json, which removes it from the corpus",
+            store.name()
+        )
+    }
 }
 
 /// The default stage of a URL: in the user's cache, which survives a reboot, unlike the folder for temporary files.

@@ -14,7 +14,7 @@ use store::{Before, CorpusStore, Keep, Patience, Pushed, StoreError};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::corpus_files::{CorpusFiles, SPLIT_AGAIN, Standing};
+use super::corpus_files::{CorpusFiles, SPLIT_AGAIN, Standing, files_of};
 use super::object_store::{OnBar, failure_of};
 use super::open_corpus::open_filled_corpus;
 use super::output::{count, print_json};
@@ -39,6 +39,8 @@ struct Sent {
     detections: Vec<String>,
     /// Of these, those that replaced older ones.
     replaced_detections: Vec<String>,
+    /// Of these, those that the store had damaged.
+    mended_detections: Vec<String>,
     /// Decisions about the files of the whole corpus, if any.
     corpus_files: Vec<String>,
     /// Incomplete uploads of earlier calls that were cleared.
@@ -72,19 +74,26 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
         print_json(&sent)?;
     } else {
         println!(
-            "{} pushed ({} replaced, {} mended), {} there already; {} of detections pushed ({} replaced); {} in {}: {}",
+            "{} pushed ({} replaced, {} mended), {} there already; {} of detections pushed ({} replaced, {} mended); {} in {}: {}",
             count(sent.pushed.len(), "scenario"),
             sent.replaced.len(),
             sent.mended.len(),
             sent.unchanged.len(),
             count(sent.detections.len(), "set"),
             sent.replaced_detections.len(),
+            sent.mended_detections.len(),
             DecimalBytes(sent.bytes),
             HumanDuration(began.elapsed()),
             store.name()
         );
-        for replaced in sent.replaced.iter().chain(&sent.replaced_detections) {
-            println!("replaced an older {replaced}");
+        for replaced in &sent.replaced {
+            println!("replaced the store's {replaced}: ours is labelled, or was sealed later");
+        }
+        for replaced in &sent.replaced_detections {
+            println!("replaced older detections {replaced}");
+        }
+        for mended in &sent.mended_detections {
+            println!("mended the detections {mended}, which the store had damaged");
         }
         for Mended { id, faults } in &sent.mended {
             println!("mended {id}, which the store had damaged: {faults}");
@@ -151,7 +160,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
                     Before::Other => sent.replaced.push(id.clone()),
                     Before::Damaged(faults) => sent.mended.push(Mended {
                         id: id.clone(),
-                        faults,
+                        faults: faults.to_string(),
                     }),
                 }
                 None
@@ -191,6 +200,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
         sent.detections.extend(moved.moved.iter().map(name));
         sent.replaced_detections
             .extend(moved.replaced.iter().map(name));
+        sent.mended_detections.extend(moved.mended.iter().map(name));
         sent.refused.extend(moved.left.iter().map(|left| Refused {
             what: name(&left.model),
             reason: left.reason.clone(),
@@ -228,7 +238,7 @@ async fn files_to_send(
     files
         .check_together()
         .map_err(|(name, reason)| refuse(name, &reason))?;
-    store.check().await.map_err(failure_of)?;
+    store.check_place().await.map_err(failure_of)?;
     for name in files.missing().collect::<Vec<_>>() {
         if store.read(name).await.map_err(failure_of)?.is_some() {
             sent.corpus_files.push(format!(
@@ -290,12 +300,16 @@ async fn send_corpus_files(
                 Keep::Ours,
                 format!("replaced the store's {name} along with the plan"),
             ),
-            Ok(Standing::AsThePlan) if same_sweep && files.is_of_sweep(theirs) == Some(false) => (
-                Keep::Ours,
-                format!(
-                    "replaced the store's {name}, which is not the sweep that the plan was made from"
-                ),
-            ),
+            Ok(Standing::AsThePlan)
+                if same_sweep && files.difference_from_sweep(theirs).is_some() =>
+            {
+                (
+                    Keep::Ours,
+                    format!(
+                        "replaced the store's {name}, which is not the sweep that the plan was made from"
+                    ),
+                )
+            }
             Ok(Standing::Same | Standing::AsThePlan) => return Ok(Keep::Theirs),
             Ok(Standing::Conflict(difference)) => {
                 return Err(NotSent::Conflict { name, difference });
@@ -310,6 +324,23 @@ async fn send_corpus_files(
     settled.map_err(|error| error.into_failure(store))?;
     sent.corpus_files
         .extend(said.into_iter().map(|(_, words)| words));
+    check_together(store, sent).await
+}
+
+/// Names a file of the store that does not belong to its plan, such as the sweep of an upload that was interrupted after the plan. Ours
+/// cannot replace it where the store's plan is not ours.
+async fn check_together(store: &CorpusStore, sent: &mut Sent) -> Result<(), Failure> {
+    let there = files_of(store).await.map_err(failure_of)?;
+    if let Err((name, fault)) = there.and_then(|files| files.check_together()) {
+        sent.refused.push(Refused {
+            what: name.into(),
+            reason: format!(
+                "{}/{name} does not belong to the plan.json beside it, which is not ours: {fault}. `dtd push` from the folder of that plan, or \
+                 `dtd generate` with its sweep to this URL, replaces it",
+                store.name()
+            ),
+        });
+    }
     Ok(())
 }
 

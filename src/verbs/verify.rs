@@ -7,6 +7,8 @@ use std::time::Duration;
 use dataset::Error;
 use dataset::corpus::Corpus;
 use dataset::json_file::write_atomically;
+use dataset::plan::PlannedScenarios;
+use dataset::seal::MANIFEST;
 use dataset::verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
 use serde::Serialize;
 use store::{CorpusLocation, CorpusStore, Fetched, Patience, StoreError, StoreUrl};
@@ -15,7 +17,7 @@ use tempfile::TempDir;
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::corpus_files::sweep_fault;
-use super::object_store::{OnBar, failure_of, nothing_committed};
+use super::object_store::{OnBar, failure_of, mend, nothing_committed};
 use super::open_corpus::open_corpus;
 use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
@@ -235,6 +237,8 @@ fn verify_in_store(
                 write_atomically(&folder.path().join(name), &bytes)?;
             }
         }
+        // An unreadable plan is a fault of its own.
+        let planned = PlannedScenarios::read(&corpus).unwrap_or_default();
         let bar = Bar::new("verify", "scenarios", Some(committed.len() as u64));
         let (patience, watch) = (Patience(STORE_TIMEOUT), OnBar::new(&bar));
         let mut verification = Verification::new(options);
@@ -262,7 +266,19 @@ fn verify_in_store(
                     let videos = scenario.root().join("views");
                     fs::remove_dir_all(&videos).map_err(Error::io("remove", &videos))?;
                 }
-                Err(error @ StoreError::Damaged { .. }) => verification.add_unreadable(id, error),
+                Err(StoreError::Faulty { faults, .. }) => {
+                    let advice = mend(&store, &planned, id);
+                    let faults = faults.0.iter();
+                    verification.add_unreadable(
+                        id,
+                        faults.map(|it| (it.file(), format!("{it}; {advice}"))),
+                    );
+                }
+                Err(StoreError::Damaged { place, message }) => {
+                    let scenario = format!("{}/scenarios/{id}/", store.name());
+                    let file = place.strip_prefix(&scenario).unwrap_or(MANIFEST);
+                    verification.add_unreadable(id, [(file, message)]);
+                }
                 Err(error) => return Err(error),
             }
         }

@@ -85,6 +85,7 @@ impl CorpusStore {
             match Claim::take_in(&folder.join(CLAIMS), id) {
                 Ok(Claimed::Mine(claim)) => return Ok(Some(claim)),
                 Ok(Claimed::Theirs(_)) => sleep(POLL_INTERVAL).await,
+                Err(error) if error.is_of_disk() => return Err(error.into()),
                 Err(error) => {
                     tracing::debug!(%error, id, "the store is a folder without locks");
                     return Ok(None);

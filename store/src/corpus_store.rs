@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
 
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
@@ -15,7 +14,6 @@ use object_store::{
     Attribute, Attributes, GetOptions, GetResult, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode,
     PutOptions, PutResult,
 };
-use tokio::time::timeout;
 
 use crate::content_name::file_name;
 use crate::error::{Result, StoreError};
@@ -29,8 +27,6 @@ use crate::stored_seal::Committed;
 pub(crate) const SCENARIOS: &str = "scenarios";
 /// Key of the metadata that holds an object's hash.
 const HASH: &str = "blake3";
-/// Looking for credentials may query services that do not exist; this limits the wait for a first answer.
-const FIRST_WORD: Duration = Duration::from_secs(20);
 /// Small requests in parallel.
 const QUESTIONS_AT_ONCE: usize = 16;
 /// The largest object that is read into memory: a plan of a hundred thousand scenarios. Anything larger is not ours.
@@ -94,31 +90,8 @@ impl CorpusStore {
         &self.name
     }
 
-    /// Checks within seconds whether the store answers and grants access.
-    ///
-    /// # Errors
-    /// No such bucket, wrong credentials, no answer: separate errors.
-    pub fn check(&self) -> BoxFuture<'_, Result<()>> {
-        Box::pin(async move {
-            let look = async {
-                let mut found = self.store.list(Some(&self.root));
-                match found.try_next().await {
-                    Ok(_) => Ok(()),
-                    Err(error) => Err(self.error("list what is there", &error)),
-                }
-            };
-            match timeout(FIRST_WORD, look).await {
-                Ok(answered) => answered,
-                Err(_) => Err(StoreError::Away {
-                    url: self.name.clone(),
-                    doing: "list what is there".into(),
-                    message: format!(
-                        "no answer within {FIRST_WORD:?} (without credentials in the environment the machine's own are looked for, which \
-                     may take longer)"
-                    ),
-                }),
-            }
-        })
+    pub(crate) fn root(&self) -> &ObjectPath {
+        &self.root
     }
 
     /// The states of several scenarios of a listing; the ones without a seal are left out.

@@ -2,6 +2,7 @@
 //! belong together, and the record's hashes of the tables reveal damage. The record commits: it is sent last, and replaced only if it is
 //! still the one that was judged. Uploads replace only older or incomplete detections; downloads replace none but damaged ones.
 
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -17,7 +18,7 @@ use object_store::UpdateVersion;
 
 use crate::content_name::file_name;
 use crate::corpus_store::{CorpusStore, scenario_file};
-use crate::error::Result;
+use crate::error::{Result, StoreError};
 use crate::fetch::claim;
 use crate::listing::{ObjectInfo, Objects};
 use crate::patience::Watch;
@@ -31,8 +32,10 @@ const MOST_COMMITS: u32 = 8;
 pub struct MovedDetections {
     /// Models whose detections were transferred.
     pub moved: Vec<String>,
-    /// Of these, those that replaced others, which were older or damaged.
+    /// Of these, those that replaced others, which were older.
     pub replaced: Vec<String>,
+    /// Of these, those that replaced damaged ones.
+    pub mended: Vec<String>,
     /// Models whose detections were left alone, and why.
     pub left: Vec<LeftDetections>,
 }
@@ -53,7 +56,15 @@ impl MovedDetections {
             reason: reason.to_string(),
         });
     }
+
+    /// Leaves detections that the store has damaged.
+    fn leave_lost(&mut self, model: &str, fault: impl fmt::Display) {
+        self.leave(model, format!("damaged in the store: {fault}. {MEND}"));
+    }
 }
+
+/// Advice for detections that are damaged in the store.
+const MEND: &str = "`dtd push` from a folder that has them sends them again; without one, detect again with that model and push";
 
 /// The record of a model's detections, within the scenario.
 fn record_of(model: &str) -> String {
@@ -162,30 +173,28 @@ impl CorpusStore {
         for table in &tables {
             is_whole &= self.has(folder, table, there).await?;
         }
-        let mut replaces = false;
+        let mut are_damaged = false;
         if let Some((content, object)) = &theirs {
             let is_same = *content == record;
             if is_same && is_whole {
                 return Ok(true);
             }
+            are_damaged = is_same || !tables_there(content, model, there);
             let ours = fs::metadata(&path).and_then(|found| found.modified());
             let ours = ours.map_err(dataset::Error::io("look at", &path))?;
-            if !is_same
-                && SystemTime::from(object.last_modified) > ours
-                && tables_there(content, model, there)
-            {
+            if !is_same && SystemTime::from(object.last_modified) > ours && !are_damaged {
                 result.leave(
                     model,
                     "the store has others, which are newer; move these away and `dtd fetch`, or detect again",
                 );
                 return Ok(true);
             }
-            replaces = true;
         }
         for table in &tables {
             self.send_if_missing(folder, table, None, there, watch)
                 .await?;
         }
+        let is_replacement = theirs.is_some();
         let version = theirs.map(|(_, object)| UpdateVersion {
             e_tag: object.e_tag,
             version: object.version,
@@ -195,7 +204,9 @@ impl CorpusStore {
             return Ok(false);
         }
         result.moved.push(model.to_owned());
-        if replaces {
+        if are_damaged {
+            result.mended.push(model.to_owned());
+        } else if is_replacement {
             result.replaced.push(model.to_owned());
         }
         Ok(true)
@@ -214,26 +225,25 @@ impl CorpusStore {
             let mut claimed = None;
             for model in models_in(&there) {
                 let record = record_of(&model);
-                let half = "the store has half of them: a table or the record is missing";
                 let name = scenario_file(&folder.id(), &record);
                 let Some(theirs) = self.read(&name).await? else {
-                    result.leave(&model, half);
+                    result.leave_lost(&model, "their record is missing");
                     continue;
                 };
                 let Ok(provenance) = serde_json::from_slice::<Provenance>(&theirs) else {
-                    result.leave(
-                        &model,
-                        "the store's record of them does not say what they were made from",
-                    );
+                    result.leave_lost(&model, "their record is not valid");
                     continue;
                 };
                 let tables = provenance.tables(&model);
-                if !tables.iter().all(|table| there.locate(table).is_some()) {
-                    result.leave(&model, half);
+                if let Some(lost) = tables.iter().find(|table| there.locate(table).is_none()) {
+                    result.leave_lost(&model, format!("{} is missing", lost.name));
                     continue;
                 }
                 let record_blake3 = blake3::hash(&theirs).to_string();
-                let stand = || standing(folder, &model, &record_blake3, there.0.get(&record));
+                let stand = || {
+                    let theirs = there.0.get(&record);
+                    standing(folder, &model, &record_blake3, &tables, theirs)
+                };
                 let mut standing = stand()?;
                 if matches!(standing, Standing::Missing { .. }) && claimed.is_none() {
                     claimed = Some(claim(folder).await?);
@@ -255,8 +265,8 @@ impl CorpusStore {
                         .bring(&folder.id(), table, &target, &there, watch)
                         .await
                     {
-                        Err(error @ crate::StoreError::Damaged { .. }) => {
-                            failed = Some(error);
+                        Err(StoreError::Faulty { faults, .. }) => {
+                            failed = Some(faults);
                             break;
                         }
                         brought => brought?,
@@ -267,10 +277,10 @@ impl CorpusStore {
                     write_atomically(&own_path(folder.root(), &record)?, &theirs)?;
                 }
                 match failed {
-                    Some(error) => result.leave(&model, error),
+                    Some(faults) => result.leave_lost(&model, faults),
                     None => {
                         if mends {
-                            result.replaced.push(model.clone());
+                            result.mended.push(model.clone());
                         }
                         result.moved.push(model);
                     }
@@ -295,6 +305,7 @@ fn standing(
     folder: &ScenarioFolder,
     model: &str,
     their_record_blake3: &str,
+    their_tables: &[SealedFile],
     theirs: Option<&ObjectInfo>,
 ) -> Result<Standing> {
     let local = record_path(folder, model);
@@ -306,7 +317,7 @@ fn standing(
             // The same detections, damaged here.
             Err(_) => Standing::Missing { mends: table_there },
         },
-        None if !table_there => Standing::Missing { mends: false },
+        None if has_no_others(folder, model, their_tables)? => Standing::Missing { mends: false },
         _ => {
             let is_newer = theirs.zip(modified(&local));
             Standing::Others(
@@ -322,6 +333,26 @@ fn standing(
             )
         }
     })
+}
+
+/// Whether no table of a model is in the folder, except those that an interrupted download left.
+fn has_no_others(
+    folder: &ScenarioFolder,
+    model: &str,
+    their_tables: &[SealedFile],
+) -> Result<bool> {
+    for parent in [FOLDER, REGISTRATIONS] {
+        let name = format!("{parent}/{model}.parquet");
+        let path = own_path(folder.root(), &name)?;
+        if !path.exists() {
+            continue;
+        }
+        let blake3 = hash_file(&path)?;
+        if !their_tables.contains(&SealedFile { name, blake3 }) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// The provenance of detections whose tables match their record, made from this scenario.

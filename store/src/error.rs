@@ -5,6 +5,8 @@ use std::io;
 
 use object_store::client::{HttpError, HttpErrorKind};
 
+use crate::stored_fault::StoredFaults;
+
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, StoreError>;
 
@@ -77,6 +79,24 @@ pub enum StoreError {
         /// What differs.
         message: String,
     },
+    /// A committed scenario in the store that is not as it was sealed.
+    #[error("{place}: {faults}")]
+    Faulty {
+        /// The URL of the scenario.
+        place: String,
+        /// The faults, each of one file.
+        faults: StoredFaults,
+    },
+    /// Objects of others in the place of a corpus.
+    #[error(
+        "{url}: is not a corpus, and contains {found}; expected a corpus, an empty prefix or a new name, such as {url}/corpus"
+    )]
+    Occupied {
+        /// The URL.
+        url: String,
+        /// What is there.
+        found: String,
+    },
     /// The local side cannot be read or written.
     #[error(transparent)]
     Local(#[from] dataset::Error),
@@ -112,6 +132,7 @@ impl StoreError {
             Self::BadUrl { .. }
             | Self::NotConfigured { .. }
             | Self::NotThere { .. }
+            | Self::Occupied { .. }
             | Self::Refused { .. } => true,
             Self::Local(error) => error.is_bad_content(),
             _ => false,

@@ -22,10 +22,9 @@ use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::{Result, StoreError};
 use crate::listing::Objects;
 use crate::patience::Watch;
+use crate::stored_fault::{StoredFault, StoredFaults};
 use crate::stored_seal::{FoundSeal, StoredSeal};
 
-/// Advice for a scenario that is damaged in the store.
-const MEND: &str = "`dtd push` from a folder that has it whole sends what is missing; without one, `dtd generate` records it again";
 const RECORD: &str = "scenario.json";
 /// Files in parallel.
 const FILES_AT_ONCE: usize = 4;
@@ -65,7 +64,7 @@ impl CorpusStore {
             let Some(found) = self.found_seal(id).await? else {
                 return Ok(Fetched::NotCommitted);
             };
-            let lost = |fault: String| self.damaged(id, format!("{fault}. {MEND}"));
+            let lost = |fault: StoredFault| self.faulty(id, fault);
             let theirs = found.stored.as_ref().map_err(|fault| lost(fault.clone()))?;
             let committed = corpus.scenario(id);
             if is_there(&committed, theirs)? {
@@ -106,7 +105,8 @@ impl CorpusStore {
                     check_identity(id, &theirs.seal, &content, Path::new(&file.name))
                 {
                     remove_partial(partial.root(), &files);
-                    return Err(self.damaged(id, foreign));
+                    let reason = foreign.to_string();
+                    return Err(self.faulty(id, StoredFault::OtherScenario { reason }));
                 }
             }
             let others: Vec<bool> = stream::iter(others.into_iter().map(bring))
@@ -146,7 +146,7 @@ impl CorpusStore {
         if faults.is_empty() {
             return Ok(there);
         }
-        Err(self.damaged(id, format!("{}. {MEND}", faults.join("; "))))
+        Err(self.faulty(id, StoredFaults(faults)))
     }
 
     /// One file, under another name until it is complete and has its hash.
@@ -158,9 +158,8 @@ impl CorpusStore {
         there: &Objects,
         watch: &dyn Watch,
     ) -> Result<()> {
-        let name = &file.name;
-        let lost = |fault: &str| self.damaged(id, format!("{name} {fault}. {MEND}"));
-        let missing = || lost("is missing, though it was sealed");
+        let name = || file.name.clone();
+        let missing = || self.faulty(id, StoredFault::Missing { file: name() });
         let (object, _) = there.locate(file).ok_or_else(missing)?;
         let object = scenario_file(id, &object);
         let doing = || format!("read {object}");
@@ -184,7 +183,7 @@ impl CorpusStore {
             watch.passed(bytes.len() as u64);
         }
         if hasher.finalize().to_string() != file.blake3 {
-            return Err(lost("does not match its seal: its hash differs"));
+            return Err(self.faulty(id, StoredFault::OtherContent { file: name() }));
         }
         Ok(new.commit()?)
     }

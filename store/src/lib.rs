@@ -6,7 +6,8 @@
 //! - **Every other object of a scenario is named after its content** and never changes ([`content_name`]). However late an upload
 //!   arrives, it replaces nothing else.
 //! - **`DONE.json` is replaced only by comparison** with the version that was judged ([`commit`]), by the copy that goes before it
-//!   ([`precedence`]). It notes size and ETag of each object, so one listing shows whether all of them are there ([`stored_seal`]).
+//!   ([`precedence`]). It notes size and ETag of each object, so one listing shows whether all of them are there ([`stored_seal`]), and a
+//!   checksum of itself.
 //!
 //! Objects carry the BLAKE3 hash of the manifest as metadata, so a resumed upload compares instead of sending again.
 //!
@@ -27,9 +28,11 @@ mod listing;
 mod location;
 mod open;
 mod patience;
+mod place;
 mod precedence;
 mod send;
 mod settle;
+mod stored_fault;
 mod stored_seal;
 mod upload;
 
@@ -44,5 +47,6 @@ pub use listing::{Listing, Objects};
 pub use location::{CorpusLocation, StoreUrl, redacted};
 pub use patience::{Patience, Watch};
 pub use settle::Keep;
+pub use stored_fault::{StoredFault, StoredFaults};
 pub use stored_seal::Committed;
 pub use upload::{Before, Pushed};

@@ -1,20 +1,25 @@
 //! The seal of a scenario in a store, and the comparison of the scenario with a listing.
 //!
 //! `DONE.json` has the content of a folder's seal, and notes what the upload has sent: hash, size and ETag of each object. So one
-//! listing shows whether all of it is still there. The hash of an object with another ETag, or none noted, is looked up.
+//! listing shows whether all of it is still there. The hash of an object with another ETag, or none noted, is looked up. A checksum of
+//! the seal itself shows whether any of this was changed.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use dataset::json_file::json_bytes;
 use dataset::seal::{self, DONE, MANIFEST, Seal, SealedFile};
 use futures_util::future::BoxFuture;
 use object_store::UpdateVersion;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::content_name::content_name;
 use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::{Result, StoreError};
 use crate::listing::Objects;
+use crate::stored_fault::{StoredFault, StoredFaults};
 
 /// `DONE.json` in a store.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,7 +33,13 @@ pub(crate) struct StoredSeal {
     /// The objects of all sealed files and of the manifest, by the names of the files. Empty in stores of earlier versions.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) objects: BTreeMap<String, Noted>,
+    /// BLAKE3 hash of all other fields. Missing in stores of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    seal_blake3: Option<String>,
 }
+
+/// The field that is not part of the hash.
+const CHECKSUM: &str = "seal_blake3";
 
 /// An object as its upload noted it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,7 +57,7 @@ pub(crate) struct Noted {
 #[derive(Debug)]
 pub(crate) struct FoundSeal {
     /// The seal, or what is wrong with it.
-    pub(crate) stored: std::result::Result<StoredSeal, String>,
+    pub(crate) stored: std::result::Result<StoredSeal, StoredFault>,
     /// The version to replace.
     pub(crate) version: UpdateVersion,
     /// When it was written, by the store's clock.
@@ -60,8 +71,8 @@ pub enum Committed {
     No,
     /// All its objects are there.
     Whole(Seal),
-    /// It has a seal, but not all that was sealed, with the faults.
-    Damaged(String),
+    /// It has a seal, but not all that was sealed.
+    Damaged(StoredFaults),
 }
 
 impl StoredSeal {
@@ -70,7 +81,38 @@ impl StoredSeal {
             seal,
             sealed_unix_ms: Some(unix_ms(sealed)),
             objects,
+            seal_blake3: None,
         }
+    }
+
+    /// Reads a `DONE.json`, which must match its checksum, if it has one.
+    fn parse(text: &[u8]) -> std::result::Result<Self, StoredFault> {
+        let bad = |error: serde_json::Error| StoredFault::NotASeal {
+            reason: error.to_string(),
+        };
+        let stored: Self = serde_json::from_slice(text).map_err(bad)?;
+        let Some(seal_blake3) = &stored.seal_blake3 else {
+            return Ok(stored);
+        };
+        if checksum(text).map_err(bad)? == *seal_blake3 {
+            Ok(stored)
+        } else {
+            Err(StoredFault::ChangedSeal)
+        }
+    }
+
+    /// The content of `DONE.json`, with a checksum.
+    pub(crate) fn to_json(&self) -> Result<Vec<u8>> {
+        let done = Path::new(DONE);
+        let mut sealed = self.clone();
+        sealed.seal_blake3 = None;
+        let hash = checksum(&json_bytes(&sealed, done)?);
+        sealed.seal_blake3 = Some(hash.map_err(|source| dataset::Error::Json {
+            what: "seal to write",
+            path: done.to_owned(),
+            source,
+        })?);
+        Ok(json_bytes(&sealed, done)?)
     }
 
     /// When the scenario was sealed in its folder, if noted.
@@ -91,6 +133,18 @@ impl StoredSeal {
         noted.filter(|noted| noted.blake3 == file.blake3)
     }
 
+    /// Replaces the note about a file. Seals of earlier versions have notes of all files or none, and get none.
+    pub(crate) fn note(&mut self, file: &SealedFile, object: Noted) {
+        if let Some(noted) = self.objects.get_mut(&file.name) {
+            *noted = object;
+        }
+    }
+
+    /// Notes when the scenario was sealed. In stores of earlier versions, the time of `DONE.json` stands for it until that is replaced.
+    pub(crate) fn keep_time(&mut self, sealed: SystemTime) {
+        self.sealed_unix_ms.get_or_insert(unix_ms(sealed));
+    }
+
     /// The manifest as one of the files to look for.
     fn manifest(&self) -> SealedFile {
         manifest_file(&self.seal)
@@ -109,6 +163,13 @@ impl FoundSeal {
         let noted = self.stored.as_ref().ok().and_then(StoredSeal::sealed);
         noted.unwrap_or(self.modified)
     }
+}
+
+/// BLAKE3 hash of all fields of a `DONE.json` but the checksum, those of other versions included, in the order of their names.
+fn checksum(text: &[u8]) -> serde_json::Result<String> {
+    let mut fields: BTreeMap<String, Value> = serde_json::from_slice(text)?;
+    fields.remove(CHECKSUM);
+    Ok(blake3::hash(&serde_json::to_vec(&fields)?).to_string())
 }
 
 /// Milliseconds since 1970: the resolution at which two seals are compared.
@@ -141,7 +202,7 @@ impl CorpusStore {
             };
             let stored = match found.stored {
                 Ok(stored) => stored,
-                Err(fault) => return Ok(Committed::Damaged(fault)),
+                Err(fault) => return Ok(Committed::Damaged(fault.into())),
             };
             if let Some(seen) = seen
                 && self.faults(id, &stored, seen).await?.is_empty()
@@ -153,7 +214,7 @@ impl CorpusStore {
             Ok(if faults.is_empty() {
                 Committed::Whole(stored.seal)
             } else {
-                Committed::Damaged(faults.join("; "))
+                Committed::Damaged(StoredFaults(faults))
             })
         })
     }
@@ -186,7 +247,8 @@ impl CorpusStore {
             }
             let is_other = |content: &Vec<u8>| blake3::hash(content).to_string() != noted.blake3;
             if content.as_ref().is_some_and(is_other) {
-                return Err(self.damaged(id, format!("{name} does not match its seal")));
+                let file = name.to_owned();
+                return Err(self.faulty(id, StoredFault::OtherContent { file }));
             }
             Ok(content)
         })
@@ -198,8 +260,7 @@ impl CorpusStore {
             return Ok(None);
         };
         Ok(Some(FoundSeal {
-            stored: serde_json::from_slice(&text)
-                .map_err(|error| format!("{DONE} is not a valid seal: {error}")),
+            stored: StoredSeal::parse(&text),
             modified: object.last_modified.into(),
             version: UpdateVersion {
                 e_tag: object.e_tag,
@@ -214,7 +275,7 @@ impl CorpusStore {
         id: &str,
         stored: &StoredSeal,
         there: &Objects,
-    ) -> Result<Vec<String>> {
+    ) -> Result<Vec<StoredFault>> {
         let files = if stored.objects.is_empty() {
             match self.their_files(id, stored, there).await? {
                 Ok(files) => files,
@@ -243,7 +304,7 @@ impl CorpusStore {
         file: &SealedFile,
         stored: &StoredSeal,
         there: &Objects,
-    ) -> Result<Option<String>> {
+    ) -> Result<Option<StoredFault>> {
         let e_tag = stored.noted(file).and_then(|noted| noted.e_tag.as_deref());
         let whole = self.whole_object(id, file, stored.bytes(file), e_tag, there);
         Ok(whole.await?.err())
@@ -258,23 +319,24 @@ impl CorpusStore {
         bytes: Option<u64>,
         e_tag: Option<&str>,
         there: &Objects,
-    ) -> Result<std::result::Result<Noted, String>> {
-        let name = &file.name;
+    ) -> Result<std::result::Result<Noted, StoredFault>> {
+        let name = || file.name.clone();
         let Some((object, info)) = there.locate(file) else {
-            return Ok(Err(format!("{name} is missing")));
+            return Ok(Err(StoredFault::Missing { file: name() }));
         };
-        if let Some(bytes) = bytes.filter(|bytes| *bytes != info.bytes) {
-            return Ok(Err(format!(
-                "{name} has {} bytes, expected {bytes}",
-                info.bytes
-            )));
+        if let Some(expected_bytes) = bytes.filter(|bytes| *bytes != info.bytes) {
+            return Ok(Err(StoredFault::OtherSize {
+                file: name(),
+                found_bytes: info.bytes,
+                expected_bytes,
+            }));
         }
         let is_same =
             |noted: &str| info.e_tag.as_deref().map(plain_e_tag) == Some(plain_e_tag(noted));
         if !e_tag.is_some_and(is_same)
             && self.hash_of(&scenario_file(id, &object)).await?.as_ref() != Some(&file.blake3)
         {
-            return Ok(Err(format!("{name} has another content")));
+            return Ok(Err(StoredFault::OtherContent { file: name() }));
         }
         Ok(Ok(Noted {
             blake3: file.blake3.clone(),
@@ -289,7 +351,7 @@ impl CorpusStore {
         id: &str,
         stored: &StoredSeal,
         there: &Objects,
-    ) -> Result<std::result::Result<Vec<SealedFile>, String>> {
+    ) -> Result<std::result::Result<Vec<SealedFile>, StoredFault>> {
         Ok(self
             .manifest(id, stored, there)
             .await?
@@ -305,24 +367,32 @@ impl CorpusStore {
         id: &str,
         stored: &StoredSeal,
         there: &Objects,
-    ) -> Result<std::result::Result<(String, Vec<SealedFile>), String>> {
+    ) -> Result<std::result::Result<(String, Vec<SealedFile>), StoredFault>> {
+        let missing = StoredFault::Missing {
+            file: MANIFEST.into(),
+        };
         let Some((object, _)) = there.locate(&stored.manifest()) else {
-            return Ok(Err(format!("{MANIFEST} is missing")));
+            return Ok(Err(missing));
         };
         let Some(text) = self.read(&scenario_file(id, &object)).await? else {
-            return Ok(Err(format!("{MANIFEST} is missing")));
+            return Ok(Err(missing));
         };
-        let text = match String::from_utf8(text) {
-            Ok(text) => text,
-            Err(error) => return Ok(Err(format!("{MANIFEST}: {error}"))),
+        let Ok(text) = String::from_utf8(text) else {
+            return Ok(Err(StoredFault::NotText));
         };
-        Ok(match seal::sealed_files(&text, &stored.seal) {
-            Ok(files) => Ok((text, files)),
-            Err(bad) => Err(bad.to_string()),
-        })
+        let files = seal::sealed_files(&text, &stored.seal);
+        Ok(files.map(|files| (text, files)).map_err(StoredFault::from))
     }
 
     /// A scenario of the store that is not as it was sealed.
+    pub(crate) fn faulty(&self, id: &str, faults: impl Into<StoredFaults>) -> StoreError {
+        StoreError::Faulty {
+            place: format!("{}/scenarios/{id}", self.name()),
+            faults: faults.into(),
+        }
+    }
+
+    /// A scenario of the store that cannot be used.
     pub(crate) fn damaged(&self, id: &str, fault: impl std::fmt::Display) -> StoreError {
         StoreError::Damaged {
             place: format!("{}/scenarios/{id}", self.name()),

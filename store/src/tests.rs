@@ -1,9 +1,11 @@
 //! Uploading and downloading a scenario, in memory and in a folder.
 
+mod changed_seals;
 mod copies;
 mod faulty_store;
 mod interleavings;
 mod lost_objects;
+mod places;
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -105,6 +107,7 @@ async fn put_as_before(store: &CorpusStore, id: &str, folder: &ScenarioFolder) {
     let names = [
         "frames.parquet",
         "views/left.mp4",
+        "boxes_truth.parquet",
         "scenario.json",
         MANIFEST,
         DONE,
@@ -295,9 +298,7 @@ async fn what_is_damaged_in_the_store_is_named_and_never_becomes_a_scenario() {
         }
         let message = refusal(&store, ID).await;
         assert!(
-            message.contains(words)
-                && message.contains("frames.parquet")
-                && message.contains("`dtd push`"),
+            message.contains(words) && message.contains("frames.parquet"),
             "{message}"
         );
     }
@@ -389,7 +390,10 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
         store.fetch_scenario(ID, &third, None, &()).await.unwrap();
         let left = store.fetch_detections(&third.scenario(ID), &()).await;
         let left = left.unwrap().left;
-        assert!(left[0].reason.contains("half of them"), "{left:?}");
+        assert!(
+            left[0].reason.contains("their record is missing"),
+            "{left:?}"
+        );
         assert!(!third.scenario(ID).detections_path("abc").exists());
     }
 }
@@ -449,6 +453,37 @@ async fn a_fifo_in_a_folder_is_no_object_and_is_not_waited_for() {
     .unwrap();
     let message = refusal(&store, ID).await;
     assert!(message.contains("frames.parquet is missing"), "{message}");
+}
+
+#[tokio::test]
+async fn an_interrupted_download_of_detections_resumes_and_replaces_no_other_table() {
+    let store = CorpusStore::in_memory();
+    let (_ours, ours) = corpus_with_record();
+    push(&store, &ours).await.unwrap();
+    detect(&ours, 0.5);
+    let scenario = ours.scenario(ID);
+    store.push_detections(&scenario, &()).await.unwrap();
+    // The record is written last.
+    fs::remove_file(detections::record_path(&scenario, "abc")).unwrap();
+    let fetched = store.fetch_detections(&scenario, &()).await.unwrap();
+    assert_eq!(fetched.moved, ["abc"]);
+    assert_eq!(
+        scenario
+            .open()
+            .unwrap()
+            .detections("abc")
+            .unwrap()
+            .boxes
+            .len(),
+        1
+    );
+
+    fs::remove_file(detections::record_path(&scenario, "abc")).unwrap();
+    let table = scenario.detections_path("abc");
+    fs::write(&table, "another table").unwrap();
+    let fetched = store.fetch_detections(&scenario, &()).await.unwrap();
+    assert!(fetched.left[0].reason.contains("without its record"));
+    assert_eq!(fs::read(&table).unwrap(), b"another table");
 }
 
 #[tokio::test]
@@ -603,7 +638,8 @@ async fn stores_of_earlier_versions_are_read_and_added_to() {
         let table = store.key(&scenario_file(ID, "frames.parquet"));
         store.store.delete(&table).await.unwrap();
         let pushed = push(&store, &ours).await.unwrap();
-        let before = Before::Damaged("frames.parquet is missing".into());
+        let file = "frames.parquet".into();
+        let before = Before::Damaged(StoredFault::Missing { file }.into());
         assert_eq!(
             pushed,
             Pushed::Committed {

@@ -11,7 +11,6 @@ use std::fs;
 use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::json_file::json_bytes;
 use dataset::outside_file::{self, FileKind};
 use dataset::seal::{self, DONE, SealedFile};
 use dataset::sealed::Sealed;
@@ -22,6 +21,7 @@ use crate::error::{Result, StoreError};
 use crate::listing::Objects;
 use crate::patience::Watch;
 use crate::precedence::{First, SealedCopy, are_same_poses, first};
+use crate::stored_fault::{StoredFault, StoredFaults};
 use crate::stored_seal::{FoundSeal, Noted, StoredSeal, manifest_file};
 
 /// How often a file of the folder may be renamed to its final name just before it is opened.
@@ -36,8 +36,8 @@ pub enum Before {
     Nothing,
     /// It was committed with content that ours goes before.
     Other,
-    /// It was committed, but not all of it was there, with the faults.
-    Damaged(String),
+    /// It was committed, but not all of it was there.
+    Damaged(StoredFaults),
 }
 
 /// The result for a scenario.
@@ -68,6 +68,8 @@ enum Standing {
     Settled(Pushed),
     /// Send what is missing, and commit.
     ToCommit(Before),
+    /// What the store's copy had lost is sent; its seal, with notes of these objects, is to be replaced before anything is concluded.
+    Mended(StoredSeal),
 }
 
 /// One state of a folder, to upload.
@@ -156,6 +158,13 @@ impl CorpusStore {
                 Standing::Settled(Pushed::Same) => return Ok(committed.unwrap_or(Pushed::Same)),
                 Standing::Settled(pushed) => return Ok(pushed),
                 Standing::ToCommit(before) => before,
+                Standing::Mended(theirs) => {
+                    let version = found.map(|found| found.version);
+                    let done = theirs.to_json()?;
+                    self.replace_version(&id, DONE, &done, version.as_ref())
+                        .await?;
+                    continue;
+                }
             };
             // The store's version is whole: it is replaced only by one that is whole, too, although what is sent has the right hash.
             if now_before == Before::Other
@@ -170,7 +179,7 @@ impl CorpusStore {
                 .send_files(&ours, found.as_ref(), &there, &mut noted, watch)
                 .await?;
             let stored = StoredSeal::new(sealed.seal().clone(), ours.sealed_at, noted.clone());
-            let done = json_bytes(&stored, &folder.root().join(DONE))?;
+            let done = stored.to_json()?;
             let version = found.map(|found| found.version);
             if self
                 .replace_version(&id, DONE, &done, version.as_ref())
@@ -219,7 +228,7 @@ impl CorpusStore {
         ours: &Ours<'_>,
         stored: &StoredSeal,
         there: &Objects,
-    ) -> Result<Vec<String>> {
+    ) -> Result<Vec<StoredFault>> {
         let mut faults = Vec::new();
         for file in &ours.files {
             faults.extend(self.fault(&ours.folder.id(), file, stored, there).await?);
@@ -238,7 +247,8 @@ impl CorpusStore {
         let Some(found) = found else {
             return Ok(Standing::ToCommit(Before::Nothing));
         };
-        let damaged = |faults: Vec<String>| Standing::ToCommit(Before::Damaged(faults.join("; ")));
+        let damaged =
+            |faults: Vec<StoredFault>| Standing::ToCommit(Before::Damaged(StoredFaults(faults)));
         let stored = match &found.stored {
             Ok(stored) => stored,
             Err(fault) => return Ok(damaged(vec![fault.clone()])),
@@ -252,12 +262,22 @@ impl CorpusStore {
             });
         }
         let id = ours.folder.id();
-        if stored.seal.config_hash != ours.sealed.seal().config_hash {
+        let (found_hash, our_hash) = (&stored.seal.config_hash, &ours.sealed.seal().config_hash);
+        if stored.seal.manifest_blake3 == ours.sealed.seal().manifest_blake3 {
+            // The same record, which has the hash: ours was compared with it.
+            return Ok(damaged(vec![StoredFault::OtherParameters {
+                found: found_hash.clone(),
+                expected: our_hash.clone(),
+            }]));
+        }
+        if found_hash != our_hash {
             return Err(self.damaged(
                 &id,
                 format!(
-                    "is committed, but was made from other parameters than {}; delete one of them first",
-                    ours.folder.root().display()
+                    "is committed, but was made from other parameters than {folder}; to keep the store's, move {folder} away; to replace it, \
+                     delete {}/scenarios/{id}/DONE.json and push again",
+                    self.name(),
+                    folder = ours.folder.root().display(),
                 ),
             ));
         }
@@ -265,9 +285,13 @@ impl CorpusStore {
             Ok(files) => files,
             Err(fault) => return Ok(damaged(vec![fault])),
         };
-        let faults = self.mend(ours, stored, &files, there, watch).await?;
+        let (mended, faults) = self.mend(ours, stored, &files, there, watch).await?;
         if !faults.is_empty() {
             return Ok(damaged(faults));
+        }
+        if let Some(mut mended) = mended {
+            mended.keep_time(found.sealed());
+            return Ok(Standing::Mended(mended));
         }
         let theirs = SealedCopy {
             files: &files,
@@ -277,7 +301,8 @@ impl CorpusStore {
         self.precedence(ours, &theirs, there).await
     }
 
-    /// Sends what a committed scenario has lost and ours has; returns what remains lost.
+    /// Sends what a committed scenario has lost and ours has. Returns its seal with notes of the objects that were sent, if any were, and
+    /// what remains lost.
     async fn mend(
         &self,
         ours: &Ours<'_>,
@@ -285,20 +310,25 @@ impl CorpusStore {
         theirs: &[SealedFile],
         there: &Objects,
         watch: &dyn Watch,
-    ) -> Result<Vec<String>> {
+    ) -> Result<(Option<StoredSeal>, Vec<StoredFault>)> {
         let mut faults = Vec::new();
+        let mut mended = None;
         for file in theirs {
             let Some(fault) = self.fault(&ours.folder.id(), file, stored, there).await? else {
                 continue;
             };
-            if ours.sealed.files().contains(file) {
-                self.send_if_missing(ours.folder, file, None, there, watch)
-                    .await?;
-            } else {
+            if !ours.sealed.files().contains(file) {
                 faults.push(fault);
+                continue;
             }
+            let (object, _) = self
+                .send_if_missing(ours.folder, file, None, there, watch)
+                .await?;
+            mended
+                .get_or_insert_with(|| stored.clone())
+                .note(file, object);
         }
-        Ok(faults)
+        Ok((mended, faults))
     }
 
     /// The rule for two whole copies with the same parameters ([`crate::precedence`]).

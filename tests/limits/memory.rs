@@ -1,18 +1,15 @@
 //! Every verb in 2 GiB of address space: it works, or it says how much it needs.
 
 use std::os::unix::process::ExitStatusExt;
-use std::time::Duration;
 
-use crate::tiny::{self, Tiny, said};
+use crate::tiny::{self, TOO_LONG, Tiny, said};
 
 const TWO_GIB_KIB: u64 = 2 << 20;
-/// Far longer than any of this takes.
-const TOO_LONG: Duration = Duration::from_secs(300);
 
 #[test]
 fn every_verb_works_in_two_gibibytes_or_says_what_it_needs() {
     let tiny = Tiny::made().copy();
-    let store = format!("file://{}", tiny.path("store").display());
+    let store = tiny.store();
     let verbs: [&[&str]; 14] = [
         &["plan", "sweep.toml", "--against", "corpus"],
         &["generate", "sweep.toml", "--out", "again"],

@@ -12,7 +12,7 @@ use crate::outside_file::{self, FileKind};
 use crate::own_path::own_path;
 
 /// The hashes of the planned parameters, by scenario.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct PlannedScenarios {
     plan: PathBuf,
     /// Missing if the corpus has no plan.
@@ -57,6 +57,12 @@ impl PlannedScenarios {
         planned.map(String::as_str)
     }
 
+    /// Whether a scenario is planned; without a plan, each is.
+    pub fn has(&self, id: &str) -> bool {
+        let planned = self.config_hashes.as_ref();
+        planned.is_none_or(|planned| planned.contains_key(id))
+    }
+
     /// Rejects a scenario that is not planned, or has other parameters. Without a plan there is nothing to compare with.
     ///
     /// # Errors
@@ -74,7 +80,9 @@ impl PlannedScenarios {
         };
         Err(Error::corpus(
             &self.plan,
-            format!("{fault}: one of the two is of another corpus; move it away"),
+            format!(
+                "{fault}: one of the two is of another corpus; move the scenario's folder away, or put its plan.json there"
+            ),
         ))
     }
 }

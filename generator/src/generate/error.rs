@@ -33,6 +33,17 @@ pub enum GenerateError {
         /// What differs.
         difference: String,
     },
+    /// The plan of a store is damaged, and the sweep does not give all of it.
+    #[error(
+        "{}: is damaged, and the sweep of this run lacks scenario {id}, which is there; use the sweep that the corpus was made from, or \
+         `dtd push` an intact copy of the corpus", plan.display()
+    )]
+    LostPlan {
+        /// The plan.
+        plan: PathBuf,
+        /// The scenario.
+        id: String,
+    },
     /// A requested scenario does not exist.
     #[error(
         "there is no scenario {id} among the {scenarios} of the plan; identifiers look like {example}, `dtd plan` lists them"
@@ -158,6 +169,7 @@ impl GenerateError {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::OtherPlan { .. }
+            | Self::LostPlan { .. }
             | Self::UnknownScenario { .. }
             | Self::ForeignFolder { .. }
             | Self::NotAStage { .. }

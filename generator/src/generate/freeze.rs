@@ -30,7 +30,7 @@ pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan
     check_place(corpus_root)?;
     let frozen = match Corpus::open(corpus_root) {
         Ok(corpus) if corpus.plan_path().exists() => Plan::read(&corpus.plan_path())?,
-        _ => return Ok(None),
+        _ => return check_sweep(corpus_root, plan).map(|()| None),
     };
     match Difference::between(&frozen, plan).conflict() {
         Some(difference) => Err(GenerateError::OtherPlan {
@@ -49,6 +49,21 @@ pub(super) fn lost_files(corpus_root: &Path, plan: &Plan) -> dataset::Result<Vec
         name => !corpus_root.join(name).exists(),
     };
     Ok(Corpus::FILES.into_iter().filter(is_lost).collect())
+}
+
+/// Rejects a sweep that is not this plan's and would be replaced: without a plan beside it, it may be anybody's work.
+fn check_sweep(corpus_root: &Path, plan: &Plan) -> Result<(), GenerateError> {
+    let path = corpus_root.join(Corpus::SWEEP);
+    match outside_file::read(&path, FileKind::SWEEP.unlinked()) {
+        Ok(text) if text.is_empty() || plan.is_of_sweep(&text) == Some(true) => Ok(()),
+        Ok(_) => Err(dataset::Error::corpus(
+            &path,
+            "differs from the sweep of this run, and there is no plan.json that was made from it; move it away, or use another folder",
+        )
+        .into()),
+        Err(error) if error.is_not_found() => Ok(()),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// Whether the text that the plan is the expansion of is there.

@@ -27,16 +27,19 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Checks that the store grants access, and rejects a corpus that was started from a different sweep. Returns the split of that
-    /// corpus, if it has one. In the place of a damaged one, the split of the stage holds.
+    /// Checks that the store grants access, and rejects objects of others and a corpus that was started from a different sweep. Returns
+    /// the split of that corpus, if it has one. In the place of a damaged one, the split of the stage holds; a damaged plan is replaced if
+    /// this sweep has all scenarios that are there.
     pub(super) async fn look(
         &self,
         plan: &Plan,
         stage: &Path,
     ) -> Result<Option<Vec<u8>>, GenerateError> {
-        self.store.check().await?;
-        if let Some(theirs) = self.store.read(Corpus::PLAN).await? {
-            self.agrees(plan, &theirs)?;
+        self.store.check_place().await?;
+        if let Some(theirs) = self.store.read(Corpus::PLAN).await?
+            && self.agrees(plan, &theirs)?.is_none()
+        {
+            self.has_all_committed(plan).await?;
         }
         let Some(split) = self.store.read(Corpus::SPLITS).await? else {
             return Ok(None);
@@ -51,16 +54,32 @@ impl Remote {
         }
     }
 
-    /// The plan of the store, if ours may replace it.
-    fn agrees(&self, plan: &Plan, theirs: &[u8]) -> Result<Plan, GenerateError> {
-        let theirs = Plan::parse(theirs, &self.path_of(Corpus::PLAN))?;
+    /// The plan of the store, if ours may replace it; `None` if it is damaged.
+    fn agrees(&self, plan: &Plan, theirs: &[u8]) -> Result<Option<Plan>, GenerateError> {
+        let Some(theirs) = Plan::parse_undamaged(theirs, &self.path_of(Corpus::PLAN))? else {
+            return Ok(None);
+        };
         match Difference::between(&theirs, plan).conflict() {
             Some(difference) => Err(GenerateError::OtherPlan {
                 corpus: self.store.name().into(),
                 difference,
             }),
-            None => Ok(theirs),
+            None => Ok(Some(theirs)),
         }
+    }
+
+    /// Rejects a plan that lacks a committed scenario, in the place of a damaged one.
+    async fn has_all_committed(&self, plan: &Plan) -> Result<(), GenerateError> {
+        let committed = self.store.listing().await?.committed();
+        let is_planned = |id: &String| plan.scenarios.iter().any(|scenario| scenario.id == *id);
+        if let Some(id) = committed.into_iter().find(|id| !is_planned(id)) {
+            return Err(GenerateError::LostPlan {
+                plan: self.path_of(Corpus::PLAN),
+                id,
+            });
+        }
+        tracing::warn!("the store's plan.json is damaged; that of this sweep takes its place");
+        Ok(())
     }
 
     /// The committed ones of `wanted` of which the store has everything, after checking their parameters. What the store has lost is
@@ -110,7 +129,9 @@ impl Remote {
         self.store
             .settle_files(named, |name, theirs, settled_plan| {
                 Ok(match name {
-                    Corpus::PLAN if self.agrees(plan, theirs)? == *plan => Keep::Theirs,
+                    Corpus::PLAN if self.agrees(plan, theirs)?.as_ref() == Some(plan) => {
+                        Keep::Theirs
+                    }
                     // A text that the plan was not expanded from is damaged, or of an interrupted run.
                     Corpus::SWEEP if plan.is_of_sweep(theirs) == Some(true) => settled_plan,
                     _ => Keep::Ours,

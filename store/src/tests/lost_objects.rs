@@ -50,7 +50,7 @@ async fn what_the_store_lost_is_sent_again_by_every_whole_copy() {
                     panic!("{file} {loss:?}: {pushed:?}");
                 };
                 let is_said = match before {
-                    Before::Damaged(faults) => faults.contains(file),
+                    Before::Damaged(faults) => faults.0.iter().any(|it| it.file() == file),
                     before => *before == Before::Nothing && file == DONE && loss == Loss::Deleted,
                 };
                 assert!(is_said, "{file} {loss:?}: {before:?}");
@@ -68,12 +68,16 @@ async fn what_the_store_lost_is_sent_again_by_every_whole_copy() {
 #[tokio::test]
 async fn an_unlabelled_copy_gives_back_a_video_and_takes_no_labels() {
     let [plain, labelled, ..] = LocalCopy::some();
-    let store = CorpusStore::in_memory();
+    let faulty = FaultyStore::new(Faults::NONE);
+    let store = CorpusStore::over(faulty.clone());
     assert!(push(&store, &labelled.corpus).await.is_ok());
     lose(&store, "views/left.mp4", Loss::Deleted).await;
     assert_eq!(push(&store, &plain.corpus).await.unwrap(), Pushed::Labelled);
+    // The seal notes the new object, so its hash need not be looked up.
+    faulty.requests.heads.store(0, Ordering::Relaxed);
     let state = store.committed_state(ID, None).await.unwrap();
     assert_eq!(state, Committed::Whole(labelled.seal.clone()));
+    assert_eq!(faulty.requests.heads.load(Ordering::Relaxed), 0);
     // What only the labelled copy had is gone: a whole copy goes before it, whatever its labels.
     lose(&store, "boxes_truth.parquet", Loss::Deleted).await;
     let pushed = push(&store, &plain.corpus).await.unwrap();
@@ -93,6 +97,24 @@ async fn an_unlabelled_copy_gives_back_a_video_and_takes_no_labels() {
             ..
         }
     ));
+}
+
+#[tokio::test]
+async fn a_mended_seal_of_an_earlier_version_is_no_newer_than_before() {
+    let [_, first, second, _] = LocalCopy::some();
+    let store = CorpusStore::in_memory();
+    put_as_before(&store, ID, &second.folder()).await;
+    let sealed_ms = async || {
+        let found = store.found_seal(ID).await.unwrap().unwrap();
+        crate::stored_seal::unix_ms(found.sealed())
+    };
+    let before = sealed_ms().await;
+    lose(&store, "views/left.mp4", Loss::Deleted).await;
+    tokio::time::sleep(std::time::Duration::from_millis(5)).await;
+    assert_eq!(push(&store, &first.corpus).await.unwrap(), Pushed::Newer);
+    assert_eq!(sealed_ms().await, before);
+    let state = store.committed_state(ID, None).await.unwrap();
+    assert_eq!(state, Committed::Whole(second.seal.clone()));
 }
 
 #[tokio::test]
