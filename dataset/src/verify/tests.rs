@@ -505,7 +505,10 @@ fn ticks_that_were_exchanged_in_a_block_are_found_unless_so_many_were_shown_agai
     let lost = |rows: &mut Vec<TickRow>| rows[1].views[0].sim_frame = 50;
     assert_eq!(with_block(1, lost), "");
     assert_found(&with_block(0, lost), "1 ticks were drawn after later ones");
-    assert_found(&with_block(1, exchange), "2 ticks were drawn after later ones");
+    assert_found(
+        &with_block(1, exchange),
+        "2 ticks were drawn after later ones",
+    );
 }
 
 #[test]

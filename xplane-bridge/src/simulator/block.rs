@@ -143,13 +143,17 @@ impl Simulator {
             .map(|tick| displaced(&block.camera, block.size_px, block.states, tick))
             .map(|elsewhere| elsewhere.map(|displaced| displaced.place))
             .collect();
-        let sequence = Sequence::new(
+        let (known_lag, is_measured) = self.known_blocks.lag(block.view);
+        let mut sequence = Sequence::new(
             block.states.len() as u32,
             segment as u32,
             self.frames_to_settle(),
-            self.known_blocks.frames_behind,
+            known_lag,
             Box::new(move |tick| places.get(tick as usize).copied().flatten()),
         );
+        if is_measured {
+            sequence.begin_with_known_lag();
+        }
         let grabs = CodedGrabs::start(&window.screen, window.region, buffers(block.size_px));
         let time = if self.time_runs() {
             WorldTime::Runs
@@ -399,7 +403,9 @@ impl BlockRecording<'_> {
         while !self.asked.is_empty() {
             self.take_answer().await?;
         }
-        self.simulator.known_blocks.frames_behind = self.sequence.lag();
+        let is_measured = self.sequence.tally().seen > 0;
+        let known = &mut self.simulator.known_blocks;
+        known.note(self.block.view, self.sequence.lag(), is_measured);
         Ok(())
     }
 }
