@@ -2,6 +2,7 @@
 //! scene's lag, and equal to the settled one.
 #![cfg(target_os = "linux")]
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,8 +14,12 @@ use mock_xplane::window::{DisplayWindow, X11Window};
 use testkit::short_flight::{camera_beside_runway, down_the_glide_path, noon, runway};
 use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::datarefs::Generation;
+use xplane_bridge::doctor::{DoctorOptions, Intent, Verdict, examine};
+use xplane_bridge::link::PictureSize;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
-use xplane_bridge::{BlockOfTicks, BlockReport, CaptureRequest, CapturedFrame, Deliver, Simulator};
+use xplane_bridge::{
+    BlockOfTicks, BlockReport, CaptureRequest, CapturedFrame, Deliver, Simulator, WebApiPlace,
+};
 
 /// Pictures, and the window with the margins for the code.
 const SIZE_PX: (u32, u32) = (160, 120);
@@ -32,19 +37,26 @@ struct Shown {
     frames: FramesDrawn,
 }
 
-async fn shown(options: PluginOptions) -> Shown {
+/// Its screen, and its address.
+async fn serve(options: PluginOptions, clock_rate: f64) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
     let xvfb = Xvfb::start("200x160x24");
     let window = X11Window::open(Some(xvfb.display()), options.window_px).unwrap();
-    let frames = options.frames_drawn.clone();
     let address = serving(ServerOptions {
         generation: Generation::XPlane12,
         link: LinkServer::Plugin(options),
         stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
+        clock_rate,
         ..quiet()
     })
     .await;
+    let screen = Arc::new(FfmpegScreen::of_display(xvfb.display()));
+    (xvfb, screen, address)
+}
+
+async fn shown(options: PluginOptions) -> Shown {
+    let frames = options.frames_drawn.clone();
+    let (xvfb, screen, address) = serve(options, 1.0).await;
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
-    let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::of_display(xvfb.display()));
     let pixels = simulator.use_pixels(PixelChoice::Auto, SIZE_PX, &screen);
     pixels.await.unwrap();
     Shown {
@@ -217,4 +229,39 @@ async fn in_fog_without_a_known_lag_every_tick_is_held_and_right() {
     let (frames, report) = block(&mut simulator, &states, 0).await;
     assert_eq!((report.held, report.frames_behind), (20, None));
     assert_eq!(frames.len(), 20);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_doctor_measures_the_pace_in_blocks_where_the_window_has_margins_around_the_pictures() {
+    let (_xvfb, screen, address) = serve(plugin(SceneBehind::Constant(1)), 20.0).await;
+    let pictures = PictureSize {
+        width_px: SIZE_PX.0,
+        height_px: SIZE_PX.1,
+    };
+    let options = DoctorOptions {
+        web_api: WebApiPlace::Off,
+        listen: Duration::from_millis(1),
+        screen,
+        intent: Some(Intent {
+            sweep: "sweep.toml".into(),
+            pictures,
+        }),
+        ..DoctorOptions::at(Some(address))
+    };
+    let checks = examine(&options, &mut |_| {}).await;
+    let simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
+    let profile = simulator.description().profile.current().cloned();
+    simulator.release().await.unwrap();
+    let profile = profile.unwrap_or_else(|| panic!("{checks:#?}"));
+    let pace = profile
+        .pace
+        .found()
+        .unwrap_or_else(|| panic!("{checks:#?}"));
+    assert!(pace.in_blocks && pace.size == pictures, "{checks:#?}");
+    // The checks after it see the whole window again.
+    let lockstep = checks
+        .iter()
+        .find(|check| check.name == "lockstep")
+        .unwrap();
+    assert_eq!(lockstep.verdict, Verdict::Ok, "{checks:#?}");
 }

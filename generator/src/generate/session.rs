@@ -221,8 +221,8 @@ impl Session {
         self.pace_kept = false;
     }
 
-    /// Lets a simulator with a profile keep how long the first scenario of this run, or the first one after a restart, took. Whether it does
-    /// changes nothing here.
+    /// Lets a simulator with a profile keep how long the first scenario of this run, or the first one after a restart, took. Whether it
+    /// does changes nothing here.
     pub(super) async fn keep_pace(&mut self, simulator: &mut Simulator, pace: RecordedPace) {
         let description = simulator.description();
         let has_profile = matches!(description.profile, KnownProfile::Current(_));
