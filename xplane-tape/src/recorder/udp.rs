@@ -91,7 +91,7 @@ struct Client {
     /// The indices with which this client has requested the port of the capture link.
     link_port_indices: BTreeSet<i32>,
     subscriptions: Subscriptions,
-    /// The note of the port towards the simulator.
+    /// The note of the port towards the simulator, from the first subscription on.
     note: Option<PortNote>,
 }
 
@@ -140,8 +140,6 @@ impl Client {
         route: Arc<Route>,
     ) -> std::io::Result<Self> {
         let towards_simulator = bind(&route).await?;
-        let port = towards_simulator.local_addr()?.port();
-        let note = route.local_udp.note(route.simulator, port);
         for direction in [Direction::ToSimulator, Direction::FromSimulator] {
             let channel = Channel::Udp {
                 client: number,
@@ -161,7 +159,7 @@ impl Client {
             route,
             link_port_indices: BTreeSet::new(),
             subscriptions: Subscriptions::default(),
-            note,
+            note: None,
         })
     }
 
@@ -196,6 +194,7 @@ impl Client {
         let packet = ToSimulator::decode(datagram);
         if let Ok(packet) = &packet {
             self.subscriptions.follow(packet);
+            self.note_port();
         }
         if let Ok(ToSimulator::SubscribeDataref(request)) = packet {
             // Values may still arrive after the end of a subscription, so only reuse of the index counts.
@@ -211,6 +210,21 @@ impl Client {
             .await
         {
             tracing::warn!(%error, "cannot send to the simulator");
+        }
+    }
+
+    /// Notes the port once something is subscribed to.
+    fn note_port(&mut self) {
+        if self.note.is_none()
+            && !self.subscriptions.are_ended()
+            && let Ok(local) = self.towards_simulator.local_addr()
+        {
+            let Route {
+                local_udp,
+                simulator,
+                ..
+            } = &*self.route;
+            self.note = local_udp.note(*simulator, local.port());
         }
     }
 
