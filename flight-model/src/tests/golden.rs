@@ -52,10 +52,8 @@ fn difference(place: &str, kept: &Value, flown: &Value) -> Option<String> {
     let differs = || Some(format!("{place} was {kept}, is {flown}"));
     match (kept, flown) {
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
-            let pairs = a.iter().zip(b).enumerate();
-            pairs
-                .filter_map(|(at, (a, b))| difference(&format!("{place}[{at}]"), a, b))
-                .next()
+            let mut pairs = a.iter().zip(b).enumerate();
+            pairs.find_map(|(at, (a, b))| difference(&format!("{place}[{at}]"), a, b))
         }
         (Value::Object(a), Value::Object(b)) if a.len() == b.len() => a
             .iter()
