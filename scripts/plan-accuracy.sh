@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Compares the time that `dtd plan` expects with the time that recording then takes, in three cases: ten scenarios at full size and twelve
-# small ones with the stand-in, and live flights with the plugin's own Python behind a stand-in, in real time, after `dtd doctor`.
+# small ones with the stand-in, and live flights with the plugin's own Python behind a stand-in, in real time, after `dtd doctor` and a first
+# scenario (generator/examples/plan_accuracy.rs).
 # Prints the parts that the plan expects, and expected over taken. On an idle machine: everything that runs beside it is in the second.
 # Usage: scripts/plan-accuracy.sh [full|small|plugin ..]; all three take about a quarter of an hour.
 set -euo pipefail
@@ -9,12 +10,7 @@ cd "$(dirname "$0")/.."
 dtd=${DTD:-target/release/dtd}
 [ -x "$dtd" ] || cargo build --release --locked
 work=$(mktemp -d)
-simulator=
-finish() {
-    [ -z "$simulator" ] || kill "$simulator" 2>/dev/null || true
-    rm -rf "$work"
-}
-trap finish EXIT
+trap 'rm -rf "$work"' EXIT
 
 compare() { # NAME SWEEP SIMULATOR
     "$dtd" plan "$2" --sim "$3" --json >"$work/plan" 2>/dev/null
@@ -42,15 +38,7 @@ small() {
 }
 
 # Three flights from 2 NM, two of them live, as an X-Plane flies them.
-plugin() {
-    sed -e 's/^weathers = \["foggy"\]$/weathers = ["clear"]\nrepeats = [3]/' -e 's/^weathers = \["clear", "foggy"\]/weathers = ["clear"]/' \
-        -e "s|\"flights|\"$PWD/tests/data/flights|" tests/data/small.toml >"$work/plugin.toml"
-    "$dtd" mock-xplane --xplane 11 --port 49300 --no-beacon --plugin xplane-bridge/plugin --plugin-window 64x64 >"$work/simulator" 2>&1 &
-    simulator=$!
-    sleep 8
-    "$dtd" doctor --sim 127.0.0.1:49300 --measure --sweep "$work/plugin.toml" >"$work/doctor" 2>&1 || { cat "$work/doctor" >&2; exit 1; }
-    compare plugin "$work/plugin.toml" 127.0.0.1:49300
-}
+plugin() { cargo run --quiet --release --locked --workspace --example plan_accuracy; }
 
 full() { compare full demo.toml mock; }
 

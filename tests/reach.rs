@@ -3,7 +3,7 @@
 use std::fs;
 use std::net::{Ipv4Addr, UdpSocket};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Child, Command};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -175,13 +175,8 @@ fn sends(relay: &Relay) -> bool {
     relay.answers() > before
 }
 
-#[test]
-fn the_next_client_ends_the_subscriptions_of_one_that_was_killed() {
-    let folder = tempfile::tempdir().unwrap();
-    let state = folder.path().join("state");
-    let (_simulator, relay) = behind_a_relay("12");
-    let sim = relay.address().to_string();
-    // Some 2,000 pictures a view.
+/// Begins to record some 2,000 pictures a view from a simulator, into `corpus` beside the folder of notes, until pictures come.
+fn recording_from(sim: &str, folder: &Path, state: &Path) -> Child {
     let sweep = SmallSweep {
         name: "killed",
         seed: 5,
@@ -191,31 +186,66 @@ fn the_next_client_ends_the_subscriptions_of_one_that_was_killed() {
         frame_rate: "30",
         tables: &format!("{FROM_2_NM}\n[weather.clear]\nvisibility_m = 80000\n"),
     };
-    let file = folder.path().join("sweep.toml");
+    let file = folder.join("sweep.toml");
     fs::write(&file, sweep.toml()).unwrap();
-    let corpus = folder.path().join("corpus");
+    let corpus = folder.join("corpus");
     let generate = ["generate", text(&file), "--out", text(&corpus)];
-    let mut killed = dtd(&[&generate[..], &["--sim", &sim]].concat(), &state)
+    let mut recording = dtd(&[&generate[..], &["--sim", sim]].concat(), state)
         .spawn()
         .unwrap();
     let began = Instant::now();
     while !is_recording(&corpus) {
         assert!(began.elapsed() < PATIENCE, "nothing is recorded");
-        assert!(killed.try_wait().unwrap().is_none(), "it has ended");
+        assert!(recording.try_wait().unwrap().is_none(), "it has ended");
         sleep(Duration::from_millis(10));
     }
-    // SIGKILL.
-    killed.kill().unwrap();
-    killed.wait().unwrap();
+    recording
+}
+
+/// Ends a process by SIGKILL.
+fn kill(mut process: Child) {
+    process.kill().unwrap();
+    process.wait().unwrap();
+}
+
+/// The next client ends what a killed one, with a note in this folder, has subscribed to.
+fn assert_ended_by_the_next(sim: &str, relay: &Relay, folder: &Path, state: &Path) {
     assert!(
-        sends(&relay),
+        sends(relay),
         "the simulator goes on sending to a killed client"
     );
-    assert_eq!(notes(&state), 1);
-    let doctor = ["doctor", "--no-measure", "--sim", &sim];
-    must(dtd(&doctor, &state).current_dir(folder.path()));
-    assert!(!sends(&relay), "subscriptions are left");
-    assert_eq!(notes(&state), 0);
+    assert_eq!(notes(state), 1, "of the killed client");
+    let doctor = ["doctor", "--no-measure", "--sim", sim];
+    must(dtd(&doctor, state).current_dir(folder));
+    assert!(!sends(relay), "subscriptions are left");
+    assert_eq!(notes(state), 0);
+}
+
+#[test]
+fn the_next_client_ends_the_subscriptions_of_one_that_was_killed() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state");
+    let (_simulator, relay) = behind_a_relay("12");
+    let sim = relay.address().to_string();
+    kill(recording_from(&sim, folder.path(), &state));
+    assert_ended_by_the_next(&sim, &relay, folder.path(), &state);
+}
+
+#[test]
+fn the_next_client_ends_the_subscriptions_of_a_recorder_that_was_killed() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state");
+    let (_simulator, relay) = behind_a_relay("12");
+    let sim = relay.address().to_string();
+    let tape = folder.path().join("session.mcap");
+    let record = ["record", "--sim", &sim, "--out", text(&tape)];
+    let recorder = Server::start(dtd(&record, &state).args(["--port", "0", "--until-stdin-ends"]));
+    let of_generate = folder.path().join("state-of-generate");
+    let recording = recording_from(recorder.udp(), folder.path(), &of_generate);
+    // By SIGKILL.
+    drop(recorder);
+    kill(recording);
+    assert_ended_by_the_next(&sim, &relay, folder.path(), &state);
 }
 
 /// Whether a scenario has come to its pictures: its settings are watched then.

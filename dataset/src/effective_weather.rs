@@ -226,6 +226,26 @@ impl EffectiveWeather {
         found_ones
     }
 
+    /// With the quantities that differ only in a later reading, as read then.
+    #[must_use]
+    pub fn with_new_differences(mut self, later: &Self) -> Self {
+        for quantity in later.differing.iter().copied() {
+            if !self.differing.insert(quantity) {
+                continue;
+            }
+            match quantity {
+                EffectiveQuantity::Visibility => self.visibility_m = later.visibility_m,
+                EffectiveQuantity::WindSpeed => self.wind_speed_mps = later.wind_speed_mps,
+                EffectiveQuantity::WindDirection => {
+                    self.wind_from_true_deg = later.wind_from_true_deg;
+                }
+                EffectiveQuantity::Rain => self.rain_ratio = later.rain_ratio,
+                EffectiveQuantity::CloudCover => self.cloud_cover_ratios = later.cloud_cover_ratios,
+            }
+        }
+        self
+    }
+
     /// Whether the scenario is marked.
     pub fn is_marked(&self) -> bool {
         !self.differing.is_empty()

@@ -7,6 +7,8 @@ use xplane_bridge::fly::FlightStart;
 
 use super::*;
 
+mod golden;
+
 fn weather(wind_from_true_deg: f64, wind_speed_mps: f64, turbulence_ratio: f64) -> Weather {
     Weather {
         visibility_m: 40_000.0,

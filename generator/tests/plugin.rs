@@ -18,7 +18,7 @@ use generator::shard::Shard;
 use generator::sweep::Sweep;
 use mock_xplane::server::{LinkServer, ServerOptions};
 use testkit::repository;
-use testkit::sweep::SmallSweep;
+use testkit::sweep::{SmallSweep, starting_from};
 use testkit_simulator::{plugin, quiet, serving};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{DoctorOptions, examine};
@@ -35,24 +35,15 @@ fn sweep_toml() -> String {
         repeats: 1,
         size_px: (96, 64),
         frame_rate: "1/4",
-        tables: r#"
-[start]
-dtd_nm = { min = 1.5, max = 1.5 }
-cross_track_m = { mean = 0, sd = 20 }
-speed_mps = 72
-profiles = ["short"]
-
-[profile.short]
-kind = "glide_path"
-level_altitude_msl_m = 200
-
+        tables: &(starting_from(1.5, 1.5, 200)
+            + r#"
 [[recorded]]
 files = "flights/01_calm_ils.csv"
 weathers = ["clear"]
 
 [weather.clear]
 visibility_m = 30000
-"#,
+"#),
     }
     .toml()
 }
@@ -66,22 +57,13 @@ fn live_sweep_toml() -> String {
         repeats: 2,
         size_px: (64, 64),
         frame_rate: "1/4",
-        tables: r#"
-[start]
-dtd_nm = { min = 1.5, max = 1.6 }
-cross_track_m = { mean = 0, sd = 20 }
-speed_mps = 72
-profiles = ["short"]
-
-[profile.short]
-kind = "glide_path"
-level_altitude_msl_m = 150
-
+        tables: &(starting_from(1.5, 1.6, 150)
+            + r#"
 [weather.clear]
 visibility_m = 30000
 wind_speed_mps = 3
 wind_from_true_deg = 60
-"#,
+"#),
     }
     .toml()
 }

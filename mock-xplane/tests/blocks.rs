@@ -2,19 +2,26 @@
 //! scene's lag, and equal to the settled one.
 #![cfg(target_os = "linux")]
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::camera::CameraPose;
+use dataset::camera::{Camera, CameraPose};
+use dataset::conditions::{CloudKind, CloudLayer, Conditions};
 use dataset::frame_rate::FrameRate;
-use dataset::pose::FlightState;
+use dataset::pose::{FlightState, Pose};
+use glam::DVec2;
 use mock_xplane::server::{FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions};
 use mock_xplane::window::{DisplayWindow, X11Window};
 use testkit::short_flight::{camera_beside_runway, down_the_glide_path, noon, runway};
 use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::datarefs::Generation;
+use xplane_bridge::doctor::{DoctorOptions, Intent, Verdict, examine};
+use xplane_bridge::link::PictureSize;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
-use xplane_bridge::{BlockOfTicks, BlockReport, CaptureRequest, CapturedFrame, Deliver, Simulator};
+use xplane_bridge::{
+    BlockOfTicks, BlockReport, CaptureRequest, CapturedFrame, Deliver, Simulator, WebApiPlace,
+};
 
 /// Pictures, and the window with the margins for the code.
 const SIZE_PX: (u32, u32) = (160, 120);
@@ -32,19 +39,26 @@ struct Shown {
     frames: FramesDrawn,
 }
 
-async fn shown(options: PluginOptions) -> Shown {
+/// Its screen, and its address.
+async fn serve(options: PluginOptions, clock_rate: f64) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
     let xvfb = Xvfb::start("200x160x24");
     let window = X11Window::open(Some(xvfb.display()), options.window_px).unwrap();
-    let frames = options.frames_drawn.clone();
     let address = serving(ServerOptions {
         generation: Generation::XPlane12,
         link: LinkServer::Plugin(options),
         stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
+        clock_rate,
         ..quiet()
     })
     .await;
+    let screen = Arc::new(FfmpegScreen::of_display(xvfb.display()));
+    (xvfb, screen, address)
+}
+
+async fn shown(options: PluginOptions) -> Shown {
+    let frames = options.frames_drawn.clone();
+    let (xvfb, screen, address) = serve(options, 1.0).await;
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
-    let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::of_display(xvfb.display()));
     let pixels = simulator.use_pixels(PixelChoice::Auto, SIZE_PX, &screen);
     pixels.await.unwrap();
     Shown {
@@ -217,4 +231,158 @@ async fn in_fog_without_a_known_lag_every_tick_is_held_and_right() {
     let (frames, report) = block(&mut simulator, &states, 0).await;
     assert_eq!((report.held, report.frames_behind), (20, None));
     assert_eq!(frames.len(), 20);
+}
+
+/// A pixel of the ground differs if a colour does by more than this, levels ...
+const GROUND_LEVELS: u8 = 4;
+/// ... and one of the aircraft, before clouds that drift and behind streaks of rain, by this.
+const AIRCRAFT_LEVELS: u8 = 24;
+/// Half the aircraft's size, metres, and what its edges add, pixels.
+const AIRCRAFT_M: f64 = 22.0;
+const AROUND_PX: f64 = 2.0;
+/// A picture of a block may differ from a settled one in this many times the pixels in which two settled ones differ by their streaks,
+/// and in so many more.
+const NOISE_FACTOR: f64 = 1.5;
+const MORE_PIXELS: usize = 8;
+
+fn rainy() -> Conditions {
+    let mut rainy = noon(20_000.0);
+    rainy.weather_name = "stormy".into();
+    rainy.weather.rain_ratio = 0.6;
+    rainy.weather.clouds = vec![CloudLayer {
+        kind: CloudKind::Cumulonimbus,
+        cover_ratio: 0.9,
+        base_msl_m: 1_000.0,
+        top_msl_m: 9_000.0,
+    }];
+    rainy
+}
+
+/// Where the ground and the aircraft are in a picture.
+struct Parts {
+    horizon_px: f64,
+    aircraft: [DVec2; 2],
+}
+
+impl Parts {
+    fn of(placed: &CameraPose, pose: &Pose) -> Self {
+        let camera = Camera::from_pose(placed, SIZE_PX.0, SIZE_PX.1);
+        let at = camera.to_camera(pose.position().to_ecef());
+        let half = DVec2::splat(camera.focal_px * AIRCRAFT_M / at.z + AROUND_PX);
+        let centre = camera.pixel_of(at);
+        let slope = placed.pose.pitch_deg.to_radians().tan();
+        Self {
+            horizon_px: camera.principal_px.y + camera.focal_px * slope,
+            aircraft: [centre - half, centre + half],
+        }
+    }
+
+    fn has_aircraft(&self, at: DVec2) -> bool {
+        let [low, high] = self.aircraft;
+        at.cmpge(low).all() && at.cmple(high).all()
+    }
+
+    fn has_ground(&self, at: DVec2) -> bool {
+        at.y > self.horizon_px + AROUND_PX && !self.has_aircraft(at)
+    }
+}
+
+/// The number of pixels of a part that differ by more than `levels`.
+fn differing(one: &[u8], other: &[u8], levels: u8, is_part: impl Fn(DVec2) -> bool) -> usize {
+    let pairs = one.as_chunks::<3>().0.iter().zip(other.as_chunks::<3>().0);
+    let place = |at: usize| {
+        let (x, y) = (at as u32 % SIZE_PX.0, at as u32 / SIZE_PX.0);
+        DVec2::new(f64::from(x), f64::from(y))
+    };
+    let differs = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > levels);
+    pairs
+        .enumerate()
+        .filter(|(at, (a, b))| is_part(place(*at)) && differs(a, b))
+        .count()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn where_time_runs_a_block_shows_aircraft_and_ground_as_settled_pictures_do_but_for_the_rain()
+{
+    let Shown {
+        mut simulator,
+        _xvfb,
+        ..
+    } = shown(plugin(SceneBehind::Constant(2))).await;
+    simulator.set_conditions(&rainy()).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    assert!(simulator.time_runs());
+    let states = down_the_glide_path(1_200.0, 50, RATE);
+    let mut of_another_tick = 0;
+    for view in 0..2 {
+        let (frames, _) = block(&mut simulator, &states, view).await;
+        for tick in (0..states.len() as u32).step_by(7) {
+            let expected = settled(&mut simulator, &states, tick, view).await.rgb;
+            // Another tick between them, so that both have settled.
+            settled(&mut simulator, &states, (tick + 25) % 50, view).await;
+            let again = settled(&mut simulator, &states, tick, view).await.rgb;
+            let parts = Parts::of(&camera(view), &states[tick as usize].pose);
+            let ground = |found: &[u8]| {
+                differing(found, &expected, GROUND_LEVELS, |at| parts.has_ground(at))
+            };
+            let aircraft = |found: &[u8]| {
+                differing(found, &expected, AIRCRAFT_LEVELS, |at| {
+                    parts.has_aircraft(at)
+                })
+            };
+            let most = |noise: usize| (NOISE_FACTOR * noise as f64) as usize + MORE_PIXELS;
+            let found = &frames[tick as usize].rgb;
+            for (part, pixels, noise) in [
+                ("ground", ground(found), ground(&again)),
+                ("aircraft", aircraft(found), aircraft(&again)),
+            ] {
+                assert!(
+                    pixels <= most(noise),
+                    "view {view}, tick {tick}, {part}: {pixels} pixels differ, {noise} between settled ones"
+                );
+            }
+            if let Some(later) = frames.get(tick as usize + 7) {
+                of_another_tick += usize::from(aircraft(&later.rgb) > most(aircraft(&again)));
+            }
+        }
+    }
+    assert!(
+        of_another_tick > 6,
+        "the aircraft hardly moves: {of_another_tick}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_doctor_measures_the_pace_in_blocks_where_the_window_has_margins_around_the_pictures() {
+    let (_xvfb, screen, address) = serve(plugin(SceneBehind::Constant(1)), 20.0).await;
+    let pictures = PictureSize {
+        width_px: SIZE_PX.0,
+        height_px: SIZE_PX.1,
+    };
+    let options = DoctorOptions {
+        web_api: WebApiPlace::Off,
+        listen: Duration::from_millis(1),
+        screen,
+        intent: Some(Intent {
+            sweep: "sweep.toml".into(),
+            pictures,
+        }),
+        ..DoctorOptions::at(Some(address))
+    };
+    let checks = examine(&options, &mut |_| {}).await;
+    let simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
+    let profile = simulator.description().profile.current().cloned();
+    simulator.release().await.unwrap();
+    let profile = profile.unwrap_or_else(|| panic!("{checks:#?}"));
+    let pace = profile
+        .pace
+        .found()
+        .unwrap_or_else(|| panic!("{checks:#?}"));
+    assert!(pace.in_blocks && pace.size == pictures, "{checks:#?}");
+    // The checks after it see the whole window again.
+    let lockstep = checks
+        .iter()
+        .find(|check| check.name == "lockstep")
+        .unwrap();
+    assert_eq!(lockstep.verdict, Verdict::Ok, "{checks:#?}");
 }

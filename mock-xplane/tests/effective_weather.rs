@@ -3,6 +3,8 @@
 
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
@@ -157,6 +159,45 @@ async fn with_a_profile_each_quantity_that_is_wrong_fails_the_attempt_and_is_nam
         simulator.set_conditions(&storm()).await.unwrap();
         let shown = simulator.effective_weather().unwrap();
         assert_eq!(shown.differing, BTreeSet::from([quantity]), "{shown:?}");
+        simulator.release().await.unwrap();
+    });
+    join_all(cases).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_quantity_that_changes_while_pictures_are_taken_is_noticed_after_them() {
+    let profile = &examined(serving(fast()).await).await;
+    let cases = WRONG.map(|(quantity, dataref, wrong)| async move {
+        let has_changed = Arc::new(AtomicBool::new(false));
+        let changed = has_changed.clone();
+        let change = move |path: &str, value| {
+            if path == dataref && changed.load(Ordering::Relaxed) {
+                wrong
+            } else {
+                value
+            }
+        };
+        let mut simulator = connected(altered(serving(quiet()).await, change).await).await;
+        simulator.set_conditions(&storm()).await.unwrap();
+        simulator.confirm_conditions().await.unwrap();
+        assert_eq!(
+            simulator.effective_weather().unwrap().differing,
+            BTreeSet::new()
+        );
+        has_changed.store(true, Ordering::Relaxed);
+        simulator.confirm_conditions().await.unwrap();
+        let shown = simulator.effective_weather().unwrap();
+        assert_eq!(shown.differing, BTreeSet::from([quantity]), "{shown:?}");
+        let marked: Vec<EffectiveQuantity> = shown
+            .marks(&storm().weather)
+            .iter()
+            .map(|mark| mark.quantity)
+            .collect();
+        assert_eq!(marked, [quantity]);
+        // Where it was measured to follow.
+        simulator.use_profile(profile.clone());
+        let error = simulator.confirm_conditions().await.unwrap_err();
+        assert!(error.to_string().contains(&quantity.to_string()), "{error}");
         simulator.release().await.unwrap();
     });
     join_all(cases).await;

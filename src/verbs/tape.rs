@@ -26,10 +26,11 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &TapeArgs) -> Outcome {
     let runtime = async_runtime()?;
-    // Of the recorder's own questions nothing stays subscribed, so that no note is needed.
+    let noting = args.local_udp.options();
+    // The recorder's own questions end their subscriptions at once.
     let local_udp = LocalUdp {
-        port: args.local_udp.udp_port,
         notes: None,
+        ..noting.clone()
     };
     let stand_in = own_stand_in(&args.sim, &runtime)?;
     let address = match &stand_in {
@@ -46,7 +47,7 @@ pub(crate) fn run(args: &TapeArgs) -> Outcome {
         out: args.out.clone(),
         frames: args.frames,
         token: LinkToken::from_environment(),
-        first_udp_port: args.local_udp.udp_port,
+        local_udp: noting,
     };
     let cancel = Cancel::new();
     let _in_good_order = signals::in_good_order(&cancel);

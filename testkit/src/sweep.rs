@@ -34,6 +34,43 @@ kind = "glide_path"
 level_altitude_msl_m = 200
 "#;
 
+/// [`FROM_2_NM`] from another distance, at least and at most, nautical miles, at another height, metres.
+pub fn starting_from(least_nm: f64, most_nm: f64, altitude_msl_m: u32) -> String {
+    FROM_2_NM
+        .replace(
+            "min = 1.9, max = 2.1",
+            &format!("min = {least_nm}, max = {most_nm}"),
+        )
+        .replace(
+            "level_altitude_msl_m = 200",
+            &format!("level_altitude_msl_m = {altitude_msl_m}"),
+        )
+}
+
+/// Four weathers, of which the last one has rain.
+pub const FOUR_WEATHERS: &str = r#"
+[weather.clear]
+visibility_m = 80000
+wind_speed_mps = 4
+wind_from_true_deg = 60
+
+[weather.cloudy]
+visibility_m = 50000
+clouds = [{ kind = "cumulus", cover_ratio = 0.5, base_msl_m = 900, top_msl_m = 2000 }]
+
+[weather.foggy]
+visibility_m = 9260
+
+[weather.stormy]
+visibility_m = 35000
+clouds = [{ kind = "cumulonimbus", cover_ratio = 0.9, base_msl_m = 600, top_msl_m = 5000 }]
+rain_ratio = 0.6
+wind_speed_mps = 9
+wind_from_true_deg = 340
+"#;
+/// Their names.
+pub const WEATHER_NAMES: [&str; 4] = ["clear", "cloudy", "foggy", "stormy"];
+
 /// Two short approaches in front of three views, one of them with a lens, in refracting air, at 30000/1001 pictures a second.
 pub const THREE_VIEWS: &str = r#"
 [corpus]
@@ -107,41 +144,21 @@ wind_from_true_deg = 20
 /// The file of a sweep of four weathers over a recorded flight, in tiny pictures: `1200-clear-r1`, and so on.
 pub fn four_weathers() -> String {
     let flight = repository().join("tests/data/flights/01_calm_ils.csv");
-    let weathers = ["clear", "cloudy", "foggy", "stormy"];
     let tables = format!(
         r#"
 [[recorded]]
 files = "{}"
-weathers = {weathers:?}
+weathers = {WEATHER_NAMES:?}
 
 [start]
 dtd_nm = 0.6
-
-[weather.clear]
-visibility_m = 80000
-wind_speed_mps = 4
-wind_from_true_deg = 60
-
-[weather.cloudy]
-visibility_m = 50000
-clouds = [{{ kind = "cumulus", cover_ratio = 0.5, base_msl_m = 900, top_msl_m = 2000 }}]
-
-[weather.foggy]
-visibility_m = 9260
-
-[weather.stormy]
-visibility_m = 35000
-clouds = [{{ kind = "cumulonimbus", cover_ratio = 0.9, base_msl_m = 600, top_msl_m = 5000 }}]
-rain_ratio = 0.6
-wind_speed_mps = 9
-wind_from_true_deg = 340
-"#,
+{FOUR_WEATHERS}"#,
         flight.display()
     );
     let sweep = SmallSweep {
         name: "weathers",
         seed: 5,
-        weathers: &weathers,
+        weathers: &WEATHER_NAMES,
         repeats: 1,
         size_px: (96, 64),
         frame_rate: "1/2",

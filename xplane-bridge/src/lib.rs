@@ -32,4 +32,4 @@ pub use simulator::{
     ConnectOptions, KnownBlocks, LINK_TOKEN_VARIABLE, Simulator, SimulatorDescription,
     WEB_API_VARIABLE, WebApiPlace, block_bytes, pictures_at_once, somebody_answers,
 };
-pub use udp_socket::LocalUdp;
+pub use udp_socket::{LocalUdp, PortNote};

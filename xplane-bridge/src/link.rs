@@ -20,7 +20,7 @@ pub use capture::{BadCapture, CaptureRequest, CapturedFrame, Deliver, FrameHeade
 pub use description::{PictureSize, PixelKind, SimulatorWindow};
 pub use flight::{BadFlightPayload, FLIGHT_COLUMNS, decode_flight, encode_flight};
 pub use message::{Answer, Request};
-pub use picture_bytes::PictureBytes;
+pub use picture_bytes::{PictureBytes, PooledPicture};
 pub use screen::{ScreenAnswer, ScreenOffer, ScreenPart, ScreenRequest};
 pub use shared_memory::{DrawingSlot, DrawingSlots, SharedMemory, SharedPicture, SharedPictures};
 pub use soundness::{MAX_PROFILE_BYTES, UnsoundRequest};

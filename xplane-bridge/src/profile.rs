@@ -97,7 +97,10 @@ pub struct Pace {
     pub measured_by: PacedBy,
     /// Size of the pictures.
     pub size: PictureSize,
-    /// Frames that each view settled.
+    /// Whether the camera rested while the aircraft moved from drawn frame to drawn frame.
+    #[serde(default)]
+    pub in_blocks: bool,
+    /// Frames that each view settled otherwise.
     pub settle_frames: u32,
     /// Pictures a second, all views together.
     pub pictures_per_s: f64,
@@ -105,6 +108,20 @@ pub struct Pace {
     pub loading_s: Option<f64>,
     /// From writing the weather until it is there, seconds.
     pub weather_s: Option<f64>,
+    /// From the start of the command of `--restart-simulator` until X-Plane could be used, seconds; absent if it was not restarted.
+    #[serde(default)]
+    pub restart_s: Option<f64>,
+}
+
+impl Pace {
+    /// How the pictures were taken, as text.
+    pub fn procedure(&self) -> String {
+        if self.in_blocks {
+            "from a camera that rests for blocks of ticks".into()
+        } else {
+            format!("each settled for {} frames", self.settle_frames)
+        }
+    }
 }
 
 /// How long the parts of one recorded scenario took.
@@ -112,12 +129,16 @@ pub struct Pace {
 pub struct RecordedPace {
     /// Size of its pictures.
     pub size: PictureSize,
+    /// Whether they were taken in blocks.
+    pub in_blocks: bool,
     /// Pictures a second, all views together, encoding included.
     pub pictures_per_s: f64,
     /// From connecting until its live flight had begun; absent if it is no live flight.
     pub loading: Option<Duration>,
     /// From writing its weather until it was there.
     pub weather: Duration,
+    /// The last restart of the simulator, if this run restarted it.
+    pub restart: Option<Duration>,
 }
 
 /// All measurements.
@@ -394,10 +415,12 @@ mod tests {
                     width_px: 1920,
                     height_px: 1280,
                 },
+                in_blocks: false,
                 settle_frames: 4,
                 pictures_per_s: 8.5,
                 loading_s: None,
                 weather_s: None,
+                restart_s: None,
             }),
         }
     }

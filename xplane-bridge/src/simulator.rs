@@ -40,7 +40,7 @@ use crate::link::{
     PictureBytes, PictureSize, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
 };
 use crate::peer_text::quoted;
-use crate::pixels::{Payload, PixelSource};
+use crate::pixels::{CodedGrabs, Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
 pub use block::{
@@ -155,6 +155,8 @@ pub struct Simulator {
     sharing: Sharing,
     spare_buffers: Vec<Vec<u8>>,
     known_blocks: KnownBlocks,
+    /// The grabs of numbered frames, from the first block after a registration until the last picture is confirmed.
+    grabs: CodedGrabs,
 }
 
 impl Simulator {
@@ -314,6 +316,7 @@ impl Simulator {
                 sharing,
                 spare_buffers: Vec::new(),
                 known_blocks: KnownBlocks::default(),
+                grabs: CodedGrabs::default(),
             })
         })
     }
@@ -620,7 +623,7 @@ impl Simulator {
                 self.spare_buffers.push(rgb);
             }
             // Shared memory is free again once nobody holds it.
-            PictureBytes::Own(_) | PictureBytes::Shared(_) => {}
+            PictureBytes::Own(_) | PictureBytes::Pooled(_) | PictureBytes::Shared(_) => {}
         }
     }
 

@@ -29,8 +29,7 @@ use crate::packet::{
     ToSimulator,
 };
 use crate::simulator_address::{is_answer, local_address, reachable};
-pub use local_udp::LocalUdp;
-use local_udp::PortNote;
+pub use local_udp::{LocalUdp, PortNote};
 use readers::Readers;
 
 /// How long to wait for a refusal, which a computer of the same network sends at once.

@@ -25,6 +25,7 @@ use chrono::{SecondsFormat, Utc};
 use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 
+use xplane_bridge::LocalUdp;
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::simulator_address::reachable;
 
@@ -51,8 +52,8 @@ pub struct RecordOptions {
     pub frames: FramesKept,
     /// The token that a client of the capture link must send. Required if the address is not a loopback one.
     pub token: Option<LinkToken>,
-    /// The local UDP port towards the simulator of the first client; each further client takes the next free one. Any free ports without.
-    pub first_udp_port: Option<u16>,
+    /// The local side towards the simulator: its port is the first client's, and each further client takes the next free one.
+    pub local_udp: LocalUdp,
 }
 
 impl RecordOptions {
@@ -65,7 +66,7 @@ impl RecordOptions {
             out,
             frames: FramesKept::default(),
             token: None,
-            first_udp_port: None,
+            local_udp: LocalUdp::default(),
         }
     }
 }
@@ -105,7 +106,7 @@ pub async fn record(
         TapeThread::start(TapeWriter::create(&options.out, &info)?, options.frames);
     let route = Arc::new(Route {
         simulator: reachable(options.simulator),
-        first_udp_port: options.first_udp_port,
+        local_udp: options.local_udp,
         our_link_port: link_address.port(),
         simulators_link_port: AtomicU16::new(0),
         token: options.token,
@@ -131,7 +132,7 @@ pub async fn record(
 /// Shared by the proxies.
 struct Route {
     simulator: SocketAddr,
-    first_udp_port: Option<u16>,
+    local_udp: LocalUdp,
     our_link_port: u16,
     /// The simulator's last value; 0 before.
     simulators_link_port: AtomicU16,

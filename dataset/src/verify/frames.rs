@@ -93,14 +93,17 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
     }
 }
 
-/// A tick that was lost is shown again after later ones, but only within its block: no frame has two ticks, and all frames of a block
-/// and view come before those of the next.
+/// No frame has two ticks, all frames of a block and view come before those of the next, and within a block the ticks are drawn in their
+/// order, but for those that were lost and shown again after later ones: `scenario.json` says how many.
 fn check_blocks(blocks: &Blocks, frames: &Frames, faults: &mut Faults) {
     let block_ticks = blocks.ticks.max(1) as usize;
     let mut last_of_block: Option<u64> = None;
+    let mut late_ticks = 0;
+    let mut first_late: Option<(&String, usize)> = None;
     for (block, rows) in frames.rows.chunks(block_ticks).enumerate() {
         for (index, view) in frames.views.iter().enumerate() {
             let mut seen = BTreeSet::new();
+            let mut in_order = Vec::with_capacity(rows.len());
             for (at, frame) in rows.iter().enumerate() {
                 let Some(stamp) = frame.views.get(index) else {
                     continue;
@@ -114,10 +117,37 @@ fn check_blocks(blocks: &Blocks, frames: &Frames, faults: &mut Faults) {
                     );
                     faults.view_row(view, TABLE, row, "simulator frames out of order", message);
                 }
+                if in_order.last().is_some_and(|last| stamp.sim_frame <= *last) {
+                    first_late.get_or_insert((view, row));
+                }
+                in_order.push(stamp.sim_frame);
             }
+            late_ticks += out_of_order(&in_order);
             last_of_block = seen.last().copied().or(last_of_block);
         }
     }
+    let repeated = blocks.repeated_ticks as usize;
+    if let Some((view, row)) = first_late.filter(|_| late_ticks > repeated) {
+        let message = format!(
+            "by sim_frame, {late_ticks} ticks were drawn after later ones, this one first; expected at most {repeated} (repeated_ticks of \
+             scenario.json)"
+        );
+        faults.view_row(view, TABLE, row, "simulator frames out of order", message);
+    }
+}
+
+/// The smallest number of values without which the others grow.
+fn out_of_order(values: &[u64]) -> usize {
+    // The smallest last value of a growing subsequence of each length.
+    let mut lasts: Vec<u64> = Vec::new();
+    for value in values {
+        let at = lasts.partition_point(|last| last < value);
+        match lasts.get_mut(at) {
+            Some(last) => *last = *value,
+            None => lasts.push(*value),
+        }
+    }
+    values.len() - lasts.len()
 }
 
 /// The cameras used for drawing are those of the calibration.

@@ -16,7 +16,7 @@ use crate::pose::{Controls, Pose};
 use crate::registrations::{NoShift, Registration, write_registrations};
 use crate::runway::RunwayCoordinates;
 use crate::runway::tests::changi_02l as runway;
-use crate::scenario::{Flight, PINHOLE_SCHEMA_VERSION, Versions};
+use crate::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, Versions};
 use crate::splits::{Assignment, Side, Splits};
 use crate::video::{VideoSettings, VideoWriter, refine_time_base};
 
@@ -462,6 +462,52 @@ fn swapped_views_are_found_by_their_cameras_and_frame_numbers() {
     assert!(
         findings.contains("row 0 view right: simulator frames out of order"),
         "{findings}"
+    );
+}
+
+/// Changes the frames of a recording in one block of five ticks, of which some were shown again, and returns the findings.
+fn with_block(repeated_ticks: u32, change: impl FnOnce(&mut Vec<TickRow>)) -> String {
+    Example::with(|example| {
+        let mut record = record(IDS[0]);
+        record.blocks = Some(Blocks {
+            ticks: TICKS,
+            frames_behind: vec![0],
+            count: 2,
+            measured: 2,
+            held_ticks: 0,
+            repeated_ticks,
+        });
+        write_json(&example.scenario().record_path(), &record).unwrap();
+        let mut table = frames();
+        for (tick, row) in table.rows.iter_mut().enumerate() {
+            for (view, stamp) in row.views.iter_mut().enumerate() {
+                stamp.sim_frame = (100 * view + tick) as u64;
+            }
+        }
+        change(&mut table.rows);
+        table.write(&example.scenario().frames_path()).unwrap();
+    })
+}
+
+#[test]
+fn ticks_that_were_exchanged_in_a_block_are_found_unless_so_many_were_shown_again() {
+    let exchange = |rows: &mut Vec<TickRow>| {
+        let [first, second] = [1, 3].map(|row: usize| rows[row].views[1].sim_frame);
+        rows[1].views[1].sim_frame = second;
+        rows[3].views[1].sim_frame = first;
+    };
+    assert_eq!(with_block(0, |_| {}), "");
+    assert_found(
+        &with_block(0, exchange),
+        "row 2 view right: simulator frames out of order: by sim_frame, 2 ticks were drawn after later ones",
+    );
+    // Lost, and shown again after all others.
+    let lost = |rows: &mut Vec<TickRow>| rows[1].views[0].sim_frame = 50;
+    assert_eq!(with_block(1, lost), "");
+    assert_found(&with_block(0, lost), "1 ticks were drawn after later ones");
+    assert_found(
+        &with_block(1, exchange),
+        "2 ticks were drawn after later ones",
     );
 }
 

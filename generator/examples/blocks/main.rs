@@ -4,16 +4,21 @@
 //! a second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 pictures a second from two views.
 //! Frames are counted from the moment at which the flight is known to the last picture, so that settling and probes are included; the
 //! check of the window before and after is not, nor is the trial before the first scenario. Arguments: width and height of the pictures
-//! (480 320) and the largest lag (4).
+//! (480 320), the first and the last lag (0 4).
+//!
+//! `-- covers` puts something over the scene for a second in mid recording, in scenarios of four weathers: `covers.rs`. Arguments:
+//! scenarios of each weather (25), and a seed (0).
 //!
 //! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of a picture,
 //! each measured alone. Arguments: width and height (1920 1280). On a larger machine: `taskset -c 0,1` before it.
 
 mod alone;
+mod covers;
 
 use std::env;
 use std::error::Error;
 use std::net::SocketAddr;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,11 +28,13 @@ use dataset::corpus::Corpus;
 use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
 use generator::shard::Shard;
 use generator::sweep::Sweep;
-use mock_xplane::server::{FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions};
+use mock_xplane::server::{
+    FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions, WindowCovers,
+};
 use mock_xplane::window::{DisplayWindow, X11Window};
 use serde_json::json;
 use testkit::repository;
-use testkit::sweep::SmallSweep;
+use testkit::sweep::{SmallSweep, starting_from};
 use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::LocalUdp;
 use xplane_bridge::datarefs::Generation;
@@ -40,17 +47,9 @@ const CORES: f64 = 2.0;
 const GOAL: f64 = 0.7;
 /// On each side of the picture.
 const MARGIN_PX: u32 = 16;
-const TABLES: &str = r#"
-[start]
-dtd_nm = { min = DTD_NM, max = DTD_NM }
-cross_track_m = { mean = 0, sd = 20 }
-speed_mps = 72
-profiles = ["short"]
-
-[profile.short]
-kind = "glide_path"
-level_altitude_msl_m = 200
-
+/// Name of the corpus of [`Recording::record`].
+const SPEED: &str = "speed";
+const CLEAR_AND_STORMY: &str = r#"
 [[recorded]]
 files = "flights/01_calm_ils.csv"
 weathers = ["clear", "stormy"]
@@ -73,14 +72,18 @@ async fn main() -> Result<(), Box<dyn Error>> {
         .collect::<Result<_, _>>()?;
     let number = |at: usize, default: u32| numbers.get(at).copied().unwrap_or(default);
     match what.as_str() {
-        "frames" => frames((number(0, 480), number(1, 320)), number(2, 4) as usize).await,
+        "frames" => {
+            let lags = number(2, 0) as usize..=number(3, 4) as usize;
+            frames((number(0, 480), number(1, 320)), lags).await
+        }
         "speed" => speed((number(0, 1_920), number(1, 1_280))).await,
-        _ => Err("expected `frames` or `speed`".into()),
+        "covers" => covers::covers(number(0, 25), number(1, 0)).await,
+        _ => Err("expected `frames`, `speed` or `covers`".into()),
     }
 }
 
-async fn frames(size_px: (u32, u32), largest_lag: usize) -> Result<(), Box<dyn Error>> {
-    for lag in 0..=largest_lag {
+async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), Box<dyn Error>> {
+    for lag in lags {
         let recording = Recording::start(size_px, Some(FRAMES_PER_S), lag).await?;
         for recorded in recording.record(0.5).await? {
             let pictures = recorded.pictures as f64;
@@ -106,7 +109,7 @@ async fn speed(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
             window: recording.window.as_ref(),
             screen: &recording.screen,
         };
-        let alone = alone::measure(&stage, recording.folder.path(), &recorded.id)?;
+        let alone = alone::measure(&stage, &recording.folder.path().join(SPEED), &recorded.id)?;
         let pictures_per_s = recorded.pictures as f64 / recorded.seconds;
         let of_a_picture = alone.drawing + alone.grabbing + alone.encoding;
         println!(
@@ -135,6 +138,7 @@ struct Recording {
     window: Arc<dyn DisplayWindow>,
     screen: Arc<dyn Screen>,
     frames: FramesDrawn,
+    covers: WindowCovers,
     simulator: SocketAddr,
     folder: tempfile::TempDir,
 }
@@ -158,13 +162,14 @@ impl Recording {
         let xvfb = Xvfb::start(&format!("{}x{}x24", window_px.0, window_px.1));
         let window = X11Window::open(Some(xvfb.display()), window_px)?;
         let window: Arc<dyn DisplayWindow> = Arc::new(window);
-        let frames = FramesDrawn::default();
+        let (frames, covers) = (FramesDrawn::default(), WindowCovers::default());
         let simulator = serving(ServerOptions {
             generation: Generation::XPlane12,
             link: LinkServer::Plugin(PluginOptions {
                 most_frames_per_s,
                 scene_behind: Some(SceneBehind::Constant(lag)),
                 frames_drawn: frames.clone(),
+                window_covers: covers.clone(),
                 ..testkit_simulator::plugin::options(window_px)
             }),
             stage: Some(window.clone()),
@@ -177,24 +182,19 @@ impl Recording {
             xvfb,
             window,
             frames,
+            covers,
             simulator,
             folder: tempfile::tempdir()?,
         })
     }
 
-    /// Records two scenarios of each weather from a distance, and returns the second ones: before the first one, a trial compares blocks
-    /// with settled pictures.
-    async fn record(&self, dtd_nm: f64) -> Result<Vec<Recorded>, Box<dyn Error>> {
-        let toml = SmallSweep {
-            name: "blocks",
-            seed: 0,
-            weathers: &["clear", "stormy"],
-            repeats: 2,
-            size_px: self.size_px,
-            frame_rate: "30/1",
-            tables: &TABLES.replace("DTD_NM", &format!("{dtd_nm:.1}")),
-        }
-        .toml();
+    /// Records a sweep into a folder of this name.
+    async fn generate(
+        &self,
+        name: &str,
+        toml: String,
+        listen: &mut (dyn FnMut(Event<'_>) + Send),
+    ) -> Result<Corpus, Box<dyn Error>> {
         let sweep = Sweep::parse(
             Path::new("blocks.toml"),
             &repository().join("tests/data"),
@@ -213,6 +213,27 @@ impl Recording {
             restart: None,
             remote: None,
         };
+        let folder = self.folder.path().join(name);
+        let outcome = generate(&sweep, &folder, &options, &Cancel::new(), listen).await?;
+        if !outcome.failed.is_empty() {
+            return Err(format!("{:?}", outcome.failed).into());
+        }
+        Ok(Corpus::open(&folder)?)
+    }
+
+    /// Records two scenarios of each weather from a distance, and returns the second ones: before the first one, a trial compares blocks
+    /// with settled pictures.
+    async fn record(&self, dtd_nm: f64) -> Result<Vec<Recorded>, Box<dyn Error>> {
+        let toml = SmallSweep {
+            name: "blocks",
+            seed: 0,
+            weathers: &["clear", "stormy"],
+            repeats: 2,
+            size_px: self.size_px,
+            frame_rate: "30/1",
+            tables: &(starting_from(dtd_nm, dtd_nm, 200) + CLEAR_AND_STORMY),
+        }
+        .toml();
         let (mut from, mut to) = (0, 0);
         let mut began = Instant::now();
         let mut recorded = Vec::new();
@@ -231,12 +252,7 @@ impl Recording {
             }),
             _ => {}
         };
-        let folder = self.folder.path();
-        let outcome = generate(&sweep, folder, &options, &Cancel::new(), &mut listen).await?;
-        if !outcome.failed.is_empty() {
-            return Err(format!("{:?}", outcome.failed).into());
-        }
-        let corpus = Corpus::open(folder)?;
+        let corpus = self.generate(SPEED, toml, &mut listen).await?;
         recorded.retain(|recorded| recorded.id.ends_with("r2"));
         for recorded in &mut recorded {
             let record = corpus.scenario(&recorded.id).open()?.record()?;

@@ -70,9 +70,6 @@ pub(super) async fn capture_blocks(
                 attempt
                     .unless_cancelled(encoders.write(view, frame.rgb))
                     .await?;
-                while let Some(memory) = encoders.take_written() {
-                    recording.recycle(memory);
-                }
                 pictures += 1;
                 if pictures % views.len() == 0 {
                     attempt.reporter.tell(Event::Captured {

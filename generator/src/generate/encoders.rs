@@ -1,7 +1,7 @@
 //! One thread per view that encodes pictures to a video.
 //!
 //! Channels are bounded: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
-//! written pictures are reused.
+//! written pictures are reused, unless they belong to a pool.
 
 use dataset::corpus::ScenarioFolder;
 use dataset::plan::Picture;
@@ -144,8 +144,11 @@ fn encode(
         match message {
             Message::Picture(rgb) => {
                 pts.push(writer.write(&rgb)?);
-                // Nobody takes it back when the scenario is ending.
-                let _ = give_back.send(rgb);
+                // Memory of a pool goes back when it is dropped.
+                if !matches!(rgb, PictureBytes::Pooled(_)) {
+                    // Nobody takes it back when the scenario is ending.
+                    let _ = give_back.send(rgb);
+                }
             }
             Message::Finish => {
                 writer.finish()?;

@@ -104,10 +104,9 @@ pub(super) async fn record(
     };
     match recorded.await {
         Ok((record, steps, mut simulator)) => {
-            let ticks = record.ticks;
-            tracing::info!(id = scenario.id, ticks, ?steps, "recorded");
+            tracing::info!(id = scenario.id, ticks = record.ticks, ?steps, "recorded");
             session
-                .keep_pace(&mut simulator, pace(work, scenario, ticks, &steps))
+                .keep_pace(&mut simulator, pace(work, scenario, &record, &steps))
                 .await;
             if let Err(error) = simulator.release().await {
                 tracing::warn!(%error, "the scenario is complete, but the simulator did not confirm its release");
@@ -121,20 +120,27 @@ pub(super) async fn record(
     }
 }
 
-fn pace(work: &Work<'_>, scenario: &PlannedScenario, ticks: u32, steps: &Steps) -> RecordedPace {
+fn pace(
+    work: &Work<'_>,
+    scenario: &PlannedScenario,
+    record: &ScenarioRecord,
+    steps: &Steps,
+) -> RecordedPace {
     let Common {
         picture, cameras, ..
     } = &work.plan.common;
-    let pictures = f64::from(ticks) * cameras.len() as f64;
+    let pictures = f64::from(record.ticks) * cameras.len() as f64;
     let is_live = scenario.parameters.flight == Flight::Live;
     RecordedPace {
         size: PictureSize {
             width_px: picture.width_px,
             height_px: picture.height_px,
         },
+        in_blocks: record.blocks.is_some(),
         pictures_per_s: pictures / steps.recording.as_secs_f64(),
         loading: is_live.then_some(steps.loading),
         weather: steps.weather,
+        restart: None,
     }
 }
 

@@ -153,7 +153,9 @@ pub(super) struct Session {
     live_flights: u32,
     /// Restarts since a scenario was made.
     restarts_in_vain: u32,
-    /// Whether the simulator keeps how long a scenario took.
+    /// How long its last restart took, if this run restarted it.
+    restart: Option<Duration>,
+    /// Whether the simulator keeps how long a scenario, and the last restart, took.
     pace_kept: bool,
     /// What it follows of the written weather, by experience.
     pub(super) followed: Followed,
@@ -187,6 +189,7 @@ impl Session {
             versions: None,
             live_flights: 0,
             restarts_in_vain: 0,
+            restart: None,
             pace_kept: false,
             followed: Followed::default(),
         }
@@ -212,13 +215,24 @@ impl Session {
         self.restarts_in_vain
     }
 
-    /// Lets a simulator with a profile keep how long the first scenario of this run took. Whether it does changes nothing here.
+    /// A restart has ended; how long it took is kept with the pace of the next scenario.
+    pub(super) fn restarted_within(&mut self, took: Duration) {
+        self.restart = Some(took);
+        self.pace_kept = false;
+    }
+
+    /// Lets a simulator with a profile keep how long the first scenario of this run, or the first one after a restart, took. Whether it
+    /// does changes nothing here.
     pub(super) async fn keep_pace(&mut self, simulator: &mut Simulator, pace: RecordedPace) {
         let description = simulator.description();
         let has_profile = matches!(description.profile, KnownProfile::Current(_));
         if self.pace_kept || description.replayed || !has_profile {
             return;
         }
+        let pace = RecordedPace {
+            restart: self.restart,
+            ..pace
+        };
         match simulator.keep_pace(&pace).await {
             Ok(()) => {
                 self.pace_kept = true;

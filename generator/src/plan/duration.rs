@@ -108,18 +108,26 @@ impl Durations {
     }
 
     fn with_restarts(mut self, live: usize, pacing: &Pacing, every: Option<u32>) -> Self {
-        let is_x_plane = matches!(pacing, Pacing::XPlane(_) | Pacing::PicturesPerSecond(_));
+        let (is_x_plane, measured_s) = match pacing {
+            Pacing::StandIn | Pacing::Trial(_) => (false, None),
+            Pacing::PicturesPerSecond(_) => (true, None),
+            Pacing::XPlane(profile) => {
+                let pace = profile.as_ref().and_then(|profile| profile.pace.found());
+                (true, pace.and_then(|pace| pace.restart_s))
+            }
+        };
+        let (restart_s, basis) = measured_or(measured_s, ASSUMED_RESTART_S);
         let restarts = match every {
             Some(every) if is_x_plane && live > 0 => (live - 1) / (every.max(1) as usize),
             _ => 0,
         };
-        self.restarts_h = restarts as f64 * ASSUMED_RESTART_S / 3_600.0;
+        self.restarts_h = restarts as f64 * restart_s / 3_600.0;
         self.restarts_basis = match (is_x_plane, every) {
             (false, _) => "the stand-in needs none".into(),
             (true, None) => "none; --restart-every N counts one after every N live flights".into(),
-            (true, Some(every)) => format!(
-                "{restarts}, after every {every} live flights, {ASSUMED_RESTART_S:.0} s each, assumed"
-            ),
+            (true, Some(every)) => {
+                format!("{restarts}, after every {every} live flights, {basis}")
+            }
         };
         self
     }
@@ -179,8 +187,10 @@ impl Count {
                 (
                     pace.pictures_per_s,
                     format!(
-                        "{:.1} a second, measured by {}{other}, {} frames to settle",
-                        pace.pictures_per_s, pace.measured_by, pace.settle_frames
+                        "{:.1} a second, measured by {}{other}, {}",
+                        pace.pictures_per_s,
+                        pace.measured_by,
+                        pace.procedure()
                     ),
                 )
             }
@@ -188,10 +198,6 @@ impl Count {
                 ASSUMED_PICTURES_PER_S,
                 format!("{ASSUMED_PICTURES_PER_S:.0} a second, assumed; `dtd doctor` measures it"),
             ),
-        };
-        let measured_or = |measured: Option<f64>, assumed: f64| match measured {
-            Some(took_s) => (took_s, format!("{took_s:.0} s each, measured")),
-            None => (assumed, format!("{assumed:.0} s each, assumed")),
         };
         let (loading_s, loading_basis) =
             measured_or(pace.and_then(|pace| pace.loading_s), ASSUMED_LOADING_S);
@@ -221,6 +227,14 @@ impl Count {
             weather_basis,
             ..Durations::default()
         }
+    }
+}
+
+/// What one of several takes, seconds, and the source of the figure.
+fn measured_or(measured_s: Option<f64>, assumed_s: f64) -> (f64, String) {
+    match measured_s {
+        Some(took_s) => (took_s, format!("{took_s:.0} s each, measured")),
+        None => (assumed_s, format!("{assumed_s:.0} s each, assumed")),
     }
 }
 

@@ -4,6 +4,8 @@ use std::path::Path;
 use dataset::plan::{Aim, Common, Parameters, Plan, PlannedScenario};
 use dataset::splits::Side;
 use dataset::video::{VideoCodec, VideoSettings};
+use serde_json::json;
+use xplane_bridge::profile::Profile;
 
 use super::*;
 use crate::recording;
@@ -503,6 +505,61 @@ fn an_x_plane_flies_in_real_time_and_every_part_of_its_night_is_counted() {
     let sum = pictures + flying + loading + weather + restarts;
     assert!((total - sum).abs() < 1e-6, "{total} and {sum}");
     assert_eq!(seconds(&Pacing::PicturesPerSecond(4.0), None)[4], 0.0);
+}
+
+/// The profile of an X-Plane of which only the pace is known.
+fn profile(pace: serde_json::Value) -> Box<Profile> {
+    let mut kept = json!({
+        "format": 1, "measured_at": "", "dtd": "", "simulator": "", "plugin": null, "pixels": null, "pace": { "found": pace },
+    });
+    for unknown in [
+        "window",
+        "grabbing",
+        "wind_unit",
+        "visibility_needs_regeneration",
+        "clouds_need_regeneration",
+        "clouds_take_s",
+        "pause_shows_poses",
+        "frames_until_still",
+        "frames_until_settled",
+        "still_pictures_move",
+        "callbacks",
+    ] {
+        kept[unknown] = json!({ "not_measured": "not today" });
+    }
+    Box::new(serde_json::from_value(kept).unwrap())
+}
+
+#[test]
+fn what_a_profile_has_measured_takes_the_place_of_what_is_assumed() {
+    let pace = json!({
+        "measured_by": "generate", "size": { "width_px": 1920, "height_px": 1280 }, "in_blocks": true, "settle_frames": 5,
+        "pictures_per_s": 50.0, "loading_s": 10.0, "weather_s": 20.0, "restart_s": 90.0,
+    });
+    let pacing = Pacing::XPlane(Some(profile(pace)));
+    let [_, _, loading, weather, restarts, _] = seconds(&pacing, Some(3));
+    for (found, expected) in [(loading, 80.0), (weather, 160.0), (restarts, 180.0)] {
+        assert!((found - expected).abs() < 1e-6, "{found}, {expected}");
+    }
+    let plan = expand(&sweep_of(SMALL));
+    let estimate = Estimate::new(&plan.common, &plan.scenarios, (&pacing, Some(3)), None);
+    let Durations {
+        pictures_basis,
+        restarts_basis,
+        ..
+    } = estimate.durations;
+    assert!(pictures_basis.contains("blocks"), "{pictures_basis}");
+    assert!(
+        restarts_basis.contains("90 s each, measured"),
+        "{restarts_basis}"
+    );
+    // A profile of an earlier version has neither.
+    let pace = json!({
+        "measured_by": "doctor", "size": { "width_px": 1920, "height_px": 1280 }, "settle_frames": 5, "pictures_per_s": 8.0,
+        "loading_s": null, "weather_s": null,
+    });
+    let assumed = seconds(&Pacing::XPlane(Some(profile(pace))), Some(3));
+    assert!(assumed[4] > restarts, "{assumed:?}");
 }
 
 #[test]

@@ -129,6 +129,7 @@ const BOTH: &[Dataref] = &[
     read_only(names::AIRCRAFT_LENGTH_M, Float, 0.0),
     // Flaps, gear, brakes, lights and the yoke, by the names that pilots' tools use.
     writable("sim/cockpit2/controls/parking_brake_ratio", Float, 1.0),
+    writable("sim/cockpit2/controls/speedbrake_ratio", Float, 0.0),
     writable("sim/cockpit2/controls/yoke_pitch_ratio", Float, 0.0),
     writable("sim/cockpit2/controls/yoke_roll_ratio", Float, 0.0),
     writable("sim/cockpit2/controls/yoke_heading_ratio", Float, 0.0),

@@ -1,8 +1,8 @@
 """The number of a drawn frame, counted from X-Plane's callbacks. Pure.
 
-X-Plane asks for the camera once a frame, before or after the flight loop of that frame, and draws 0 to n times a frame. Only a frame in
-which all of this happened as expected has a number. Any doubt breaks the sequence: the next frame says that it does not know the ones
-before it.
+X-Plane runs the flight loop once a frame, asks for the camera once or more in each frame, before or after that loop, and draws 0 to n times
+a frame. Only a frame in which all of this happened as expected has a number. Any doubt breaks the sequence: the next frame says that it
+does not know the ones before it.
 """
 
 from __future__ import annotations
@@ -15,42 +15,40 @@ class FrameNumbers:
         self.number = 0
         # How many frames directly before this one have the numbers before it; -1: not even this one is known.
         self.steady = -1
+        # Since the last drawing.
         self._asked = False
-        self._loop_since_asked = False
-        self._loop_since_drawn = False
+        self._loops = 0
 
     def begin(self, at_least: int) -> None:
         """A new sequence, with numbers larger than all before."""
         self.number = max(self.number, at_least)
         self.steady = -1
-        self._asked = self._loop_since_asked = self._loop_since_drawn = False
+        self._asked, self._loops = False, 0
 
     def loop(self) -> None:
         """The flight loop ran."""
-        self._loop_since_asked = self._loop_since_drawn = True
+        self._loops += 1
 
     def camera(self) -> bool:
-        """X-Plane asks for the camera. Whether a new frame begins, which may show something else."""
+        """X-Plane asks for the camera. Whether a new frame begins, which may show something else: only after a drawing, since a second
+        question is either one of the same frame or one after a frame that was not drawn."""
         if self._asked:
-            if self._loop_since_asked:
-                # The last frame was not drawn, or X-Plane asks twice in this one.
-                self._loop_since_asked = False
-                self.number += 1
-                self.steady = -1
             return False
-        self._asked, self._loop_since_asked = True, False
+        self._asked = True
         self.number += 1
         self.steady += 1
         return True
 
     def drawn(self) -> bool:
         """A frame is being drawn. Whether it has the current number."""
-        if self._asked:
-            self._asked = self._loop_since_drawn = False
-        elif self._loop_since_drawn:
-            # A frame for which X-Plane did not ask for the camera.
-            self._loop_since_drawn = False
+        if self._loops > 1:
+            # A frame before this one was not drawn.
+            self.number += 1
             self.steady = -1
+        elif self._loops == 1 and not self._asked:
+            # A frame for which X-Plane did not ask for the camera.
+            self.steady = -1
+        self._asked, self._loops = False, 0
         return self.steady >= 0
 
     def doubt(self) -> None:

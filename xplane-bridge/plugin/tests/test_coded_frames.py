@@ -97,6 +97,20 @@ class Numbers(unittest.TestCase):
         self.assertTrue(numbers.drawn())
         self.assertEqual((numbers.number, numbers.steady), (101, 0))
 
+    def test_frames_have_numbers_although_the_camera_is_asked_twice_on_either_side_of_the_flight_loop(self):
+        numbers = self.begun()
+        for at, order in enumerate(["CLCD", "CCLD", "LCCD", "CLCDD"] * 3):
+            self.assertEqual(self.frame(numbers, order)[1], True, order)
+            self.assertEqual((numbers.number, numbers.steady), (101 + at, at))
+
+    def test_a_frame_that_was_not_drawn_is_noticed_although_the_camera_is_asked_twice(self):
+        numbers = self.begun()
+        self.frame(numbers, "CLCD")
+        self.frame(numbers, "CLC")
+        self.assertEqual(self.frame(numbers, "CLCD"), (False, False))
+        self.assertEqual(self.frame(numbers, "CLCD")[1], True)
+        self.assertEqual(numbers.steady, 0)
+
 
 class CodedCaptures(WithBridge):
     def shown(self):
@@ -138,6 +152,22 @@ class CodedCaptures(WithBridge):
         for tick, answer in enumerate(answers):
             self.near(answer["pose"], pose(latitude=1.3 + tick / 1000))
             self.assertAlmostEqual(answer["camera"]["hfov_deg"], 10.0, delta=0.0002)
+
+    def test_every_drawn_frame_shows_another_tick_although_the_camera_is_asked_before_and_after_the_flight_loop(self):
+        client = self.shown()
+        run_loops, before_it = self.xp._run_loops, self.xp.FlightLoop_Phase_AfterFlightModel
+
+        def asked_before(phase):
+            if phase == before_it:
+                self.xp._run_camera()
+            run_loops(phase)
+
+        self.xp._run_loops = asked_before
+        for tick in range(20):
+            client.send(self.coded(tick))
+        frames = [client.receive()[0]["sim_frame"] for _ in range(20)]
+        self.assertEqual(frames, list(range(frames[0], frames[0] + 20)))
+        self.assertLessEqual(set(frames), set(self.numbers()))
 
     def test_the_last_tick_stays_under_new_numbers_and_a_probe_says_so(self):
         client = self.shown()

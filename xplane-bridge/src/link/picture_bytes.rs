@@ -1,7 +1,9 @@
 //! The bytes of a picture, wherever they are stored.
 
 use std::fmt;
+use std::mem;
 use std::ops::Deref;
+use std::sync::mpsc::Sender;
 
 use super::SharedPicture;
 
@@ -9,8 +11,38 @@ use super::SharedPicture;
 pub enum PictureBytes {
     /// Received over the link, or grabbed.
     Own(Vec<u8>),
+    /// Grabbed into memory of a pool.
+    Pooled(PooledPicture),
     /// Where the simulator drew them.
     Shared(SharedPicture),
+}
+
+/// A picture in memory of a pool, which gets the memory back when the picture is dropped.
+#[derive(Debug)]
+pub struct PooledPicture {
+    bytes: Vec<u8>,
+    pool: Sender<Vec<u8>>,
+}
+
+impl PooledPicture {
+    pub(crate) fn new(bytes: Vec<u8>, pool: Sender<Vec<u8>>) -> Self {
+        Self { bytes, pool }
+    }
+}
+
+impl Deref for PooledPicture {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+impl Drop for PooledPicture {
+    fn drop(&mut self) {
+        // Fails if nothing is grabbed any more.
+        let _ = self.pool.send(mem::take(&mut self.bytes));
+    }
 }
 
 impl Deref for PictureBytes {
@@ -19,6 +51,7 @@ impl Deref for PictureBytes {
     fn deref(&self) -> &[u8] {
         match self {
             Self::Own(bytes) => bytes,
+            Self::Pooled(picture) => picture,
             Self::Shared(picture) => picture,
         }
     }
@@ -48,6 +81,7 @@ impl fmt::Debug for PictureBytes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let place = match self {
             Self::Own(_) => "own",
+            Self::Pooled(_) => "pooled",
             Self::Shared(_) => "shared",
         };
         write!(f, "{} bytes, {place}", self.len())

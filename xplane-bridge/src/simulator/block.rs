@@ -22,10 +22,11 @@ use tokio::time::timeout;
 use super::{FRAME_TIMEOUT, SWITCH_TIMEOUT, Simulator, wrong};
 use crate::error::BridgeError;
 use crate::link::{
-    Answer, CaptureRequest, CapturedFrame, Deliver, FrameHeader, PictureBytes, Request,
+    Answer, CaptureRequest, CapturedFrame, Deliver, FrameHeader, PictureBytes, PooledPicture,
+    Request,
 };
 use crate::pixels::still_scene::{CoverWatch, Verdict, WorldTime};
-use crate::pixels::{CodedGrabs, CodedPicture, PixelError, Rectangle};
+use crate::pixels::{CodedPicture, PixelError, Rectangle};
 use aircraft_place::{aircraft_place, displaced};
 use sequence::{Scene, Sequence, Show, Taken};
 use shadow::shadow_place;
@@ -81,7 +82,6 @@ pub struct BlockRecording<'a> {
     simulator: &'a mut Simulator,
     block: BlockOfTicks<'a>,
     sequence: Sequence<Grabbed>,
-    grabs: CodedGrabs,
     covers: CoverWatch,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
@@ -99,7 +99,7 @@ fn buffers(size_px: (u32, u32)) -> usize {
     3 * pictures_at_once(size_px) + MORE_BUFFERS
 }
 
-/// Pictures of a block that come at once, when a probe has proven them: a caller that has room for so many, and returns their memory, is
+/// Pictures of a block that come at once, when a probe has proven them: a caller that has room for so many, and drops what it has used, is
 /// never waited for.
 pub fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
     let picture_bytes = width_px as usize * height_px as usize * 3;
@@ -143,14 +143,20 @@ impl Simulator {
             .map(|tick| displaced(&block.camera, block.size_px, block.states, tick))
             .map(|elsewhere| elsewhere.map(|displaced| displaced.place))
             .collect();
-        let sequence = Sequence::new(
+        let (known_lag, is_measured) = self.known_blocks.lag(block.view);
+        let mut sequence = Sequence::new(
             block.states.len() as u32,
             segment as u32,
             self.frames_to_settle(),
-            self.known_blocks.frames_behind,
+            known_lag,
             Box::new(move |tick| places.get(tick as usize).copied().flatten()),
         );
-        let grabs = CodedGrabs::start(&window.screen, window.region, buffers(block.size_px));
+        if is_measured {
+            sequence.begin_with_known_lag();
+        }
+        let most_pictures = buffers(block.size_px);
+        self.grabs
+            .begin(&window.screen, window.region, most_pictures);
         let time = if self.time_runs() {
             WorldTime::Runs
         } else {
@@ -162,7 +168,6 @@ impl Simulator {
             simulator: self,
             block,
             sequence,
-            grabs,
             covers,
             asked: VecDeque::new(),
             drawn: BTreeMap::new(),
@@ -182,16 +187,14 @@ impl BlockRecording<'_> {
                 if let Some(taken) = self.sequence.deliver() {
                     return self.captured(taken).map(Some);
                 }
-                for picture in self.sequence.spent() {
-                    self.grabs.recycle(picture.rgb);
-                }
+                drop(self.sequence.spent());
                 if self.sequence.is_done() {
                     self.finish().await?;
                     return Ok(None);
                 }
                 self.ask().await?;
                 let expects_grabs = self.sequence.expects_grabs();
-                self.grabs.rest(!expects_grabs);
+                self.simulator.grabs.rest(!expects_grabs);
                 if !expects_grabs && !self.sequence.waits_for_answer() {
                     // A skipped probe has proven the pictures before it.
                     idle += 1;
@@ -207,11 +210,11 @@ impl BlockRecording<'_> {
                 idle = 0;
                 if self.sequence.waits_for_answer() {
                     self.take_answer().await?;
-                    while let Some(grabbed) = self.grabs.next_now() {
+                    while let Some(grabbed) = self.simulator.grabs.next_now() {
                         self.see(grabbed?)?;
                     }
                 } else {
-                    let grabbed = timeout(NO_CODE_TIMEOUT, self.grabs.next()).await;
+                    let grabbed = timeout(NO_CODE_TIMEOUT, self.simulator.grabs.next()).await;
                     let tick = self.block.first_tick + self.sequence.waits_for_tick();
                     self.see(grabbed.map_err(|_| PixelError::NoCode {
                         tick,
@@ -221,13 +224,6 @@ impl BlockRecording<'_> {
                 self.simulator.check_settings()?;
             }
         })
-    }
-
-    /// Returns a picture's memory for the next frames.
-    pub fn recycle(&mut self, rgb: PictureBytes) {
-        if let PictureBytes::Own(rgb) = rgb {
-            self.grabs.recycle(rgb);
-        }
     }
 
     /// How it went. Complete after the last picture.
@@ -323,12 +319,11 @@ impl BlockRecording<'_> {
         let near = self.drawn.keys().next_back().copied();
         match near {
             // Left over from an earlier block.
-            _ if code.view != self.block.view % 16 => self.grabs.recycle(rgb),
-            None => self.grabs.recycle(rgb),
+            _ if code.view != self.block.view % 16 => {}
+            None => {}
             Some(near) => {
                 let number = code.number_near(near);
                 if let Some(from_frame) = self.covered_from(number, &rgb)? {
-                    self.grabs.recycle(rgb);
                     return self.take_again(from_frame);
                 }
                 let picture = Grabbed {
@@ -392,14 +387,19 @@ impl BlockRecording<'_> {
         while self.drawn.len() > 4 * SEGMENT_TICKS.1 {
             self.drawn.pop_first();
         }
-        Ok(CapturedFrame::new(header, taken.picture.rgb.into()))
+        Ok(CapturedFrame::new(
+            header,
+            PictureBytes::Pooled(taken.picture.rgb),
+        ))
     }
 
     async fn finish(&mut self) -> Result<(), BridgeError> {
         while !self.asked.is_empty() {
             self.take_answer().await?;
         }
-        self.simulator.known_blocks.frames_behind = self.sequence.lag();
+        let is_measured = self.sequence.tally().seen > 0;
+        let known = &mut self.simulator.known_blocks;
+        known.note(self.block.view, self.sequence.lag(), is_measured);
         Ok(())
     }
 }
@@ -407,6 +407,7 @@ impl BlockRecording<'_> {
 impl Drop for BlockRecording<'_> {
     /// Answers that nobody will take would be mistaken for those of the next requests.
     fn drop(&mut self) {
+        self.simulator.grabs.rest(true);
         if !self.asked.is_empty() {
             self.simulator.link.close();
         }
@@ -416,7 +417,7 @@ impl Drop for BlockRecording<'_> {
 /// A picture off the screen.
 #[derive(Debug)]
 struct Grabbed {
-    rgb: Vec<u8>,
+    rgb: PooledPicture,
     width_px: u32,
     time_runs: bool,
 }
@@ -434,7 +435,7 @@ impl Scene for Grabbed {
 
     fn is_settled_after(&self, before: &Self) -> bool {
         if !self.time_runs {
-            return self.rgb == before.rgb;
+            return *self.rgb == *before.rgb;
         }
         let mean = |rgb: &[u8]| {
             let sum: u64 = rgb.iter().map(|level| u64::from(*level)).sum();

@@ -113,11 +113,12 @@ impl Simulator {
             .await
     }
 
-    /// Reads all settings once more, and compares: what was recorded since then was recorded under these conditions, by this
-    /// simulator.
+    /// Reads all settings and the weather at the aircraft once more, and compares: what was recorded since then was recorded under these
+    /// conditions, by this simulator.
     ///
     /// # Errors
-    /// [`BridgeError::SettingLost`] or [`BridgeError::Restarted`].
+    /// [`BridgeError::SettingLost`], [`BridgeError::Restarted`], or [`BridgeError::OtherWeatherShows`] as in
+    /// [`Simulator::set_conditions`].
     pub fn confirm_conditions(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
         Box::pin(async move {
             self.check_settings()?;
@@ -131,7 +132,10 @@ impl Simulator {
                 .zip(found)
                 .find(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)));
             match lost {
-                None => self.check_settings(),
+                None => {
+                    self.check_settings()?;
+                    self.confirm_effective_weather().await
+                }
                 Some((write, found)) => Err(BridgeError::SettingLost {
                     name: write.name,
                     wanted: write.value,

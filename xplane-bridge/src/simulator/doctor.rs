@@ -357,7 +357,7 @@ impl Examination<'_> {
         };
         self.note(lockstep::terrain(&mut simulator, &place).await);
         let note = &mut |check| self.note(check);
-        measure::measure(&mut simulator, place, grabbing, options.measuring, note).await;
+        measure::measure(&mut simulator, place, grabbing, options, note).await;
         let running_at = simulator.running_clock(clock);
         self.note(lockstep::lockstep(&mut simulator, &place, running_at).await);
         let released = simulator.release().await;

@@ -57,6 +57,19 @@ impl Simulator {
         }
     }
 
+    /// Reads the weather at the aircraft again after the last picture. A quantity that has changed since the first reading is treated as if
+    /// it had differed then.
+    pub(super) async fn confirm_effective_weather(&mut self) -> Result<(), BridgeError> {
+        let planned = self.conditions.as_ref().map(|set| set.weather.clone());
+        let (Some(before), Some(planned)) = (self.effective_weather.clone(), planned) else {
+            return Ok(());
+        };
+        let after = self.await_effective_weather(&planned).await?;
+        self.refuse_what_should_follow(&after, &planned)?;
+        self.effective_weather = Some(before.with_new_differences(&after));
+        Ok(())
+    }
+
     async fn read_effective_weather(
         &mut self,
         planned: &Weather,

@@ -9,8 +9,8 @@ use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
 use crate::link::{Deliver, PictureSize, ScreenOffer};
 use crate::pixels::{
-    Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, RemoteScreen, Screen,
-    ScreenSource, Screenshots, margins_around,
+    CodedGrabs, Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind,
+    RemoteScreen, Screen, ScreenSource, Screenshots, margins_around,
 };
 use futures_util::future::BoxFuture;
 
@@ -69,6 +69,7 @@ impl Simulator {
         screen: &'a Arc<dyn Screen>,
     ) -> BoxFuture<'a, Result<PixelKind, BridgeError>> {
         Box::pin(async move {
+            self.grabs = CodedGrabs::default();
             let kind = choice.among(&self.description.pixels)?;
             let (width_px, height_px) = picture_px;
             let wanted = PictureSize {
@@ -119,6 +120,7 @@ impl Simulator {
     /// It does not: the pictures in between may be wrong.
     pub fn confirm_pixels(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
         Box::pin(async move {
+            self.grabs = CodedGrabs::default();
             let display = &mut LinkDisplay {
                 patterns_under: self.description.patterns_under,
                 link: &mut self.link,

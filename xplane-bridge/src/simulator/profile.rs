@@ -43,6 +43,7 @@ impl Simulator {
         let pace = Pace {
             measured_by: PacedBy::Generate,
             size: recorded.size,
+            in_blocks: recorded.in_blocks,
             settle_frames: self.frames_to_settle(),
             pictures_per_s: recorded.pictures_per_s,
             loading_s: recorded
@@ -50,6 +51,10 @@ impl Simulator {
                 .map(|took| took.as_secs_f64())
                 .or(before.and_then(|pace| pace.loading_s)),
             weather_s: Some(recorded.weather.as_secs_f64()),
+            restart_s: recorded
+                .restart
+                .map(|took| took.as_secs_f64())
+                .or(before.and_then(|pace| pace.restart_s)),
         };
         let profile = Profile {
             pace: Finding::Found(pace),

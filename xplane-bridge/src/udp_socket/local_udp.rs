@@ -37,7 +37,7 @@ impl LocalUdp {
     }
 
     /// Notes a port. It works without as well, so a failure is only logged.
-    pub(super) fn note(&self, simulator: SocketAddr, port: u16) -> Option<PortNote> {
+    pub fn note(&self, simulator: SocketAddr, port: u16) -> Option<PortNote> {
         let folder = self.folder(simulator)?;
         let path = folder.join(port.to_string());
         let noted = make_folders(&folder).and_then(|made| match create(&path) {
@@ -82,9 +82,9 @@ fn create(path: &Path) -> io::Result<()> {
     )
 }
 
-/// A file that is named after a port in use.
+/// A file that is named after a port in use. It stays unless it is removed.
 #[derive(Debug)]
-pub(super) struct PortNote {
+pub struct PortNote {
     path: PathBuf,
     port: u16,
     /// Folders that were made for it.
@@ -103,7 +103,7 @@ impl PortNote {
     }
 
     /// Removes the file, the simulator's folder after the last one, and the folders that were made for it.
-    pub(super) fn remove(self) {
+    pub fn remove(self) {
         if let Err(error) = fs::remove_file(&self.path) {
             tracing::debug!(path = %self.path.display(), %error, "a note of a port stays");
         }

@@ -15,6 +15,7 @@ use tokio::time::timeout;
 use super::Route;
 use crate::error::TapeError;
 use crate::format::{Channel, Direction};
+use xplane_bridge::PortNote;
 use xplane_bridge::datarefs::CAPTURE_PORT;
 use xplane_bridge::packet::ToSimulator;
 use xplane_bridge::simulator_address::{is_answer, local_address};
@@ -89,6 +90,46 @@ struct Client {
     route: Arc<Route>,
     /// The indices with which this client has requested the port of the capture link.
     link_port_indices: BTreeSet<i32>,
+    subscriptions: Subscriptions,
+    /// The note of the port towards the simulator, from the first subscription on.
+    note: Option<PortNote>,
+}
+
+/// What a client has subscribed to and not ended.
+#[derive(Debug, Default)]
+struct Subscriptions {
+    indices: BTreeSet<i32>,
+    positions: bool,
+}
+
+impl Subscriptions {
+    fn follow(&mut self, packet: &ToSimulator) {
+        match packet {
+            ToSimulator::SubscribeDataref(request) if request.is_end() => {
+                self.indices.remove(&request.index);
+            }
+            ToSimulator::SubscribeDataref(request) => {
+                self.indices.insert(request.index);
+            }
+            ToSimulator::SubscribePosition(request) => self.positions = request.frequency_hz > 0,
+            _ => {}
+        }
+    }
+
+    fn are_ended(&self) -> bool {
+        self.indices.is_empty() && !self.positions
+    }
+}
+
+/// Also when the recorder ends: the note of a port to which the simulator goes on sending is left to the next client.
+impl Drop for Client {
+    fn drop(&mut self) {
+        if let Some(note) = self.note.take()
+            && self.subscriptions.are_ended()
+        {
+            note.remove();
+        }
+    }
 }
 
 impl Client {
@@ -117,6 +158,8 @@ impl Client {
             towards_simulator,
             route,
             link_port_indices: BTreeSet::new(),
+            subscriptions: Subscriptions::default(),
+            note: None,
         })
     }
 
@@ -148,7 +191,12 @@ impl Client {
             .tape_thread
             .datagram(self.number, Direction::ToSimulator, datagram)
             .await;
-        if let Ok(ToSimulator::SubscribeDataref(request)) = ToSimulator::decode(datagram) {
+        let packet = ToSimulator::decode(datagram);
+        if let Ok(packet) = &packet {
+            self.subscriptions.follow(packet);
+            self.note_port();
+        }
+        if let Ok(ToSimulator::SubscribeDataref(request)) = packet {
             // Values may still arrive after the end of a subscription, so only reuse of the index counts.
             if request.path.trim_end_matches("[0]") == CAPTURE_PORT {
                 self.link_port_indices.insert(request.index);
@@ -162,6 +210,21 @@ impl Client {
             .await
         {
             tracing::warn!(%error, "cannot send to the simulator");
+        }
+    }
+
+    /// Notes the port once something is subscribed to.
+    fn note_port(&mut self) {
+        if self.note.is_none()
+            && !self.subscriptions.are_ended()
+            && let Ok(local) = self.towards_simulator.local_addr()
+        {
+            let Route {
+                local_udp,
+                simulator,
+                ..
+            } = &*self.route;
+            self.note = local_udp.note(*simulator, local.port());
         }
     }
 
@@ -196,7 +259,7 @@ impl Client {
 
 /// A socket towards the simulator: on any free port, or on the first free one of those that the user chose.
 async fn bind(route: &Route) -> std::io::Result<UdpSocket> {
-    let Some(first) = route.first_udp_port else {
+    let Some(first) = route.local_udp.port else {
         return UdpSocket::bind(local_address(route.simulator, 0)).await;
     };
     let last = first.saturating_add(MOST_CLIENTS as u16 - 1);

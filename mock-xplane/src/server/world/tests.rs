@@ -279,6 +279,12 @@ fn a_client_reads_what_aircraft_is_loaded_and_moves_the_levers_of_its_engines() 
         world.read("sim/cockpit2/engine/actuators/throttle_ratio[1]"),
         0.75
     );
+    // Its `sendCTRL` writes these as well.
+    for name in ["parking_brake_ratio", "speedbrake_ratio", "yoke_roll_ratio"] {
+        let control = format!("sim/cockpit2/controls/{name}");
+        world.write(&control, 0.5).unwrap();
+        assert_eq!(world.read(&control), 0.5, "{name}");
+    }
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! A thread that grabs each numbered frame once, while the caller waits for other things.
 //!
 //! It looks at a strip of the code many times a second, which is cheap, and grabs the whole picture when the number has changed. Pictures
-//! that are torn or carry no code are dropped here. Memory is bounded by the number of buffers, which the caller gives back.
+//! that are torn or carry no code are dropped here. Memory is bounded by the number of pictures that exist at a time. Thread and memory
+//! stay from block to block, since opening the screen and getting the memory takes as long as several frames.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
@@ -13,6 +15,7 @@ use tokio::task::spawn_blocking;
 
 use super::frame_code::{FrameCode, MARGIN_PX, read, read_strip};
 use super::{Grab, Screen};
+use crate::link::PooledPicture;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
 /// Time between two looks at the strip, which cost two context switches each. A frame lasts 16 ms at 60 frames a second.
@@ -24,66 +27,98 @@ const STRIP_PX: u32 = 2;
 #[derive(Debug)]
 pub(crate) struct CodedPicture {
     pub(crate) code: FrameCode,
-    pub(crate) rgb: Vec<u8>,
+    pub(crate) rgb: PooledPicture,
 }
 
-/// The running thread. It ends when this is dropped.
-#[derive(Debug)]
+/// The grabs of a window, block after block. Its thread ends when this is dropped.
+#[derive(Debug, Default)]
 pub(crate) struct CodedGrabs {
+    thread: Option<GrabThread>,
+}
+
+#[derive(Debug)]
+struct GrabThread {
+    region: Rectangle,
+    most_pictures: usize,
     pictures: mpsc::UnboundedReceiver<Result<CodedPicture, PixelError>>,
-    buffers: std::sync::mpsc::Sender<Vec<u8>>,
     rests: Arc<AtomicBool>,
 }
 
 impl CodedGrabs {
-    /// Starts grabbing a region of a screen: the picture and [`MARGIN_PX`] around it. At most `buffers` pictures are with the caller at a
-    /// time.
-    pub(crate) fn start(screen: &Arc<dyn Screen>, region: Rectangle, buffers: usize) -> Self {
+    /// Begins to grab a region of a screen: the picture and [`MARGIN_PX`] around it. At most so many pictures exist at a time. Pictures of
+    /// an earlier block are forgotten.
+    pub(crate) fn begin(
+        &mut self,
+        screen: &Arc<dyn Screen>,
+        region: Rectangle,
+        most_pictures: usize,
+    ) {
+        let is_same = self.thread.as_mut().is_some_and(|thread| {
+            let same = (thread.region, thread.most_pictures) == (region, most_pictures);
+            same && thread.forget_pictures()
+        });
+        if !is_same {
+            self.thread = Some(GrabThread::start(screen, region, most_pictures));
+        }
+        self.rest(false);
+    }
+
+    /// The next picture. Cancel safe.
+    pub(crate) async fn next(&mut self) -> Result<CodedPicture, PixelError> {
+        let ended = || PixelError::Grab {
+            what: "the thread that grabs has ended".into(),
+        };
+        let thread = self.thread.as_mut().ok_or_else(ended)?;
+        thread.pictures.recv().await.unwrap_or_else(|| Err(ended()))
+    }
+
+    /// The next picture, if there is one already.
+    pub(crate) fn next_now(&mut self) -> Option<Result<CodedPicture, PixelError>> {
+        self.thread.as_mut()?.pictures.try_recv().ok()
+    }
+
+    /// Whether no picture is expected: frames are not grabbed then.
+    pub(crate) fn rest(&self, rests: bool) {
+        if let Some(thread) = &self.thread {
+            thread.rests.store(rests, Ordering::Relaxed);
+        }
+    }
+}
+
+impl GrabThread {
+    fn start(screen: &Arc<dyn Screen>, region: Rectangle, most_pictures: usize) -> Self {
         let (tell, pictures) = mpsc::unbounded_channel();
-        let (give_back, free) = std::sync::mpsc::channel();
-        for _ in 0..buffers {
+        let (pool, free) = channel();
+        for _ in 0..most_pictures {
             // The receiver is ours still.
-            let _ = give_back.send(Vec::new());
+            let _ = pool.send(Vec::new());
         }
         let rests = Arc::new(AtomicBool::new(false));
         let (screen, resting) = (screen.clone(), rests.clone());
         spawn_blocking(move || {
-            if let Err(error) = grab_all(screen.as_ref(), region, &resting, &free, &tell) {
+            let memory = (pool, free);
+            if let Err(error) = grab_all(screen.as_ref(), region, &resting, &memory, &tell) {
                 // Nobody listens when the block has ended.
                 let _ = tell.send(Err(error));
             }
         });
         Self {
+            region,
+            most_pictures,
             pictures,
-            buffers: give_back,
             rests,
         }
     }
 
-    /// The next picture. Cancel safe.
-    pub(crate) async fn next(&mut self) -> Result<CodedPicture, PixelError> {
-        match self.pictures.recv().await {
-            Some(picture) => picture,
-            None => Err(PixelError::Grab {
-                what: "the thread that grabs has ended".into(),
-            }),
+    /// Whether it still grabs.
+    fn forget_pictures(&mut self) -> bool {
+        loop {
+            match self.pictures.try_recv() {
+                Ok(Ok(_)) => {}
+                Ok(Err(_)) | Err(mpsc::error::TryRecvError::Disconnected) => return false,
+                Err(mpsc::error::TryRecvError::Empty) => return true,
+            }
         }
-    }
-
-    /// The next picture, if there is one already.
-    pub(crate) fn next_now(&mut self) -> Option<Result<CodedPicture, PixelError>> {
-        self.pictures.try_recv().ok()
-    }
-
-    /// Gives a picture's memory back.
-    pub(crate) fn recycle(&self, rgb: Vec<u8>) {
-        // The thread may have ended.
-        let _ = self.buffers.send(rgb);
-    }
-
-    /// Whether no picture is expected: frames are not grabbed then.
-    pub(crate) fn rest(&self, rests: bool) {
-        self.rests.store(rests, Ordering::Relaxed);
     }
 }
 
@@ -91,7 +126,7 @@ fn grab_all(
     screen: &dyn Screen,
     region: Rectangle,
     rests: &AtomicBool,
-    free: &std::sync::mpsc::Receiver<Vec<u8>>,
+    (pool, free): &(Sender<Vec<u8>>, Receiver<Vec<u8>>),
     tell: &mpsc::UnboundedSender<Result<CodedPicture, PixelError>>,
 ) -> Result<(), PixelError> {
     let strip = Rectangle {
@@ -117,11 +152,13 @@ fn grab_all(
         else {
             continue;
         };
+        // Ours is a sender as well: it waits for a picture that is dropped.
         let Ok(mut rgb) = free.recv() else {
             return Ok(());
         };
         crop(&picture, &mut rgb);
         last = Some(code);
+        let rgb = PooledPicture::new(rgb, pool.clone());
         if tell.send(Ok(CodedPicture { code, rgb })).is_err() {
             return Ok(());
         }

@@ -5,6 +5,7 @@
 //!
 //! A grab with number m shows the scene of frame m - lag. The lag is measured by probes (`probe.rs`) at both ends of a block and between
 //! its segments, and has to be the same each time: pictures count when the probe after them has told the lag that they were taken with.
+//! A view whose last block ended with a probe begins the next one with that lag, which the first probe has to confirm.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::mem;
@@ -117,6 +118,8 @@ pub(super) struct Sequence<P> {
     settle_frames: u64,
     probe_place: ProbePlace,
     known_lag: Option<u64>,
+    /// Whether the known lag is used before a probe has confirmed it.
+    begins_with_known_lag: bool,
     phase: Phase,
     /// The next tick that was never shown, and those to show again.
     next_tick: u32,
@@ -162,6 +165,7 @@ impl<P: Scene> Sequence<P> {
             settle_frames: u64::from(settle_frames.max(1)),
             probe_place,
             known_lag,
+            begins_with_known_lag: false,
             phase: Phase::Settling { equal: 0, seen: 0 },
             next_tick: 0,
             again: VecDeque::new(),
@@ -184,6 +188,11 @@ impl<P: Scene> Sequence<P> {
             spent: Vec::new(),
             tally: Tally::default(),
         }
+    }
+
+    /// Begins with the known lag, which an earlier block of this view has measured, instead of a probe.
+    pub(super) fn begin_with_known_lag(&mut self) {
+        self.begins_with_known_lag = true;
     }
 
     /// The next request to send, if one may be sent now.
@@ -389,7 +398,10 @@ impl<P: Scene> Sequence<P> {
         self.spent.extend(self.last_settling.replace(picture));
         self.phase = if equal >= EQUAL_GRABS || seen + 1 >= RESTLESS_GRABS {
             self.spent.extend(self.last_settling.take());
-            Phase::Probing
+            match self.known_lag.filter(|_| self.begins_with_known_lag) {
+                Some(lag) => Phase::Moving { lag },
+                None => Phase::Probing,
+            }
         } else {
             Phase::Settling {
                 equal,

@@ -19,13 +19,34 @@ const NOISE_FACTOR: f64 = 1.5;
 /// ... and in so many more.
 const MORE_PIXELS: usize = 4;
 
+/// Views that the code tells apart.
+const VIEWS: usize = 16;
+
 /// What is known about blocks of a simulator: kept from one connection to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct KnownBlocks {
     /// The result of the trial; `None` before it.
     pub trial: Option<BlockTrial>,
     /// How many frames the scene was behind the code in the last block that showed it.
-    pub(in super::super) frames_behind: Option<u64>,
+    frames_behind: Option<u64>,
+    /// The same of each view, by its number in the code, if a probe of its last block showed it.
+    of_view: [Option<u64>; VIEWS],
+}
+
+impl KnownBlocks {
+    /// By how many frames the scene is behind, as far as it is known, and whether the last block of this view has measured it.
+    pub(super) fn lag(&self, view: u32) -> (Option<u64>, bool) {
+        match self.of_view[view as usize % VIEWS] {
+            Some(lag) => (Some(lag), true),
+            None => (self.frames_behind, false),
+        }
+    }
+
+    /// Takes note of a block of a view.
+    pub(super) fn note(&mut self, view: u32, lag: Option<u64>, is_measured: bool) {
+        self.frames_behind = lag;
+        self.of_view[view as usize % VIEWS] = lag.filter(|_| is_measured);
+    }
 }
 
 /// Whether pictures of blocks are those that settle.

@@ -11,9 +11,9 @@ use super::pace;
 use super::pictures::PictureFindings;
 use super::sky::SkyFindings;
 use super::talk::PlaceOnGround;
-use super::{Check, Measuring};
+use super::{Check, DoctorOptions, Measuring};
 use crate::Simulator;
-use crate::datarefs::{DatarefWrite, USE_SYSTEM_TIME, ZULU_TIME_S};
+use crate::datarefs::{DatarefWrite, Generation, USE_SYSTEM_TIME, ZULU_TIME_S};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
 use crate::profile::{Finding, Grabbing, KnownProfile, PROFILE_FORMAT, Profile};
@@ -26,10 +26,10 @@ pub(super) async fn measure(
     simulator: &mut Simulator,
     place: PlaceOnGround,
     grabbing: Finding<Grabbing>,
-    measuring: Measuring,
+    options: &DoctorOptions,
     note: &mut (dyn FnMut(Check) + Send),
 ) {
-    match (measuring, simulator.description().profile.current()) {
+    match (options.measuring, simulator.description().profile.current()) {
         (Measuring::Never, _) => {
             let known = &simulator.description().profile;
             return note(Check::skipped(
@@ -69,7 +69,12 @@ pub(super) async fn measure(
     let mut profile = profile(simulator, pictures, sky, grabbing);
     // As a recording does: with the frames to settle that were just measured.
     simulator.description.profile = KnownProfile::Current(Box::new(profile.clone()));
-    profile.pace = pace::measure(simulator, &place).await;
+    profile.pace = pace::measure(simulator, &place, &options.screen, options.intent.as_ref()).await;
+    if let (Finding::Found(pace), Generation::XPlane11) = (&mut profile.pace, simulator.generation)
+    {
+        // Its weather is given a fixed time.
+        pace.weather_s = Some(simulator.weather_settle.as_secs_f64());
+    }
     note(pace::check(&profile.pace));
     let given_back = match clock {
         Ok(before) => simulator.give_clock_back(&before).await,

@@ -1,22 +1,53 @@
-//! How fast pictures come: taken as a recording takes them, from two views in turn, with several requests under way.
+//! How fast pictures come: taken as a recording takes them, from two views.
+//!
+//! In blocks, if the window has margins around the pictures of the sweep and the trial of blocks passes; else settled, from the views in
+//! turn, with several requests under way.
 
+use std::sync::Arc;
 use std::time::Instant;
 
-use super::Check;
+use dataset::camera::CameraPose;
+use dataset::frame_rate::FrameRate;
+use dataset::pose::FlightState;
+
 use super::eyes::{Eyes, Shot};
+use super::lockstep;
 use super::talk::PlaceOnGround;
-use crate::Simulator;
+use super::window::picture_size;
+use super::{Check, Intent};
 use crate::error::BridgeError;
-use crate::link::{PictureSize, PixelKind};
-use crate::profile::{Finding, Pace, PacedBy};
+use crate::link::{CaptureRequest, Deliver, PictureSize, PixelKind};
+use crate::pixels::{PixelChoice, Screen};
+use crate::profile::{Finding, Pace, PacedBy, Profile};
+use crate::{BlockOfTicks, BlockTrial, Simulator};
 
 /// Pictures that are not counted: the first ones load what the others find loaded.
 const NOT_COUNTED: usize = 6;
 /// Pictures that are counted.
 const COUNTED: usize = 24;
+/// Ticks of the block that is measured, from each view: three seconds of a recording.
+const BLOCK_TICKS: u32 = 90;
+const BLOCK_RATE: FrameRate = FrameRate {
+    numerator: 30,
+    denominator: 1,
+};
+/// Over which distance the aircraft moves meanwhile, to the east.
+const BLOCK_WAY_M: f64 = 30.0;
 
-/// Measures the pace of pictures with the frames that recordings let settle. Nothing is encoded.
-pub(super) async fn measure(simulator: &mut Simulator, place: &PlaceOnGround) -> Finding<Pace> {
+/// Measures the pace of the pictures that are to be recorded. Nothing is encoded.
+pub(super) async fn measure(
+    simulator: &mut Simulator,
+    place: &PlaceOnGround,
+    screen: &Arc<dyn Screen>,
+    intent: Option<&Intent>,
+) -> Finding<Pace> {
+    if let Some(pictures) = intent.and_then(|intent| size_in_blocks(simulator, intent)) {
+        match in_blocks(simulator, place, screen, pictures).await {
+            Ok(Some(pace)) => return Finding::Found(pace),
+            Ok(None) => {}
+            Err(error) => tracing::warn!(%error, "blocks were not measured"),
+        }
+    }
     let settle_frames = simulator.frames_to_settle();
     let mut eyes = Eyes::at(simulator, *place);
     if let Some(reason) = eyes.blind() {
@@ -25,19 +56,124 @@ pub(super) async fn measure(simulator: &mut Simulator, place: &PlaceOnGround) ->
     if eyes.simulator.pixels() == PixelKind::Screenshot {
         return Finding::NotMeasured("X-Plane writes screenshots, which takes seconds each".into());
     }
-    match pace(&mut eyes, settle_frames).await {
+    match settled(&mut eyes, settle_frames).await {
         Ok(pace) => Finding::Found(pace),
         Err(error) => Finding::NotMeasured(error.to_string()),
     }
 }
 
-async fn pace(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, BridgeError> {
+/// The size of the pictures, if the window has margins around them and time need not run.
+fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize> {
+    let description = simulator.description();
+    let has_margins = picture_size(description) == Some(intent.pictures.with_margins());
+    let time_has_to_run = description
+        .profile
+        .current()
+        .is_some_and(Profile::time_has_to_run);
+    let may_be = simulator.pixels() == PixelKind::Screen && has_margins && !time_has_to_run;
+    may_be.then_some(intent.pictures)
+}
+
+/// The pace in blocks; `None` if they are not possible, or not equal to settled pictures.
+async fn in_blocks(
+    simulator: &mut Simulator,
+    place: &PlaceOnGround,
+    screen: &Arc<dyn Screen>,
+    pictures: PictureSize,
+) -> Result<Option<Pace>, BridgeError> {
+    let window = picture_size(simulator.description()).unwrap_or(pictures);
+    register(simulator, screen, pictures).await?;
+    let measured = if simulator.can_record_blocks() {
+        measure_blocks(simulator, place, pictures).await
+    } else {
+        Ok(None)
+    };
+    simulator.let_go().await?;
+    simulator.resume().await?;
+    // The other checks look at the whole window.
+    register(simulator, screen, window).await?;
+    measured
+}
+
+async fn register(
+    simulator: &mut Simulator,
+    screen: &Arc<dyn Screen>,
+    size: PictureSize,
+) -> Result<(), BridgeError> {
+    let choice = PixelChoice::Only(PixelKind::Screen);
+    let pixels = simulator.use_pixels(choice, (size.width_px, size.height_px), screen);
+    pixels.await.map(|_| ())
+}
+
+async fn measure_blocks(
+    simulator: &mut Simulator,
+    place: &PlaceOnGround,
+    pictures: PictureSize,
+) -> Result<Option<Pace>, BridgeError> {
+    let settle_frames = simulator.frames_to_settle();
+    let runway = lockstep::runway(place);
+    simulator.freeze_raw(&runway, settle_frames, None).await?;
+    let (states, camera) = flight(place, pictures);
+    let block = |view| BlockOfTicks {
+        first_tick: 0,
+        states: &states,
+        frame_rate: BLOCK_RATE,
+        view,
+        camera,
+        size_px: (pictures.width_px, pictures.height_px),
+    };
+    if simulator.try_blocks(block(0)).await? != BlockTrial::Equal {
+        return Ok(None);
+    }
+    let began = Instant::now();
+    let mut taken = 0;
+    for view in 0..2 {
+        let mut recording = simulator.begin_block(block(view))?;
+        while recording.next_picture().await?.is_some() {
+            taken += 1;
+        }
+    }
+    Ok(Some(Pace {
+        measured_by: PacedBy::Doctor,
+        size: pictures,
+        in_blocks: true,
+        settle_frames,
+        pictures_per_s: f64::from(taken) / began.elapsed().as_secs_f64(),
+        loading_s: None,
+        weather_s: None,
+        restart_s: None,
+    }))
+}
+
+/// The aircraft that moves to the side before the camera of the other checks.
+fn flight(place: &PlaceOnGround, size: PictureSize) -> (Vec<FlightState>, CameraPose) {
+    let request = |tick: u32| {
+        let moved_m = BLOCK_WAY_M * (f64::from(tick) / f64::from(BLOCK_TICKS) - 0.5);
+        lockstep::request(place, tick, moved_m, size, Deliver::Coded)
+    };
+    let state = |tick: u32| {
+        let CaptureRequest { pose, controls, .. } = request(tick);
+        FlightState {
+            time_s: BLOCK_RATE.time_of_tick(tick).seconds(),
+            pose,
+            velocity_north_mps: 0.0,
+            velocity_east_mps: BLOCK_WAY_M * 30.0 / f64::from(BLOCK_TICKS),
+            velocity_down_mps: 0.0,
+            true_airspeed_mps: 0.0,
+            controls,
+            on_ground: false,
+        }
+    };
+    ((0..BLOCK_TICKS).map(state).collect(), request(0).camera)
+}
+
+async fn settled(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, BridgeError> {
     let paused = !eyes
         .simulator
         .description()
         .profile
         .current()
-        .is_some_and(|profile| profile.time_has_to_run());
+        .is_some_and(Profile::time_has_to_run);
     eyes.hold(settle_frames, paused).await?;
     let views = |number: usize| [Shot::BEHIND, Shot::AWAY][number % 2];
     eyes.take::<NOT_COUNTED>(std::array::from_fn(views)).await?;
@@ -53,10 +189,12 @@ async fn pace(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, BridgeErr
             width_px: first.width_px,
             height_px: first.height_px,
         },
+        in_blocks: false,
         settle_frames,
         pictures_per_s: COUNTED as f64 / took_s,
         loading_s: None,
         weather_s: None,
+        restart_s: None,
     })
 }
 
@@ -64,8 +202,10 @@ async fn pace(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, BridgeErr
 pub(super) fn check(pace: &Finding<Pace>) -> Check {
     Check::measured("pace", pace, |pace| {
         format!(
-            "{:.1} pictures of {} a second from two views in turn, each settled for {} frames; `dtd plan SWEEP --sim HOST:PORT` counts with it",
-            pace.pictures_per_s, pace.size, pace.settle_frames
+            "{:.1} pictures of {} a second from two views, {}; `dtd plan SWEEP --sim HOST:PORT` counts with it",
+            pace.pictures_per_s,
+            pace.size,
+            pace.procedure()
         )
     })
 }

@@ -59,6 +59,16 @@ struct Recorded {
 
 /// Records a block of this many ticks in a world, as plugin, screen and client would together.
 fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Recorded {
+    record_from(ticks, (known_lag, false), world, seed)
+}
+
+/// The same, which may begin with the known lag instead of a probe.
+fn record_from(
+    ticks: u32,
+    (known_lag, begins_with_it): (Option<u64>, bool),
+    world: World,
+    seed: u64,
+) -> Recorded {
     let mut random = ChaCha12Rng::seed_from_u64(seed);
     let patch = Rectangle {
         x_px: 0,
@@ -76,6 +86,9 @@ fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Record
             (from..to).contains(&tick).then_some(patch)
         }),
     );
+    if begins_with_it {
+        sequence.begin_with_known_lag();
+    }
     let mut waiting: VecDeque<Show> = VecDeque::new();
     let mut answers: VecDeque<(u64, u64)> = VecDeque::new();
     let (mut written, mut number, mut steady) = (Vec::new(), 0_u64, -1_i64);
@@ -157,6 +170,29 @@ fn every_lag_up_to_four_frames_is_found_and_costs_little() {
         assert_eq!(recorded.tally.repeated, 0, "lag {lag}");
         let frames_per_picture = recorded.frames as f64 / 1_000.0;
         assert!(frames_per_picture < 1.2, "lag {lag}: {frames_per_picture}");
+    }
+}
+
+#[test]
+fn a_block_that_begins_with_the_lag_of_the_last_one_is_shorter_and_no_picture_is_of_another_tick_if_it_has_changed()
+ {
+    for seed in 0..500 {
+        let (lag, before) = (seed % 5, seed / 5 % 5);
+        let world = World {
+            lag,
+            late_answers: seed as usize % 3,
+            ..GOOD
+        };
+        let recorded = record_from(150, (Some(before), true), world, seed);
+        assert!(of_their_ticks(&recorded), "{world:?}, {before} before");
+        assert_eq!(recorded.lag, Some(lag), "{before} before");
+        if lag == before {
+            assert_eq!(recorded.tally.repeated, 0, "{world:?}");
+            let with_a_probe = record(150, Some(before), world, seed);
+            assert!(recorded.frames + 5 <= with_a_probe.frames);
+        } else {
+            assert!(recorded.tally.repeated > 0, "{world:?}, {before} before");
+        }
     }
 }
 
