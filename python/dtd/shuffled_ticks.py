@@ -46,7 +46,7 @@ else:
 RUN_TICKS = 240
 """Length of a run. A multiple of the distance of key frames in a corpus (60), so that no picture is decoded for nothing."""
 
-MOST_AHEAD = 16
+MOST_AHEAD = 8
 """Most samples of a run that are decoded ahead: a decoder that goes on for some pictures finds its own in the processor's caches."""
 AHEAD_BYTES = 64 << 20
 """Most memory for the pictures that are decoded ahead, in each worker. Where it is too small, samples are decoded when they are asked for."""

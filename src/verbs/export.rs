@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use exporter::{Error, ExportOutcome, Watch};
+use exporter::{Error, ExportOutcome, Format, Watch};
 use generator::generate::Cancel;
 use serde::Serialize;
 
@@ -48,7 +48,7 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
     if args.json {
         return print_json(&outcome).map(|()| Ending::Done);
     }
-    print_summary(&outcome);
+    print_summary(&outcome, request.format);
     finish("export", began, &format!("ls {}", out.display()));
     Ok(Ending::Done)
 }
@@ -85,7 +85,7 @@ fn failure(error: Error) -> Failure {
     }
 }
 
-fn print_summary(outcome: &ExportOutcome) {
+fn print_summary(outcome: &ExportOutcome, format: Format) {
     let boxes = match outcome.boxes {
         1 => "1 box".to_owned(),
         boxes => format!("{boxes} boxes"),
@@ -105,8 +105,9 @@ fn print_summary(outcome: &ExportOutcome) {
     }
     if outcome.left_out > 0 {
         println!(
-            "left out: {} whose aircraft may be hidden by a cloud or is mostly outside, which the format cannot say",
+            "left out: {} {}",
             count(outcome.left_out as usize, "picture"),
+            format.left_out(),
         );
     }
 }
