@@ -1,10 +1,10 @@
-"""Crops out of the shards of `dtd export --to crops` beside crops out of the videos (`ShuffledTicks`), in one run.
+"""Crops of the training side out of the shards of `dtd export --to crops` beside crops out of the videos (`ShuffledTicks`), in one run.
 
     dtd export CORPUS --to crops --out SHARDS
     PYTHONPATH=python .venv/bin/python benches/crop_shards.py CORPUS SHARDS [SAMPLES]
 
 Rounds alternate, in one process without workers of a loader. Prints the crops per second of both, and the mean number of scenarios in a
-batch of 16. The corpus needs labels, and 16 scenarios for that number to mean something.
+batch of 16. The corpus needs labels, and 16 scenarios of the training side for that number to mean something.
 """
 
 import glob
@@ -25,7 +25,7 @@ BATCH = 16
 
 
 def shards():
-    return webdataset.WebDataset(sorted(glob.glob(f"{sys.argv[2]}/*.tar")), shardshuffle=False).decode("rgb8")
+    return webdataset.WebDataset(sorted(glob.glob(f"{sys.argv[2]}/train-*.tar")), shardshuffle=False).decode("rgb8")
 
 
 def rate(samples, count, scenario_of):
@@ -39,7 +39,7 @@ def rate(samples, count, scenario_of):
 
 first = next(iter(shards()))["json"]
 size_px = next((view["crop"]["width_px"], view["crop"]["height_px"]) for view in first["views"].values())
-ticks = TickDataset(Corpus(sys.argv[1]), crop_px=size_px, views=list(first["views"]))
+ticks = TickDataset(Corpus(sys.argv[1]), side="train", crop_px=size_px, views=list(first["views"]))
 count = int(sys.argv[3]) if len(sys.argv) > 3 else 100 * BATCH
 from_shards, from_videos = [], []
 for epoch in range(ROUNDS):
