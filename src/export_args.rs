@@ -74,7 +74,7 @@ enum To {
     Huggingface,
     /// WebDataset: tar archives with a sample per tick
     Webdataset,
-    /// The same with crops around the aircraft, in a shuffled order
+    /// WebDataset with crops around the aircraft in place of whole pictures, in a shuffled order
     Crops,
     /// MCAP for Foxglove: a file per scenario, with its videos
     Mcap,

@@ -231,7 +231,7 @@ fn an_export_of_crops_that_is_killed_again_and_again_ends_with_the_bytes_of_an_u
         process.kill().unwrap();
         process.wait().unwrap();
         if kill % 4 == 0 {
-            // What a kill leaves at one moment is not completed by the next run every time.
+            // Otherwise later kills would meet only what the first runs left to do.
             let _ = fs::remove_dir_all(tiny.path("crops"));
             let _ = fs::remove_dir_all(tiny.path("crops.partial"));
         }
