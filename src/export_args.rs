@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use dataset::splits::Side;
 use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 
-use crate::args::folder;
+use crate::args::{WindowSize, folder};
 use crate::output_arg::Output;
 
 /// What to export, and where to.
@@ -37,7 +37,7 @@ pub(crate) struct ExportArgs {
     /// Side of the split to export [default: all]
     #[arg(long, value_enum)]
     side: Option<OneSide>,
-    /// Boxes to export; truth, if it is left out
+    /// Boxes to export, and around which to crop (crops); truth, if it is left out
     #[arg(long, value_enum)]
     boxes: Option<Boxes>,
     /// Model whose detections to use, by its file name or hash
@@ -45,6 +45,12 @@ pub(crate) struct ExportArgs {
     /// It must be named if the corpus has detections of several models.
     #[arg(long, value_name = "NAME|HASH")]
     detections: Option<String>,
+    /// Width and height of crops; 160x160, if it is left out
+    #[arg(long, value_name = "WIDTHxHEIGHT")]
+    crop_px: Option<WindowSize>,
+    /// Seed of the order of crops; 0, if it is left out
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
     /// Format of pictures that are files of their own; png, if it is left out
     #[arg(long, value_enum)]
     pictures: Option<Pictures>,
@@ -70,6 +76,8 @@ enum To {
     Huggingface,
     /// WebDataset: tar archives with a sample per tick
     Webdataset,
+    /// WebDataset with crops around the aircraft in place of whole pictures, in a shuffled order
+    Crops,
     /// MCAP for Foxglove: a file per scenario, with its videos
     Mcap,
     /// LeRobotDataset v3.0: an episode per scenario, with its videos; whole rates only
@@ -131,6 +139,7 @@ impl ExportArgs {
             To::Yolo => Format::Yolo,
             To::Huggingface => Format::HuggingFace,
             To::Webdataset => Format::WebDataset,
+            To::Crops => Format::Crops,
             To::Mcap => Format::Mcap,
             To::Lerobot => Format::LeRobot,
             To::Croissant => return self.description(),
@@ -151,6 +160,8 @@ impl ExportArgs {
             ("--side", self.side.is_some()),
             ("--boxes", self.boxes.is_some()),
             ("--detections", self.detections.is_some()),
+            ("--crop-px", self.crop_px.is_some()),
+            ("--seed", self.seed.is_some()),
             ("--pictures", self.pictures.is_some()),
             ("--run", !self.run.is_empty()),
         ];
@@ -184,6 +195,8 @@ impl ExportArgs {
                 None | Some(Boxes::Truth) => BoxSource::Truth,
                 Some(Boxes::Detections) => BoxSource::Detections,
             },
+            crop_px: self.crop_px.map(|size| [size.width_px, size.height_px]),
+            seed: self.seed,
             detections: self.detections.clone(),
             runs: self.run.clone(),
             license: self.license.clone(),

@@ -1,6 +1,8 @@
 //! `dtd export` from outside: pycocotools reads what it writes for COCO and gets the average precision of `dtd evaluate-detector`, the
 //! label files of YOLO hold the true boxes, and nothing half-made appears under the final name.
 
+#[path = "export/crops.rs"]
+mod crops;
 mod tiny;
 
 use std::collections::BTreeMap;

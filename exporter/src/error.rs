@@ -74,6 +74,27 @@ pub enum Error {
         /// Their name.
         run: String,
     },
+    /// A crop that does not fit into a picture.
+    #[error(
+        "scenario {scenario}, view {view}: a crop of {}x{} px does not fit into pictures of {}x{} px; choose a smaller one with --crop-px",
+        crop_px[0], crop_px[1], picture_px[0], picture_px[1]
+    )]
+    CropTooLarge {
+        /// The scenario.
+        scenario: String,
+        /// The view.
+        view: String,
+        /// Width and height of its pictures.
+        picture_px: [u32; 2],
+        /// Width and height of the crop.
+        crop_px: [u32; 2],
+    },
+    /// No tick has a crop of each view.
+    #[error(
+        "nothing to export: at no tick of the selected scenarios has each view a box; choose views with --views, or other boxes with \
+         --boxes"
+    )]
+    NoCrops,
     /// What is asked for contains nothing.
     #[error("nothing to export: no scenario is left with these options")]
     Nothing,
@@ -242,6 +263,8 @@ impl Error {
                 | Self::WholeRate { .. }
                 | Self::RateTooHigh { .. }
                 | Self::Mixed { .. }
+                | Self::CropTooLarge { .. }
+                | Self::NoCrops
                 | Self::Nothing
                 | Self::NoDetections
                 | Self::SeveralModels { .. }

@@ -41,8 +41,8 @@ pub struct ExportOutcome {
     pub pictures: u64,
     /// Number of boxes.
     pub boxes: u64,
-    /// Pictures of the selection that are not in it: in a format that cannot say that an aircraft may be hidden by a cloud, or that most of
-    /// it is outside the picture.
+    /// Pictures of the selection that are not in it ([`Format::left_out`] says why): in a format that cannot say that an aircraft may be
+    /// hidden by a cloud, or that most of it is outside the picture, and of ticks at which there is a view without a crop.
     pub left_out: u64,
     /// Bytes of all files.
     pub bytes: u64,
@@ -124,6 +124,9 @@ pub fn export(
         if request.format == Format::Mcap {
             mcap_files::check(&source)?;
         }
+        if request.format == Format::Crops {
+            webdataset::crops::check(&source, request.crop_px())?;
+        }
         if request.format == Format::LeRobot {
             let form = lerobot::Form::of(&source, request.ticks, &job.video)?;
             match &job.form {
@@ -149,6 +152,9 @@ pub fn export(
             known: some_of(run.scenarios()),
         });
     }
+    if request.format == Format::Crops && counts.pictures == 0 {
+        return Err(Error::NoCrops);
+    }
     if request.format == Format::Yolo {
         counts.remark = yolo::remark_on(&job.sides);
     }
@@ -164,7 +170,7 @@ pub fn export(
     };
     let written = job
         .write_scenarios(&place, counts.pictures, watch)
-        .and_then(|()| job.finish(&place));
+        .and_then(|()| job.finish(&place, watch));
     match written {
         Ok(()) => Ok(ExportOutcome {
             bytes: place.finish()?,
@@ -260,6 +266,12 @@ impl Job<'_> {
                     webdataset::write_scenario(&source, self.request, &folder, watch, &done);
                 place.note(&id, &shards?)
             }
+            Format::Crops => {
+                let done = || pictures_done(1);
+                let stored =
+                    webdataset::crops::write_scenario(&source, self.request, &folder, watch, &done);
+                place.note(&id, &stored?)
+            }
             Format::LeRobot => {
                 let (form, number) = (self.form()?, scenario.number);
                 let videos = lerobot::write_scenario(
@@ -282,7 +294,7 @@ impl Job<'_> {
     }
 
     /// Writes the files that belong to all scenarios.
-    fn finish(&self, place: &Place) -> Result<()> {
+    fn finish(&self, place: &Place, watch: Watch<'_>) -> Result<()> {
         let folder = place.files();
         let parts = || {
             let scenarios = self.scenarios.iter();
@@ -303,6 +315,15 @@ impl Job<'_> {
                     Ok((id, split_of(scenario.selected.side), shards))
                 });
                 webdataset::finish(&folder, shards)?
+            }
+            Format::Crops => {
+                let seed = self.request.seed.unwrap_or_default();
+                let stored = self.scenarios.iter().map(|scenario| {
+                    let id = scenario.selected.id();
+                    let stored = place.part(&id)?;
+                    Ok((id, split_of(scenario.selected.side), stored))
+                });
+                webdataset::crops::finish(&folder, seed, stored, watch)?
             }
             Format::LeRobot => {
                 let noted = self.scenarios.iter().map(|s| place.part(&s.selected.id()));
@@ -386,6 +407,7 @@ mod tests {
         ExportRequest {
             views: Some(vec!["right".into()]),
             ticks: Ticks::Every(NonZeroU32::new(every).unwrap()),
+            crop_px: (format == Format::Crops).then_some([48, 32]),
             ..ExportRequest::whole(format)
         }
     }
@@ -448,6 +470,7 @@ mod tests {
             Format::Yolo,
             Format::HuggingFace,
             Format::WebDataset,
+            Format::Crops,
             Format::Mcap,
             Format::LeRobot,
         ] {

@@ -143,7 +143,7 @@ pub(crate) fn write_scenario(
                 BoxSource::Truth => {
                     let topic = format!("/{}/boxes", view.name);
                     file.send(&topic, time, &annotations(boxes, GREEN, time))?;
-                    source.found_in(view.name, row.tick)
+                    source.beside(view.name, row.tick)
                 }
                 BoxSource::Detections => boxes,
             };

@@ -46,7 +46,7 @@ pub(crate) fn write(
                 dtd_m: row.labels.map(|labels| labels.dtd_m),
                 file,
                 boxes: source.boxes_of(view, row.tick).to_vec(),
-                found: source.found_in(view, row.tick).to_vec(),
+                found: source.beside(view, row.tick).to_vec(),
             });
             picture_done();
         }

@@ -21,6 +21,8 @@ pub enum Format {
     HuggingFace,
     /// Shards of samples for WebDataset.
     WebDataset,
+    /// The same, with crops around the aircraft, all scenarios of a side mixed.
+    Crops,
     /// A file per scenario for Foxglove.
     Mcap,
     /// LeRobotDataset v3.0: an episode per scenario, with its videos.
@@ -35,15 +37,26 @@ impl Format {
             Self::Yolo => "yolo",
             Self::HuggingFace => "huggingface",
             Self::WebDataset => "webdataset",
+            Self::Crops => "crops",
             Self::Mcap => "mcap",
             Self::LeRobot => "lerobot",
+        }
+    }
+
+    /// Why pictures of the selection are left out of it, as a clause about them.
+    pub fn left_out(self) -> &'static str {
+        match self {
+            Self::Crops => "of ticks at which a view has no box",
+            _ => {
+                "whose aircraft may be hidden by a cloud or is mostly outside, which the format cannot say"
+            }
         }
     }
 
     /// Whether it has pictures as files of their own.
     fn has_stills(self) -> bool {
         match self {
-            Self::Coco | Self::Yolo | Self::WebDataset => true,
+            Self::Coco | Self::Yolo | Self::WebDataset | Self::Crops => true,
             Self::HuggingFace | Self::Mcap | Self::LeRobot => false,
         }
     }
@@ -74,6 +87,9 @@ pub enum BoxSource {
     Detections,
 }
 
+/// Width and height of a crop, pixels, if none is asked for: the smallest window in which the detector looks at an aircraft.
+pub const USUAL_CROP_PX: [u32; 2] = [160, 160];
+
 /// What is to be exported, and how.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExportRequest {
@@ -89,8 +105,14 @@ pub struct ExportRequest {
     pub side: Option<Side>,
     /// Which ticks.
     pub ticks: Ticks,
-    /// Which boxes.
+    /// Which boxes. Crops are around them.
     pub boxes: BoxSource,
+    /// Width and height of crops, pixels; `None`: [`USUAL_CROP_PX`], or no crops.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crop_px: Option<[u32; 2]>,
+    /// What determines the order of crops; `None`: 0, or the order of the corpus.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
     /// Model whose detections are meant, by its file name or hash; `None`: the only one that there is.
     pub detections: Option<String>,
     /// Folders of evaluated runs whose predictions are exported, too. What is in them counts, not where they are.
@@ -111,6 +133,8 @@ impl ExportRequest {
             side: None,
             ticks: Ticks::ALL,
             boxes: BoxSource::Truth,
+            crop_px: None,
+            seed: None,
             detections: None,
             runs: Vec::new(),
             license: None,
@@ -120,6 +144,11 @@ impl ExportRequest {
     /// The form of pictures.
     pub(crate) fn stills(&self) -> StillFormat {
         self.stills.unwrap_or_default()
+    }
+
+    /// Width and height of crops, pixels.
+    pub(crate) fn crop_px(&self) -> [u32; 2] {
+        self.crop_px.unwrap_or(USUAL_CROP_PX)
     }
 
     /// Refuses options that the format has no place for.
@@ -142,6 +171,14 @@ impl ExportRequest {
             (_, Ticks::Every(_)) => {}
             (_, Ticks::PerSecond(_)) => {
                 return not_in_format("--rate", "it states the time of every picture");
+            }
+        }
+        if self.format != Format::Crops {
+            if self.crop_px.is_some() {
+                return not_in_format("--crop-px", "its pictures are whole");
+            }
+            if self.seed.is_some() {
+                return not_in_format("--seed", "it has the order of the corpus");
             }
         }
         if self.format == Format::LeRobot {

@@ -33,8 +33,10 @@ pub(crate) struct Source<'a> {
     ticks: Ticks,
     /// By tick, whether it is asked for.
     asked_for: Vec<bool>,
+    /// Whether its true boxes are among the boxes.
+    pub(crate) has_truth: bool,
     boxes: ByPicture,
-    found: ByPicture,
+    beside: ByPicture,
     left_out: BTreeSet<(String, u32)>,
 }
 
@@ -57,13 +59,17 @@ impl<'a> Source<'a> {
             Some(model) if is_searched(&scenario, model)? => Some(model.to_owned()),
             _ => None,
         };
-        let detections = match &model {
+        let mut detections = match &model {
             Some(model) => scenario.detections(model)?.boxes,
             None => Vec::new(),
         };
+        if request.format == Format::Crops {
+            detections.retain(|found| found.confirmed);
+        }
         let cloud_base = CloudBase::of(&record.conditions.weather);
         let mut left_out = BTreeSet::new();
-        let (boxes, found) = match request.boxes {
+        let mut has_truth = request.boxes == BoxSource::Truth;
+        let (boxes, beside) = match request.boxes {
             _ if request.format == Format::LeRobot => Default::default(),
             BoxSource::Truth => {
                 let mut boxes = Vec::new();
@@ -86,19 +92,33 @@ impl<'a> Source<'a> {
             }
             BoxSource::Detections => {
                 let confirmed = detections.into_iter().filter(|found| found.confirmed);
-                (by_picture(confirmed.map(of_detection)), BTreeMap::new())
+                let truth = match request.format {
+                    Format::Crops => scenario.truth_boxes_if_labelled()?,
+                    _ => None,
+                };
+                has_truth = truth.is_some();
+                let truth = truth.into_iter().flatten().map(|real| {
+                    let sight = sight_of(&real, &frames, cloud_base);
+                    of_truth(real, sight)
+                });
+                (by_picture(confirmed.map(of_detection)), by_picture(truth))
             }
         };
+        let asked_for = asked_for(request.ticks, record.frame_rate, frames.rows.len());
+        if request.format == Format::Crops {
+            left_out = without_crops(selected, &asked_for, &boxes);
+        }
         Ok(Self {
             ticks: request.ticks,
-            asked_for: asked_for(request.ticks, record.frame_rate, frames.rows.len()),
+            asked_for,
             frames,
             calibration: scenario.calibration()?,
             cloud_base,
             model,
             record,
+            has_truth,
             boxes,
-            found,
+            beside,
             left_out,
             selected,
             scenario,
@@ -110,7 +130,7 @@ impl<'a> Source<'a> {
         let selected = (self.scenario.id(), self.selected.side, &self.selected.views);
         hasher.update(&serde_json::to_vec(&selected).unwrap_or_default());
         hasher.update(self.scenario.seal().manifest_blake3.as_bytes());
-        for picture in self.boxes.iter().chain(&self.found) {
+        for picture in self.boxes.iter().chain(&self.beside) {
             hasher.update(&serde_json::to_vec(&picture).unwrap_or_default());
         }
     }
@@ -155,10 +175,16 @@ impl<'a> Source<'a> {
         boxes.map_or(&[], Vec::as_slice)
     }
 
-    /// What the model found, if boxes are true ones.
-    pub(crate) fn found_in(&self, view: &str, tick: u32) -> &[LabelledBox] {
-        let found = self.found.get(&(view.to_owned(), tick));
-        found.map_or(&[], Vec::as_slice)
+    /// Whether a sample of this tick is asked for, and has the pictures of all views.
+    pub(crate) fn has_sample(&self, tick: u32) -> bool {
+        let mut views = self.selected.views.iter();
+        self.is_asked_for(tick) && !views.any(|view| self.is_left_out(view, tick))
+    }
+
+    /// What the model found, if boxes are true ones; in crops around detections, the true boxes.
+    pub(crate) fn beside(&self, view: &str, tick: u32) -> &[LabelledBox] {
+        let beside = self.beside.get(&(view.to_owned(), tick));
+        beside.map_or(&[], Vec::as_slice)
     }
 
     /// Place of a view in the rows of the table, and its camera.
@@ -171,6 +197,25 @@ impl<'a> Source<'a> {
             known: self.frames.views.join(", "),
         })
     }
+}
+
+/// The pictures of ticks at which a view has no box for a crop to be around.
+fn without_crops(
+    selected: &Selected,
+    asked_for: &[bool],
+    boxes: &ByPicture,
+) -> BTreeSet<(String, u32)> {
+    let mut left_out = BTreeSet::new();
+    for (tick, _) in (0..)
+        .zip(asked_for)
+        .filter(|(_, is_asked_for)| **is_asked_for)
+    {
+        let pictures = || selected.views.iter().map(|view| (view.clone(), tick));
+        if !pictures().all(|picture| boxes.contains_key(&picture)) {
+            left_out.extend(pictures());
+        }
+    }
+    left_out
 }
 
 fn asked_for(ticks: Ticks, rate: FrameRate, count: usize) -> Vec<bool> {

@@ -62,6 +62,7 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
         Format::Yolo,
         Format::HuggingFace,
         Format::WebDataset,
+        Format::Crops,
         Format::Mcap,
         Format::LeRobot,
     ] {

@@ -14,15 +14,19 @@
 
 A sample at random costs the decoding of all pictures since the key frame before it. Here scenarios are cut into runs of consecutive ticks,
 the order of the runs is shuffled, and samples are taken from several runs at a time, one of each in a random order. The samples of a batch
-come from different scenarios, as far as the corpus has them; those of one run keep their order.
+come from different scenarios, as far as the corpus has them; those of one run keep their order. Threads decode some samples of each run
+ahead.
 """
 
+import os
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dtd.tick_dataset import Run, TickDataset
+from dtd.tick_dataset import Run, Sample, TickDataset
 from dtd.video import Video
 
 if TYPE_CHECKING:
@@ -41,6 +45,11 @@ else:
 
 RUN_TICKS = 240
 """Length of a run. A multiple of the distance of key frames in a corpus (60), so that no picture is decoded for nothing."""
+
+MOST_AHEAD = 8
+"""Most samples of a run that are decoded ahead: a decoder that goes on for some pictures finds its own in the processor's caches."""
+AHEAD_BYTES = 64 << 20
+"""Most memory for the pictures that are decoded ahead, in each worker. Where it is too small, samples are decoded when they are asked for."""
 
 
 class ShuffledTicks(_IterableDataset):
@@ -69,18 +78,23 @@ class ShuffledTicks(_IterableDataset):
         runs = self._shuffled_runs()[worker::workers]
         random = np.random.default_rng([self._seed, self._epoch, worker, 1])
         open_runs: list[_OpenRun] = []
+        ahead = min(AHEAD_BYTES // (self._runs_at_once * self._of_ticks.sample_bytes), MOST_AHEAD)
+        threads = ThreadPoolExecutor(max(_cores() // workers, 1)) if ahead > 1 else None
         try:
             while runs or open_runs:
                 while runs and len(open_runs) < self._runs_at_once:
                     open_scenarios = {run.scenario for run in open_runs}
                     others = (at for at, run in enumerate(runs) if run.scenario not in open_scenarios)
-                    open_runs.append(_OpenRun(self._of_ticks, runs.pop(next(others, 0))))
+                    run = runs.pop(next(others, 0))
+                    open_runs.append(_OpenRun(self._of_ticks, run, threads, ahead // 2))
                 for place in random.permutation(len(open_runs)):
-                    yield open_runs[place].next_sample()
+                    yield self._of_ticks.transformed(open_runs[place].next_sample())
                 for ended in [run for run in open_runs if run.has_ended()]:
                     ended.close()
                     open_runs.remove(ended)
         finally:
+            if threads is not None:
+                threads.shutdown(cancel_futures=True)
             for left in open_runs:
                 left.close()
 
@@ -93,30 +107,56 @@ class ShuffledTicks(_IterableDataset):
 class _OpenRun:
     """A run, and the videos that it is read from."""
 
-    def __init__(self, ticks: TickDataset, run: Run) -> None:
+    def __init__(self, ticks: TickDataset, run: Run, threads: Executor | None, at_once: int) -> None:
+        """`threads` decode so many samples at once, while as many wait to be taken; without threads, each is decoded when it is taken."""
         self.scenario = run.scenario
         self._ticks = ticks
-        self._left = iter(run.samples)
-        self._following = next(self._left, None)
+        self._left = deque(run.samples)
+        self._threads = threads
+        self._at_once = at_once
+        self._decoded: deque[Sample] = deque()
+        self._coming: Future[list[Sample]] | None = None
         self._videos: dict[str, Video] = {}
+        self._ask()
 
-    def next_sample(self) -> Any:
-        index, self._following = self._following, next(self._left, None)
-        assert index is not None
+    def next_sample(self) -> Sample:
+        if self._threads is None:
+            return self._sample(self._left.popleft())
+        if not self._decoded:
+            assert self._coming is not None
+            self._decoded.extend(self._coming.result())
+            self._ask()
+        return self._decoded.popleft()
+
+    def _ask(self) -> None:
+        """Has the next samples decoded."""
+        if self._threads is None:
+            return
+        following = [self._left.popleft() for _ in range(min(self._at_once, len(self._left)))]
+        self._coming = self._threads.submit(lambda: [self._sample(index) for index in following]) if following else None
+
+    def _sample(self, index: int) -> Sample:
         return self._ticks.sample(index, self._video)
 
     def _video(self, scenario: str, view: str) -> Video:
         if view not in self._videos:
-            self._videos[view] = self._ticks.open_video(scenario, view)
+            # Threads of a decoder only cost where runs are decoded side by side.
+            self._videos[view] = self._ticks.open_video(scenario, view, is_threaded=self._threads is None)
         return self._videos[view]
 
     def has_ended(self) -> bool:
-        return self._following is None
+        return not (self._left or self._decoded or self._coming)
 
     def close(self) -> None:
+        """Closes the videos, once no thread decodes them."""
         for video in self._videos.values():
             video.close()
         self._videos.clear()
+
+
+def _cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _worker() -> tuple[int, int]:

@@ -134,10 +134,14 @@ class TickDataset(_Dataset):
 
     def __getitem__(self, index: int) -> Any:
         """The sample with this number: a `Sample`, or what `transform` makes of it."""
-        return self.sample(index, self._video)
+        return self.transformed(self.sample(index, self._video))
 
-    def sample(self, index: int, video: Callable[[str, str], Video]) -> Any:
-        """The same, read from the videos that `video` gives for scenario and view."""
+    def transformed(self, sample: Sample) -> Any:
+        """What `transform` makes of a sample."""
+        return sample if self.transform is None else self.transform(sample)
+
+    def sample(self, index: int, video: Callable[[str, str], Video]) -> Sample:
+        """The sample with this number as it is, read from the videos that `video` gives for scenario and view."""
         if not 0 <= index < len(self):
             raise IndexError(f"there are the samples 0 to {len(self) - 1}, not {index}")
         scenario, tick = self._scenarios[index], int(self._ticks[index])
@@ -147,7 +151,7 @@ class TickDataset(_Dataset):
             picture = video(scenario, view)[tick]
             corners[view] = np.zeros(2, np.int64) if self.crop_px is None else self._corner(boxes[view], picture)
             pictures[view] = self._cropped(picture, corners[view])
-        sample = Sample(
+        return Sample(
             scenario=scenario,
             tick=tick,
             time_ns=int(self._times_ns[index]),
@@ -156,7 +160,13 @@ class TickDataset(_Dataset):
             boxes=boxes,
             corners_px=corners,
         )
-        return sample if self.transform is None else self.transform(sample)
+
+    @property
+    def sample_bytes(self) -> int:
+        """Most bytes that the pictures of a sample have."""
+        if self.crop_px is not None:
+            return 3 * self.crop_px[0] * self.crop_px[1] * len(self.views)
+        return len(self.views) * max(3 * width * height for _, _, _, (width, height) in self._sources.values())
 
     def runs(self, ticks: int) -> list[Run]:
         """All samples in runs of at most so many ticks, each of which begins at a multiple of it."""
@@ -165,9 +175,9 @@ class TickDataset(_Dataset):
             runs.setdefault((scenario, tick // ticks), Run(scenario, [])).samples.append(index)
         return list(runs.values())
 
-    def open_video(self, scenario: str, view: str) -> Video:
+    def open_video(self, scenario: str, view: str, *, is_threaded: bool = True) -> Video:
         """The pictures of a view of a scenario of this dataset; to be closed by the caller."""
-        return Video(*self._sources[scenario, view])
+        return Video(*self._sources[scenario, view], is_threaded=is_threaded)
 
     def _corner(self, box: Floats, picture: Picture) -> npt.NDArray[np.int64]:
         assert self.crop_px is not None

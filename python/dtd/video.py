@@ -33,9 +33,11 @@ class Video:
         timestamps: npt.ArrayLike,
         unit_s: Fraction | None = None,
         size_px: tuple[int, int] | None = None,
+        *,
+        is_threaded: bool = True,
     ) -> None:
         """`timestamps`: the `pts` of every tick, in units of `unit_s` seconds; without it, in units of the file. `size_px`: width and height
-        that the pictures must have."""
+        that the pictures must have. `is_threaded`: whether the decoder has threads, which read ahead."""
         self.path = path
         with _named(path):
             self._container = av.open(str(path))
@@ -45,7 +47,7 @@ class Video:
         found = (self._stream.width, self._stream.height)
         if size_px is not None and size_px != found:
             raise damaged(path, f"it has pictures of {found[0]} x {found[1]} px, the calibration {size_px[0]} x {size_px[1]} px")
-        self._stream.thread_type = "AUTO"
+        self._stream.thread_type = "AUTO" if is_threaded else "NONE"
         # The file may count in other units; the times are the same.
         ratio = Fraction(1) if unit_s is None else unit_s / Fraction(self._stream.time_base or unit_s)
         self._pts = np.asarray(timestamps, np.int64) * ratio.numerator

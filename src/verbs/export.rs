@@ -111,8 +111,9 @@ fn print_summary(outcome: &ExportOutcome, format: Format) {
     }
     if outcome.left_out > 0 {
         println!(
-            "left out: {} whose aircraft may be hidden by a cloud or is mostly outside, which the format cannot say",
+            "left out: {} {}",
             count(outcome.left_out as usize, "picture"),
+            format.left_out(),
         );
     }
 }

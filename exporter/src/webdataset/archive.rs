@@ -1,0 +1,34 @@
+//! Samples in tar archives, with the same bytes on every machine: no times, owners or rights of this one.
+
+use std::io;
+use std::mem;
+
+use tar::{Builder, EntryType, Header};
+
+/// Unit of an archive: the size of a header, and what contents are padded to.
+const BLOCK_BYTES: u64 = 512;
+/// What ends an archive: two blocks of zeros.
+pub(super) const END: [u8; 2 * BLOCK_BYTES as usize] = [0; 2 * BLOCK_BYTES as usize];
+
+/// A file of a sample: its name after the key, and its content.
+pub(super) type SampleFile = (String, Vec<u8>);
+
+/// The entries of a sample as they stand in an archive, one after the other. The names of its files begin with the key.
+pub(super) fn entries(key: &str, files: &[SampleFile]) -> io::Result<Vec<u8>> {
+    let mut archive = Builder::new(Vec::new());
+    for (name, content) in files {
+        let mut header = Header::new_ustar();
+        header.set_entry_type(EntryType::Regular);
+        header.set_mode(0o644);
+        header.set_mtime(0);
+        header.set_size(content.len() as u64);
+        archive.append_data(&mut header, format!("{key}.{name}"), &content[..])?;
+    }
+    // Finished, it would end with the blocks that end an archive.
+    Ok(mem::take(archive.get_mut()))
+}
+
+/// Whether entries of this size fit into an archive that has others of `written` bytes and may have `most_bytes` with its end.
+pub(super) fn fits(written: u64, added: u64, most_bytes: u64) -> bool {
+    written + added + END.len() as u64 <= most_bytes
+}
