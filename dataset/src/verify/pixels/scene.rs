@@ -18,8 +18,9 @@ use crate::pixel_box::PixelBox;
 const COLUMNS: usize = 12;
 const ROWS: usize = 8;
 const BLOCKS: usize = COLUMNS * ROWS;
-/// Rows and columns between the pixels that are compared with their right-hand neighbour.
-const STEP: usize = 3;
+/// Of large pictures only every third pixel of every third row is read, of small ones more.
+const MOST_STEP: usize = 3;
+const LEAST_ROWS_READ: usize = 64;
 /// A block counts as showing the aircraft, its lights or its shadow if it is this near to the box, as a part of the longer side.
 const MARGIN: f64 = 0.5;
 /// A picture is compared if the aircraft leaves this many blocks. Any two of them then have a quarter of all blocks in common.
@@ -57,7 +58,8 @@ impl CoarsePicture {
         let [width_px, height_px] = picture.size_px().map(|size_px| size_px as usize);
         let (mut sums, mut counts) = ([0.0; BLOCKS], [0.0; BLOCKS]);
         let (mut change, mut squares) = (0.0, 0.0);
-        for ([x, y], [left, right]) in picture.neighbours(STEP) {
+        let step = (height_px / LEAST_ROWS_READ).clamp(1, MOST_STEP);
+        for ([x, y], [left, right]) in picture.neighbours(step) {
             let block = y * ROWS / height_px * COLUMNS + x * COLUMNS / width_px;
             sums[block] += (left + right) / 2.0;
             counts[block] += 1.0;
