@@ -133,6 +133,7 @@ fn print_proof(report: &VerifyReport) {
         );
         print_not_filled(report);
     }
+    print_without_clear_box(report);
     match report.missing.as_slice() {
         [] => {}
         [id] => println!("1 planned scenario is missing: {id}"),
@@ -169,6 +170,25 @@ fn print_not_filled(report: &VerifyReport) {
     match views.count() {
         0 => {}
         more => println!("  nor in some of {more} more views (--json lists all)"),
+    }
+}
+
+/// The views that no box proves: their pictures were only compared with each other.
+fn print_without_clear_box(report: &VerifyReport) {
+    let mut views = report.views.iter().filter(|view| view.clear_boxes == 0);
+    for view in views.by_ref().take(MOST_VIEWS_LISTED) {
+        let rough = match view.rough_boxes {
+            0 => "",
+            _ => ", as no background is smooth",
+        };
+        println!(
+            "  no true box is clear enough in {} view {}{rough}: its pictures were only compared with each other",
+            view.scenario, view.view
+        );
+    }
+    match views.count() {
+        0 => {}
+        more => println!("  nor in {more} more views (--json lists all)"),
     }
 }
 

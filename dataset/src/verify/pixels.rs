@@ -10,14 +10,17 @@
 //! - **Moving**: a picture that equals an earlier one is frozen if the aircraft moved by a pixel in between.
 //! - **Not elsewhere**: a picture with an empty box that shows the aircraft where another tick or view has it is of that one
 //!   ([`elsewhere`]).
-//! - **Of one scene**: a picture is neither much rougher nor much smoother than the others of its view ([`texture`]).
+//! - **Of one scene**: outside the aircraft a picture equals the others of its view, and no picture is noise ([`scene`]).
+//! - **Before a sky**: behind an aircraft in the air the background is smooth. If it is rough in most places, the pictures show no sky.
 //!
 //! A box is clear enough if it is complete, above the ground, below all clouds, in front of a smooth background, and has at least a
-//! transmission of [`LEAST_TRANSMISSION`]: there an aircraft is visible in any weather.
+//! transmission of [`LEAST_TRANSMISSION`]: there an aircraft is visible in any weather. A view without clear boxes proves little; the
+//! report lists it.
 
 mod elsewhere;
+mod repeated;
+mod scene;
 mod sight;
-mod texture;
 mod timing;
 
 use serde::Serialize;
@@ -27,7 +30,9 @@ use crate::frames::Frames;
 use crate::pixel_box::{PixelBox, TruthBox};
 use crate::scenario::ScenarioRecord;
 use elsewhere::{Other, Suspect};
-use sight::{DecodedPicture, Sight, change_between, look};
+use repeated::Reference;
+use scene::CoarsePicture;
+use sight::{DecodedPicture, Sight, look};
 
 /// Minimum transmission. With 50 grey levels of scene contrast this leaves 10, twice that of the noisiest background that counts as
 /// smooth.
@@ -43,12 +48,10 @@ const LEAST_BOXES: usize = 5;
 const LEAST_FILLED: f64 = 0.3;
 /// An empty box is a fault only if its contrast, by the other boxes and the air, is this many times the visible minimum.
 const SURE: f64 = 3.0;
-/// A picture equals an earlier one if the change where the aircraft is, is less than this part of its contrast ...
-const SAME: f64 = 0.15;
-/// ... which must be this many grey levels, far above the effect of encoding the same picture twice ...
-const SAME_LEAST_CONTRAST: f64 = 10.0;
-/// ... and is frozen if the aircraft moved this far, pixels.
-const MOVED_PX: f64 = 1.0;
+/// The pictures show no sky if less than this part of the boxes that would be clear is in front of a smooth background ...
+const LEAST_SMOOTH: f64 = 0.3;
+/// ... and the noise of the background is this many grey levels. In the measured scenarios it is below 4.
+const LEAST_ROUGH: f64 = 20.0;
 
 /// What is known about a scenario before its videos are read.
 pub(super) struct Scenario<'a> {
@@ -68,6 +71,8 @@ pub struct ViewProof {
     pub pictures: u64,
     /// True boxes that are clear enough to show the aircraft.
     pub clear_boxes: usize,
+    /// Those that would be clear, but have no smooth background.
+    pub rough_boxes: usize,
     /// Those with something that stands out.
     pub filled_boxes: usize,
     /// Ticks of the others.
@@ -89,19 +94,12 @@ pub(super) struct Watcher<'a> {
     /// The same for the other views.
     others: Vec<(&'a str, Vec<Option<PixelBox>>)>,
     seen: Vec<Seen>,
-    /// Roughness of the pictures.
-    roughness: Vec<f64>,
+    /// All pictures, coarsely.
+    coarse: Vec<CoarsePicture>,
     /// Pictures that seem to be of another tick or view.
     suspects: Vec<Suspect>,
-    /// The reference picture for the following ones, until the aircraft has moved by [`MOVED_PX`].
-    anchor: Option<Anchor>,
-}
-
-struct Anchor {
-    tick: usize,
-    rgb: Vec<u8>,
-    place: PixelBox,
-    contrast: f64,
+    /// The picture that later ones must differ from.
+    reference: Reference,
 }
 
 /// Observations in one picture.
@@ -153,9 +151,9 @@ impl<'a> Watcher<'a> {
                 .map(|other| (other.as_str(), only_boxes(of(other))))
                 .collect(),
             seen: Vec::new(),
-            roughness: Vec::new(),
+            coarse: Vec::new(),
             suspects: Vec::new(),
-            anchor: None,
+            reference: Reference::default(),
         }
     }
 
@@ -175,14 +173,16 @@ impl<'a> Watcher<'a> {
             .flatten()
             .map(|(_, truth)| truth.pixel_box);
         let mut seen = Seen::default();
-        self.roughness.push(texture::roughness(&picture));
+        self.coarse.push(CoarsePicture::of(&picture, own.as_ref()));
         if let Some(own) = own {
             seen.sight = look(&picture, &own);
-            seen.repeats = self.repeats(tick, &picture, &own, seen.sight);
+            let would_be_seen = self.would_be_seen(tick);
+            let sight = seen.sight;
+            seen.repeats = (self.reference).repeated(tick, &picture, &own, sight, would_be_seen);
             let is_empty = seen.sight.is_some_and(|sight| {
                 sight.is_empty() && (sight.is_before_smooth() || self.is_above_ground(tick))
             });
-            if is_empty && seen.repeats.is_none() && self.would_be_seen(tick) {
+            if is_empty && seen.repeats.is_none() && would_be_seen {
                 let suspect = Suspect::find(&picture, tick, &own, self.other_places(tick));
                 self.suspects.extend(suspect);
             }
@@ -228,71 +228,15 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// The earlier picture that this one repeats, if the aircraft moved far enough since then for motion to be visible.
-    fn repeats(
-        &mut self,
-        tick: usize,
-        picture: &DecodedPicture,
-        own: &PixelBox,
-        sight: Option<Sight>,
-    ) -> Option<(usize, f64)> {
-        let moved = self.anchor.as_ref().map(|anchor| {
-            let moved_px = (own.cx_px - anchor.place.cx_px).hypot(own.cy_px - anchor.place.cy_px);
-            (anchor, moved_px)
-        });
-        if moved.is_some_and(|(_, moved_px)| moved_px < MOVED_PX) {
-            return None;
-        }
-        // Only where motion would be visible. Farther on than its width, what stands still may be a building before an aircraft in fog.
-        let could_be_frozen = |moved_px: f64| {
-            sight.is_some() && (moved_px <= own.width_px || self.would_be_seen(tick))
-        };
-        let repeated = moved
-            .filter(|(_, moved_px)| could_be_frozen(*moved_px))
-            .and_then(|(anchor, moved_px)| {
-                let before = picture.of_same_size(&anchor.rgb);
-                let change_of = |was, is| change_between(&before, picture, was, is);
-                let change = if moved_px <= own.width_px {
-                    change_of(&anchor.place, own)?
-                } else {
-                    // The sky between the two places would hide the change.
-                    change_of(&anchor.place, &anchor.place)?.max(change_of(own, own)?)
-                };
-                (change < SAME * anchor.contrast).then_some((anchor.tick, moved_px))
-            });
-        let contrast = sight
-            .filter(Sight::is_filled)
-            .map_or(0.0, |sight| sight.contrast);
-        if repeated.is_some() || contrast < SAME_LEAST_CONTRAST {
-            // A frozen picture need not show the aircraft in this box: the picture that it repeats stays the reference.
-            if repeated.is_none() {
-                self.anchor = None;
-            }
-            return repeated;
-        }
-        let mut rgb = self
-            .anchor
-            .take()
-            .map_or_else(Vec::new, |anchor| anchor.rgb);
-        rgb.clear();
-        rgb.extend_from_slice(picture.bytes());
-        self.anchor = Some(Anchor {
-            tick,
-            rgb,
-            place: *own,
-            contrast,
-        });
-        None
-    }
-
     /// Judges all pictures together. `file`: the video.
     pub(super) fn judge(self, file: &str, faults: &mut Faults) -> ViewProof {
-        let clear = self.clear_boxes();
+        let (clear, rough) = self.boxes_before_the_sky();
         let filled: Vec<&ClearBox> = clear.iter().filter(|b| b.sight.is_filled()).collect();
         let mut proof = ViewProof {
             view: self.view.to_owned(),
             pictures: self.seen.len() as u64,
             clear_boxes: clear.len(),
+            rough_boxes: rough.len(),
             filled_boxes: filled.len(),
             not_filled: (clear.iter().filter(|found| !found.sight.is_filled()))
                 .map(|found| found.tick as u32)
@@ -300,7 +244,8 @@ impl<'a> Watcher<'a> {
             ..ViewProof::default()
         };
         self.check_moving(file, faults);
-        texture::judge(&self.roughness, file, self.view, faults);
+        scene::judge(&self.coarse, file, self.view, faults);
+        self.check_sky(&clear, &rough, file, faults);
         let enough = clear.len() >= LEAST_BOXES;
         if enough && (filled.len() as f64) < LEAST_FILLED * clear.len() as f64 {
             let message = format!(
@@ -358,21 +303,35 @@ impl<'a> Watcher<'a> {
         Some(row.pose.altitude_msl_m)
     }
 
-    fn clear_boxes(&self) -> Vec<ClearBox<'a>> {
+    /// The clear boxes, and those that only lack a smooth background.
+    fn boxes_before_the_sky(&self) -> (Vec<ClearBox<'a>>, Vec<ClearBox<'a>>) {
         let boxes = self.boxes.iter().zip(&self.seen).enumerate();
         boxes
             .filter(|(tick, _)| self.would_be_seen(*tick) && self.is_above_ground(*tick))
             .filter_map(|(tick, (found, seen))| {
                 let (row, truth) = (*found)?;
-                let sight = seen.sight.filter(|sight| sight.is_before_smooth())?;
                 Some(ClearBox {
                     tick,
                     row,
                     truth,
-                    sight,
+                    sight: seen.sight?,
                 })
             })
-            .collect()
+            .partition(|found| found.sight.is_before_smooth())
+    }
+
+    /// Missing evidence is a fault if no sky of any weather would hide it.
+    fn check_sky(&self, clear: &[ClearBox], rough: &[ClearBox], file: &str, faults: &mut Faults) {
+        let all = clear.len() + rough.len();
+        let noise = timing::median(rough.iter().map(|found| found.sight.noise)).unwrap_or(0.0);
+        let are_few = (clear.len() as f64) < LEAST_SMOOTH * all as f64;
+        if all >= LEAST_BOXES && are_few && noise >= LEAST_ROUGH {
+            let message = format!(
+                "the pictures show no sky: around {} of {all} true boxes of an aircraft in the air the noise is {noise:.0} grey levels, expected less than {LEAST_ROUGH:.0}",
+                rough.len()
+            );
+            faults.view(file, self.view, message);
+        }
     }
 
     /// Whether the pictures would match another view.

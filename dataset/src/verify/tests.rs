@@ -170,7 +170,7 @@ fn write_video_at(path: &Path, ticks: u32, rate: FrameRate) {
         VideoWriter::create(path, &VideoSettings::default(), SIZE_PX, SIZE_PX, rate).unwrap();
     for tick in 0..ticks {
         writer
-            .write(&vec![40 * tick as u8; (SIZE_PX * SIZE_PX * 3) as usize])
+            .write(&vec![100 + tick as u8; (SIZE_PX * SIZE_PX * 3) as usize])
             .unwrap();
     }
     writer.finish().unwrap();

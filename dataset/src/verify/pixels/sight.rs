@@ -35,7 +35,7 @@ pub(super) struct Sight {
     /// Mean of the tenth of the pixels in the box that stand out most, grey levels.
     pub(super) contrast: f64,
     /// Level that nine tenths of the surrounding pixels stay below, grey levels.
-    noise: f64,
+    pub(super) noise: f64,
     /// Centre of what stands out, relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
 }
@@ -92,11 +92,21 @@ impl<'a> DecodedPicture<'a> {
         0.2126 * red + 0.7152 * green + 0.0722 * blue
     }
 
-    /// Pairs of neighbouring pixels in a row, every `step`th of them in every `step`th row.
-    pub(super) fn neighbours(&self, step: usize) -> impl Iterator<Item = (f64, f64)> {
+    /// Width and height, pixels.
+    pub(super) fn size_px(&self) -> [i64; 2] {
+        [self.width, self.height]
+    }
+
+    /// Brightness of neighbouring pixels in a row, every `step`th of them in every `step`th row, with the place of the left one.
+    pub(super) fn neighbours(&self, step: usize) -> impl Iterator<Item = ([usize; 2], [f64; 2])> {
         let columns = move || (0..self.width - 1).step_by(step);
         let rows = (0..self.height).step_by(step);
-        rows.flat_map(move |y| columns().map(move |x| (self.grey(x, y), self.grey(x + 1, y))))
+        rows.flat_map(move |y| {
+            columns().map(move |x| {
+                let place = [x as usize, y as usize];
+                (place, [self.grey(x, y), self.grey(x + 1, y)])
+            })
+        })
     }
 
     /// Whole pixels of a box that are in the picture.

@@ -1,0 +1,79 @@
+//! Pictures that repeat an earlier one though the aircraft moved.
+
+use super::sight::{DecodedPicture, Sight, change_between};
+use crate::pixel_box::PixelBox;
+
+/// A picture equals an earlier one if the change where the aircraft is, is less than this part of its contrast ...
+const SAME: f64 = 0.15;
+/// ... which must be this many grey levels, far above the effect of encoding the same picture twice ...
+const SAME_LEAST_CONTRAST: f64 = 10.0;
+/// ... and is frozen if the aircraft moved this far, pixels.
+const MOVED_PX: f64 = 1.0;
+
+/// The picture that the following ones are compared with, until the aircraft has moved by [`MOVED_PX`].
+#[derive(Default)]
+pub(super) struct Reference(Option<Anchor>);
+
+struct Anchor {
+    tick: usize,
+    rgb: Vec<u8>,
+    place: PixelBox,
+    contrast: f64,
+}
+
+impl Reference {
+    /// The tick of the earlier picture that this one repeats and the way of the aircraft since then in pixels, if it moved far enough for
+    /// motion to be visible. `own`: the true box, `sight`: its content, `would_be_seen`: whether neither air nor clouds hide the aircraft.
+    pub(super) fn repeated(
+        &mut self,
+        tick: usize,
+        picture: &DecodedPicture,
+        own: &PixelBox,
+        sight: Option<Sight>,
+        would_be_seen: bool,
+    ) -> Option<(usize, f64)> {
+        let moved = self.0.as_ref().map(|anchor| {
+            let moved_px = (own.cx_px - anchor.place.cx_px).hypot(own.cy_px - anchor.place.cy_px);
+            (anchor, moved_px)
+        });
+        if moved.is_some_and(|(_, moved_px)| moved_px < MOVED_PX) {
+            return None;
+        }
+        // Only where motion would be visible. Farther on than its width, what stands still may be a building before an aircraft in fog.
+        let could_be_frozen =
+            |moved_px: f64| sight.is_some() && (moved_px <= own.width_px || would_be_seen);
+        let repeated = moved
+            .filter(|(_, moved_px)| could_be_frozen(*moved_px))
+            .and_then(|(anchor, moved_px)| {
+                let before = picture.of_same_size(&anchor.rgb);
+                let change_of = |was, is| change_between(&before, picture, was, is);
+                let change = if moved_px <= own.width_px {
+                    change_of(&anchor.place, own)?
+                } else {
+                    // The sky between the two places would hide the change.
+                    change_of(&anchor.place, &anchor.place)?.max(change_of(own, own)?)
+                };
+                (change < SAME * anchor.contrast).then_some((anchor.tick, moved_px))
+            });
+        let contrast = sight
+            .filter(Sight::is_filled)
+            .map_or(0.0, |sight| sight.contrast);
+        if repeated.is_some() || contrast < SAME_LEAST_CONTRAST {
+            // A frozen picture need not show the aircraft in this box: the picture that it repeats stays the reference.
+            if repeated.is_none() {
+                self.0 = None;
+            }
+            return repeated;
+        }
+        let mut rgb = self.0.take().map_or_else(Vec::new, |anchor| anchor.rgb);
+        rgb.clear();
+        rgb.extend_from_slice(picture.bytes());
+        self.0 = Some(Anchor {
+            tick,
+            rgb,
+            place: *own,
+            contrast,
+        });
+        None
+    }
+}
