@@ -24,7 +24,7 @@ use crate::seal::{self, Seal};
 use crate::splits::Splits;
 use crate::video::VideoCodec;
 
-pub use place::{check_path, check_place, foreign_entries, own_folder_around};
+pub use place::{check_path, check_place, foreign_entries, is_plan, own_folder_around};
 
 /// Ending of a folder that is still being filled.
 pub const PARTIAL_SUFFIX: &str = ".partial";

@@ -17,7 +17,7 @@ use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::CameraEntry;
-use crate::corpus::Corpus;
+use crate::corpus::{Corpus, is_plan};
 use crate::error::{Error, Result};
 use crate::imaging::Imaging;
 use crate::json_file::{parse_json, write_atomically};
@@ -86,18 +86,6 @@ impl Version {
         let form: Self = parse_json(text, path, WHAT)?;
         Ok(form.plan_version.unwrap_or(1))
     }
-}
-
-/// Whether a text is a plan of any version, valid or not in its values.
-pub fn is_plan(text: &[u8]) -> bool {
-    #[derive(Deserialize)]
-    struct AnyPlan {
-        #[serde(rename = "plan_hash")]
-        _plan_hash: String,
-        #[serde(rename = "scenarios")]
-        _scenarios: Vec<IgnoredAny>,
-    }
-    serde_json::from_slice::<AnyPlan>(text).is_ok()
 }
 
 impl Common {

@@ -2,8 +2,7 @@
 
 use std::time::Duration;
 
-use dataset::corpus::{Corpus, foreign_entries};
-use dataset::plan::is_plan;
+use dataset::corpus::{Corpus, foreign_entries, is_plan};
 use futures_util::TryStreamExt;
 use futures_util::future::BoxFuture;
 use object_store::{ObjectMeta, ObjectStore};

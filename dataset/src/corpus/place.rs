@@ -5,11 +5,13 @@
 use std::fs;
 use std::path::Path;
 
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
 use super::{Corpus, SCENARIOS};
 use crate::error::{Error, Result};
 use crate::new_file::TEMPORARY_SUFFIX;
 use crate::outside_file::{self, FileKind};
-use crate::plan::is_plan;
 use crate::seal;
 use crate::splits::Splits;
 
@@ -116,6 +118,18 @@ fn has_plan(root: &Path) -> Result<bool> {
 fn has_sealed_scenario(root: &Path) -> bool {
     let entries = fs::read_dir(root.join(SCENARIOS));
     entries.is_ok_and(|entries| entries.flatten().any(|entry| seal::is_at(&entry.path())))
+}
+
+/// Whether a text is a plan of any version, valid or not in its values.
+pub fn is_plan(text: &[u8]) -> bool {
+    #[derive(Deserialize)]
+    struct AnyPlan {
+        #[serde(rename = "plan_hash")]
+        _plan_hash: String,
+        #[serde(rename = "scenarios")]
+        _scenarios: Vec<IgnoredAny>,
+    }
+    serde_json::from_slice::<AnyPlan>(text).is_ok()
 }
 
 #[cfg(test)]
