@@ -3,6 +3,9 @@
 //! Input: the planned [`Weather`] and the reported values. Output: the quantities that differ from the plan. A simulator may store what is
 //! written, read it back, and draw something else; what it reports at the aircraft is the only statement about what was drawn.
 //! X-Plane 12 reports these quantities; no tolerance is zero, because haze, gusts and a cloud's edge contribute to what is reported.
+//!
+//! If a quantity that was measured to follow what is written differs, the attempt fails; any other marks the scenario, because it may mean
+//! something else than its name says.
 
 mod reported;
 

@@ -2,6 +2,8 @@
 //!
 //! All of it is off by default, because X-Plane has none of it. Lens and refraction move objects, so they belong to the calibration
 //! and every projection includes them. Blur, seeing and noise degrade the picture and leave the geometry alone.
+//!
+//! Only the stand-in can draw it; a simulator reports whether it can before a scenario is flown.
 
 use serde::{Deserialize, Serialize};
 

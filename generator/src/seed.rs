@@ -1,4 +1,7 @@
 //! Seeds: one per scenario, and the same on any machine.
+//!
+//! A scenario is defined by its parameters, not by its position in a list: its name is its coordinates, its seed a hash of name and master
+//! seed, and each of its values is drawn from a separate generator. So a sweep grows without changing existing scenarios.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;

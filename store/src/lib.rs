@@ -14,6 +14,9 @@
 //! ```text
 //! Place: folder or URL  ->  CorpusStore: what is committed, the files of the whole corpus  ->  upload, fetch: one scenario
 //! ```
+//!
+//! Recording, labelling and training need seeks, locks and FFmpeg, so they work on folders: `dtd generate --out URL` records in a staging
+//! folder and uploads finished scenarios in the meantime.
 
 #![forbid(unsafe_code)]
 

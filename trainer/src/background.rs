@@ -8,6 +8,9 @@
 //! Focal length and the row of the horizon are those of the planned cameras; where each really looks is not read.
 //!
 //! A view that cannot be aligned saw nothing: its boxes are dropped, and the scenario is named.
+//!
+//! The pictures come from the videos: two dozen per flight are enough. Samples are corrected when they are read, so every later stage sees
+//! one camera.
 
 mod alignment;
 mod motion;

@@ -3,6 +3,8 @@
 //!
 //! Input: a run folder. Output: [`ExportedRun`]: the models, their card, and ticks with the answers that this crate gives, so that the
 //! caller can hold a runtime against them before anybody uses the files.
+//!
+//! Each part of a graph is written next to the code that it repeats.
 
 mod model_card;
 mod probes;

@@ -2,6 +2,8 @@
 //!
 //! Input: the folder of X-Plane. Output: the files in `Resources/plugins/PythonPlugins`, and the remaining steps for the user. A
 //! repeated run writes only what differs; the settings file next to the plugin is the user's and never touched.
+//!
+//! The plugin is embedded in the program.
 
 mod found;
 

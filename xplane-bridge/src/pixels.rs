@@ -6,6 +6,8 @@
 //! [`PixelSource`]. The plugin proves that what it sends is the requested frame; for the screen, [`ScreenSource`] proves by a check
 //! pattern, before the first picture and after the last, that what is grabbed is the window, complete and unscaled, and never an
 //! older frame than the requested one.
+//!
+//! X-Plane 12 does not let plugins read its frame back, which leaves the screen, or screenshots where a picture may take a second.
 
 mod cell_grid;
 pub mod check_pattern;

@@ -3,6 +3,9 @@
 //! Input: a few minutes of writing, reading and examining pictures ([`crate::doctor`]). Output: a record that the plugin stores and
 //! sends to every client with its `hello`, on whichever computer. [`crate::Simulator`] uses some of it; the rest is for people, who
 //! send it to us.
+//!
+//! Without a profile, `dtd generate` checks the pictures itself before the first scenario, and assumes of the weather what most reports
+//! say.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -2,6 +2,8 @@
 //!
 //! Input: a mast beside a runway with its lens, where a scenario aims it, and its placement error. Output: position, direction,
 //! lens, air and sensor, as in `calibration.json`.
+//!
+//! A single function does this: `dtd generate` records with its result, and `dtd verify` compares with it.
 
 use serde::{Deserialize, Serialize};
 

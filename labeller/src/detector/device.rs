@@ -3,6 +3,8 @@
 //!
 //! Only what the loaded library was built with can be asked for, and then it is used or the run fails: nothing falls back to the
 //! processor in silence. Operators that an accelerator lacks run on the processor, as ONNX Runtime assigns them.
+//!
+//! The device is recorded, but is not part of the identity of detections: it only changes rounding, OpenVINO in bfloat16 more than others.
 
 use std::fmt;
 use std::str::FromStr;

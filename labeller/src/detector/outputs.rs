@@ -1,4 +1,6 @@
 //! Which of a model's outputs hold the boxes, and in which layout: found out from the names, types and shapes of actual outputs.
+//!
+//! Settings, metadata and shapes that contradict each other are an error, never a guess.
 
 use super::boxes_and_scores::PairOutputs;
 use super::efficient_nms::{NmsOutputs, OutputForm};

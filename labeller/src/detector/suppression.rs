@@ -1,4 +1,6 @@
 //! Non-maximum suppression: one box per object.
+//!
+//! Each box is compared only with the few that are kept, so clutter costs a sort.
 
 use super::ScoredBox;
 

@@ -2,6 +2,9 @@
 //!
 //! Calibration networks, distance estimator and monoscopic networks differ in their batches and losses and in what they make of their
 //! errors: a [`Task`]. Optimiser, learning rate, judging, early stopping, checkpoints and the end of a training that diverges are the same.
+//!
+//! The detector has a separate loop (`detector-training`): it may run for minutes instead of steps, trains two halves of a batch in
+//! parallel, and remembers the background that it took for aircraft.
 
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};

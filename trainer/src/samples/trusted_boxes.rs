@@ -9,6 +9,8 @@
 //! - **Contains the aircraft** needs the truth, so it applies to the training side only, and there to the formulas and to the ranges of
 //!   [`crate::networks::normalisation`]; to the networks only if the settings say so, because the paper's learn from what the detector
 //!   found.
+//!
+//! A tick without any box left gets no answer.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;

@@ -1,8 +1,8 @@
 //! Which of our two estimators a training recommends, and why.
 //!
 //! `inverse_range` learns from the training flights whatever the pictures show, also what no camera model has, but only near where they
-//! flew: `docs/training.md` has figures. Fitted cameras know what is beside the flights. So flights that keep closely to one line call for
-//! `self_calibrated`, and others for `inverse_range`.
+//! flew: `docs/estimators.md` has figures. Fitted cameras know what is beside the flights. So flights that keep closely to one line call
+//! for `self_calibrated`, and others for `inverse_range`.
 
 use crate::run::choice::Choice;
 use crate::run::estimator::Estimator;

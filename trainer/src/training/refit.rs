@@ -5,6 +5,8 @@
 //! paper's way), and the offset and scale of its features. These follow from the old and the new fitted camera: they make of a box in the
 //! new picture what the old camera would have given, so that the networks start where they were. The fingerprint of everything else
 //! ([`frozen`]) is compared and recorded.
+//!
+//! Networks, formulas and features store by view what belongs to a view, so that everything else can be fingerprinted.
 
 mod frozen;
 mod network_refit;

@@ -5,6 +5,8 @@
 //! file has no name, so a killed process leaves nothing behind; its size is sealed, so that no access can fail; and it begins with
 //! a secret, so that the file of another process, perhaps in another container with the same numbers, is not mistaken for it. Over
 //! loopback each picture was copied twice and cost the client more than 5 % of a core (`docs/capture-link.md`).
+//!
+//! Pictures that pass a recorder, or come from another computer or from the plugin, travel over TCP.
 #![allow(unsafe_code)]
 
 #[cfg_attr(target_os = "linux", path = "shared_memory/memfd.rs")]

@@ -6,6 +6,8 @@
 //! skips as many grabs; the frame stays on the screen until the next request, so waiting is always safe. After the recording
 //! [`ScreenSource::confirm`] measures again: a window that moved, or a screen that has become slower than the waiting time, ends
 //! the attempt.
+//!
+//! The pattern is drawn under the windows of the user interface as well as over them, so that a window over the scene is found and named.
 
 mod coded_grabs;
 mod covered;

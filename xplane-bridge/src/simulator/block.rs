@@ -3,6 +3,8 @@
 //! The plugin writes the next tick in each camera callback, and numbers the frames that it draws. A thread grabs each numbered frame
 //! (`pixels/screen/coded_grabs.rs`); which tick it shows is decided in `block/sequence.rs`. Requests are sent ahead as far as there is
 //! room for their pictures, so that neither a slow encoder nor a slow screen loses any.
+//!
+//! Off the screen, moving the camera costs frames of settling, so the camera of one view rests while every drawn frame shows another tick.
 
 mod aircraft_place;
 mod probe;

@@ -4,6 +4,8 @@
 //! a remedy. A check that depends on an earlier one that failed is skipped and says so. Once per installation it also measures what
 //! reports disagree on, and stores it as a [`Profile`]. Every change is undone: one course, the pause, the weather, and the
 //! aircraft's place during the pictures.
+//!
+//! It is part of this crate because it measures with what the client keeps private, such as writing a dataref until it holds.
 
 mod announcement;
 mod complaints;

@@ -8,6 +8,8 @@
 //! Input: the observations of one flight in the order of time. Output: per tick distance, ground speed and time to touchdown, each with
 //! a standard deviation and a 90 % interval. Variances grow with the misfits of the flight itself ([`forward`]); the widths of the
 //! intervals are such that they hold 90 % ([`held_share`]) of the labels of flights that the fits did not see ([`labelled_flight`]).
+//!
+//! The measurements are distances, because the formula of a fit inverts exactly: the filter is linear.
 
 mod correlated_error;
 mod estimate;
