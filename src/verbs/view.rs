@@ -1,5 +1,6 @@
 //! `dtd view`: a page that shows a corpus.
 
+use std::env;
 use std::net::SocketAddr;
 use std::process::{Command, Stdio};
 use std::thread;
@@ -70,6 +71,14 @@ fn announce(address: SocketAddr, no_open: bool) {
         Ok(status) if status.success() => {
             eprintln!("view: opened {url} in the browser; Ctrl-C ends it");
         }
-        _ => eprintln!("view: no browser could be started; open {url} in one. Ctrl-C ends it"),
+        _ => {
+            eprintln!("view: no browser could be started; open {url} in one. Ctrl-C ends it");
+            if env::var_os("SSH_CONNECTION").is_some() {
+                let port = address.port();
+                eprintln!(
+                    "view: through ssh, forward the port on your own computer: ssh -L {port}:{address} HOST"
+                );
+            }
+        }
     });
 }

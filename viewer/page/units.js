@@ -5,7 +5,10 @@ const KNOTS_PER_MPS = 3600 / METRES_PER_NM;
 
 /** The number with this many decimals, or a dash if it is missing. */
 export function fixed(value, decimals) {
-  return value === null || value === undefined || !Number.isFinite(value) ? '–' : value.toFixed(decimals).replace('-', '−');
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  const text = value.toFixed(decimals);
+  // What rounds to zero has no sign.
+  return text.replace('-', Number(text) === 0 ? '' : '−');
 }
 
 /** The same, but without decimals from `limit` on: columns have no room for what nobody reads. */
