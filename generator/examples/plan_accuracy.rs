@@ -87,9 +87,11 @@ async fn main() -> Result<(), Box<dyn Error>> {
 /// Live flights from 2 NM, of which the last one is a recording if there are several.
 fn sweep(name: &str, seed: u32, repeats: u32) -> Result<Sweep, Box<dyn Error>> {
     let recorded = if repeats > 1 {
-        "[[recorded]]\nfiles = \"flights/01_calm_ils.csv\"\nweathers = [\"clear\"]\n"
+        format!(
+            "[[recorded]]\nfiles = \"flights/01_calm_ils.csv\"\nweathers = [\"clear\"]\nrepeats = [{repeats}]\n"
+        )
     } else {
-        ""
+        String::new()
     };
     let toml = SmallSweep {
         name,
