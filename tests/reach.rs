@@ -214,7 +214,7 @@ fn assert_ended_by_the_next(sim: &str, relay: &Relay, folder: &Path, state: &Pat
         sends(relay),
         "the simulator goes on sending to a killed client"
     );
-    assert_eq!(notes(state), 1, "of the killed client");
+    assert!(notes(state) > 0, "the port of the killed client is noted");
     let doctor = ["doctor", "--no-measure", "--sim", sim];
     must(dtd(&doctor, state).current_dir(folder));
     assert!(!sends(relay), "subscriptions are left");
