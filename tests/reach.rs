@@ -214,7 +214,7 @@ fn assert_ended_by_the_next(sim: &str, relay: &Relay, folder: &Path, state: &Pat
         sends(relay),
         "the simulator goes on sending to a killed client"
     );
-    assert_eq!(notes(state), 1, "of the killed client");
+    assert!(notes(state) > 0, "the port of the killed client is noted");
     let doctor = ["doctor", "--no-measure", "--sim", sim];
     must(dtd(&doctor, state).current_dir(folder));
     assert!(!sends(relay), "subscriptions are left");
@@ -238,7 +238,7 @@ fn the_next_client_ends_the_subscriptions_of_a_recorder_that_was_killed() {
     let (_simulator, relay) = behind_a_relay("12");
     let sim = relay.address().to_string();
     let tape = folder.path().join("session.mcap");
-    let record = ["record", "--sim", &sim, "--out", text(&tape)];
+    let record = ["tape", "--sim", &sim, "--out", text(&tape)];
     let recorder = Server::start(dtd(&record, &state).args(["--port", "0", "--until-stdin-ends"]));
     let of_generate = folder.path().join("state-of-generate");
     let recording = recording_from(recorder.udp(), folder.path(), &of_generate);

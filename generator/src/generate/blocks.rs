@@ -17,8 +17,10 @@ use super::error::ScenarioError;
 use super::event::Event;
 use super::lockstep::{Drawn, check, check_content, request};
 
-/// The longest block where time runs, seconds of flight.
-const RUNNING_BLOCK_S: f64 = 5.0;
+/// The most ticks of a block where time runs: some seconds on the screen, whatever the rate of the ticks. In longer blocks the views of a
+/// tick are further apart in time, and in much shorter ones something that covers the scene may come before the first picture and go after
+/// the last.
+const MOST_RUNNING_TICKS: usize = 150;
 
 /// Captures all pictures into `encoders`, block by block; returns what was drawn for each tick and view, and how.
 pub(super) async fn capture_blocks(
@@ -28,7 +30,7 @@ pub(super) async fn capture_blocks(
     encoders: &mut Encoders,
     attempt: &Attempt<'_, '_>,
 ) -> Result<(Vec<Vec<Drawn>>, Blocks), ScenarioError> {
-    let block_ticks = ticks_of_a_block(simulator.time_runs(), states.len(), picture);
+    let block_ticks = ticks_of_a_block(simulator.time_runs(), states.len());
     let mut drawn: Vec<Vec<Drawn>> = vec![Vec::new(); states.len()];
     let mut blocks = Blocks {
         ticks: block_ticks as u32,
@@ -141,8 +143,33 @@ pub(super) async fn may_use_blocks(
     }
 }
 
-fn ticks_of_a_block(time_runs: bool, ticks: usize, picture: Picture) -> usize {
-    let running = (RUNNING_BLOCK_S / picture.frame_rate.period_s()) as usize;
-    let block = if time_runs { running } else { ticks };
-    block.clamp(1, ticks.max(1))
+/// Blocks of nearly the same length, so that none is short.
+fn ticks_of_a_block(time_runs: bool, ticks: usize) -> usize {
+    let blocks = if time_runs {
+        ticks.div_ceil(MOST_RUNNING_TICKS)
+    } else {
+        1
+    };
+    ticks.div_ceil(blocks.max(1)).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flight_in_rain_is_cut_into_equal_blocks_of_which_none_is_short() {
+        assert_eq!(ticks_of_a_block(false, 2_000), 2_000);
+        for (ticks, expected) in [(0, 1), (13, 13), (150, 150), (160, 80), (778, 130)] {
+            assert_eq!(ticks_of_a_block(true, ticks), expected, "{ticks}");
+        }
+        for ticks in 151..2_000 {
+            let block = ticks_of_a_block(true, ticks);
+            let last = (ticks - 1) % block + 1;
+            assert!(
+                block > MOST_RUNNING_TICKS / 2 && last > block / 2,
+                "{ticks}"
+            );
+        }
+    }
 }
