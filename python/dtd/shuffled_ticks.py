@@ -33,15 +33,26 @@ if TYPE_CHECKING:
     _IterableDataset = object
 
     def get_worker_info() -> Any: ...
+
+    def _shared_number() -> Any: ...
 else:
     try:
+        import torch
         from torch.utils.data import IterableDataset as _IterableDataset
         from torch.utils.data import get_worker_info
+
+        def _shared_number() -> Any:
+            """A number that workers of a `DataLoader` see change, also those that live for several epochs."""
+            return torch.zeros(1, dtype=torch.int64).share_memory_()
     except ImportError:
         _IterableDataset = object
 
         def get_worker_info() -> None:
             """Without torch there are no workers."""
+
+        def _shared_number() -> Any:
+            """A number."""
+            return [0]
 
 RUN_TICKS = 240
 """Length of a run. A multiple of the distance of key frames in a corpus (60), so that no picture is decoded for nothing."""
@@ -61,22 +72,22 @@ class ShuffledTicks(_IterableDataset):
             raise ValueError(f"runs_at_once={runs_at_once} must be 1 or more")
         self._of_ticks = ticks
         self._seed = seed
-        self._epoch = 0
+        self._epoch = _shared_number()
         self._runs_at_once = runs_at_once
 
     def set_epoch(self, epoch: int) -> None:
         """Chooses the order of the next iteration: seed and epoch determine it. Without a new epoch it is the same again."""
-        self._epoch = epoch
+        self._epoch[0] = epoch
 
     def __len__(self) -> int:
-        """Number of samples of an epoch."""
+        """Number of samples of an epoch. Each worker of a `DataLoader` ends with a batch of its own, so more batches may come than it counts."""
         return len(self._of_ticks)
 
     def __iter__(self) -> Iterator[Any]:
         """The samples; in a worker of a `DataLoader`, its share of the runs."""
         worker, workers = _worker()
         runs = self._shuffled_runs()[worker::workers]
-        random = np.random.default_rng([self._seed, self._epoch, worker, 1])
+        random = np.random.default_rng([self._seed, int(self._epoch[0]), worker, 1])
         open_runs: list[_OpenRun] = []
         ahead = min(AHEAD_BYTES // (self._runs_at_once * self._of_ticks.sample_bytes), MOST_AHEAD)
         threads = ThreadPoolExecutor(max(_cores() // workers, 1)) if ahead > 1 else None
@@ -100,7 +111,7 @@ class ShuffledTicks(_IterableDataset):
 
     def _shuffled_runs(self) -> list[Run]:
         runs = self._of_ticks.runs(RUN_TICKS)
-        order = np.random.default_rng([self._seed, self._epoch]).permutation(len(runs))
+        order = np.random.default_rng([self._seed, int(self._epoch[0])]).permutation(len(runs))
         return [runs[at] for at in order]
 
 

@@ -52,6 +52,19 @@ class Loaders(unittest.TestCase):
             ]
             self.assertEqual(sorted(seen), expected)
 
+    def test_workers_that_persist_shuffle_each_epoch_anew(self) -> None:
+        shuffled = ShuffledTicks(TickDataset(Corpus(PATH), views=["mast"], every=7, crop_px=(40, 24)), seed=5)
+        for method in ("fork", "spawn"):
+            loader = DataLoader(shuffled, num_workers=1, persistent_workers=True, multiprocessing_context=method)
+
+            def order(epoch: int, loader: DataLoader = loader) -> list[tuple[str, int]]:
+                shuffled.set_epoch(epoch)
+                return [(batch["scenario"][0], batch["tick"].item()) for batch in loader]
+
+            first = order(0)
+            self.assertNotEqual(order(1), first)
+            self.assertEqual(order(0), first)
+
 
 if __name__ == "__main__":
     unittest.main()
