@@ -81,7 +81,7 @@ fn an_edited_sweep_of_an_earlier_version_is_found_by_its_expansion_and_mended() 
         let output = tiny.dtd(arguments).output().unwrap();
         (output.status.code(), said(&output))
     };
-    let verify = ["verify", "corpus", "--quick"];
+    let verify = ["verify", "corpus", "--no-decode"];
     let url = tiny.store();
     let fetch = ["fetch", url.as_str(), "--out", "corpus"];
     let (plan, sweep) = (

@@ -226,7 +226,7 @@ fn a_damaged_scenario_that_is_not_planned_is_deleted_and_a_planned_one_is_pushed
         "{words}"
     );
 
-    let verify = ["verify", store.url.as_str(), "--quick", "--json"];
+    let verify = ["verify", store.url.as_str(), "--no-decode", "--json"];
     let output = dtd(SERVER.address).args(verify).output().unwrap();
     let report: Value = json(&output);
     let findings = report["findings"].as_array().unwrap();
