@@ -154,8 +154,8 @@ fn noise_in_all_pictures_is_found_in_each_of_its_views_in_any_weather() {
     for id in [CLEAR, FOGGY] {
         for views in [&["left"][..], &["left", "right"]] {
             let found = found(id, views, noise);
-            let named = views_of(&found);
-            assert_eq!(named, views.iter().copied().collect(), "{found:#?}");
+            let expected: BTreeSet<&str> = views.iter().copied().collect();
+            assert_eq!(views_of(&found), expected, "{found:#?}");
         }
     }
 }
