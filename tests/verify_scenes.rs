@@ -24,6 +24,8 @@ const WIDTH_PX: u32 = 192;
 const HEIGHT_PX: u32 = 128;
 
 type Picture = Vec<u8>;
+/// Makes the picture of a row from the recorded one.
+type Change<'a> = &'a dyn Fn(usize, &[u8]) -> Picture;
 
 /// Two recorded scenarios, made once per run of the tests.
 fn sound() -> &'static Path {
@@ -154,8 +156,8 @@ fn noise_in_all_pictures_is_found_in_each_of_its_views_in_any_weather() {
     for id in [CLEAR, FOGGY] {
         for views in [&["left"][..], &["left", "right"]] {
             let found = found(id, views, noise);
-            let named = views_of(&found);
-            assert_eq!(named, views.iter().copied().collect(), "{found:#?}");
+            let expected: BTreeSet<&str> = views.iter().copied().collect();
+            assert_eq!(views_of(&found), expected, "{found:#?}");
         }
     }
 }
@@ -184,7 +186,7 @@ fn pictures_without_a_sky_are_a_fault_of_their_view() {
 fn blank_pictures_and_those_of_another_scenario_are_found_where_no_box_is_clear() {
     for (id, other) in [(CLEAR, FOGGY), (FOGGY, CLEAR)] {
         let elsewhere = recorded(other, "right");
-        let replacements: [&dyn Fn(usize, &[u8]) -> Picture; 4] = [
+        let replacements: [Change<'_>; 4] = [
             &|_, picture| vec![0; picture.len()],
             &|_, picture| vec![200; picture.len()],
             &|_, picture| mean_colour(picture),
