@@ -321,6 +321,14 @@ impl TableParts {
     }
 }
 
+/// Whether pages of this compression can be read.
+fn is_readable(codec: Compression) -> bool {
+    matches!(
+        codec,
+        Compression::ZSTD(_) | Compression::SNAPPY | Compression::UNCOMPRESSED
+    )
+}
+
 /// The error of a table that is being written: usually one of the disk, which is not the fault of the content.
 fn not_written(path: &Path, error: ParquetError) -> Error {
     match error {
@@ -416,6 +424,21 @@ impl Table {
             return Err(Error::table(
                 path,
                 format!("has {rows} rows, expected at most {most_rows}"),
+            ));
+        }
+        let groups = metadata.metadata().row_groups().iter();
+        let mut codecs = groups
+            .flat_map(|group| group.columns())
+            .map(|column| column.compression());
+        if let Some(codec) = codecs.find(|codec| !is_readable(*codec)) {
+            let codec = codec.to_string();
+            // Without its level.
+            let codec = codec.split('(').next().unwrap_or_default();
+            return Err(Error::table(
+                path,
+                format!(
+                    "is compressed with {codec}, expected zstd, snappy or none; write it again with one of these"
+                ),
             ));
         }
         let schema = readable(metadata.schema()).map_err(|message| Error::table(path, message))?;
@@ -733,6 +756,16 @@ mod tests {
             message.contains("has 3000000 rows, expected at most 1000"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn a_table_of_an_unreadable_compression_is_refused_with_the_readable_ones() {
+        // pq.write_table(pa.table({"tick": pa.array([1], pa.uint32())}), "gzip.parquet", compression="gzip", store_schema=False)
+        let bytes = include_bytes!("columns/gzip.parquet").to_vec();
+        let refused = Table::parse(bytes, Path::new("frames.parquet"), 1).err();
+        let message = refused.unwrap().to_string();
+        let expected = "frames.parquet: is compressed with GZIP, expected zstd, snappy or none";
+        assert!(message.contains(expected), "{message}");
     }
 
     #[test]
