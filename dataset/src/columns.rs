@@ -308,8 +308,21 @@ impl TableParts {
     /// # Errors
     /// An I/O error.
     pub fn finish(self) -> Result<()> {
+        self.written()?.map_or(Ok(()), NewFile::commit)
+    }
+
+    /// The same for a file that replaces no other.
+    ///
+    /// # Errors
+    /// Something exists at its path ([`Error::is_taken`]), or an I/O error.
+    pub fn finish_new(self) -> Result<()> {
+        self.written()?.map_or(Ok(()), NewFile::commit_new)
+    }
+
+    /// The complete file, not in its place yet.
+    fn written(self) -> Result<Option<NewFile>> {
         let Some(writer) = self.writer else {
-            return Ok(());
+            return Ok(None);
         };
         let file = writer.into_inner();
         let failed = |error| match error {
@@ -317,7 +330,7 @@ impl TableParts {
             ParquetError::General(said) => Error::io("write", &self.path)(io::Error::other(said)),
             error => not_written(&self.path, error),
         };
-        file.map_err(failed)?.commit()
+        file.map(Some).map_err(failed)
     }
 }
 
@@ -746,6 +759,16 @@ mod tests {
     }
 
     #[test]
+    fn a_table_of_an_unreadable_compression_is_refused_with_the_readable_ones() {
+        // pq.write_table(pa.table({"tick": pa.array([1], pa.uint32())}), "gzip.parquet", compression="gzip", store_schema=False)
+        let bytes = include_bytes!("columns/gzip.parquet").to_vec();
+        let refused = Table::parse(bytes, Path::new("frames.parquet"), 1).err();
+        let message = refused.unwrap().to_string();
+        let expected = "frames.parquet: is compressed with GZIP, expected zstd, snappy or none";
+        assert!(message.contains(expected), "{message}");
+    }
+
+    #[test]
     fn a_table_with_more_rows_than_it_may_have_is_refused_before_it_unfolds() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("boxes.parquet");
@@ -756,16 +779,6 @@ mod tests {
             message.contains("has 3000000 rows, expected at most 1000"),
             "{message}"
         );
-    }
-
-    #[test]
-    fn a_table_of_an_unreadable_compression_is_refused_with_the_readable_ones() {
-        // pq.write_table(pa.table({"tick": pa.array([1], pa.uint32())}), "gzip.parquet", compression="gzip", store_schema=False)
-        let bytes = include_bytes!("columns/gzip.parquet").to_vec();
-        let refused = Table::parse(bytes, Path::new("frames.parquet"), 1).err();
-        let message = refused.unwrap().to_string();
-        let expected = "frames.parquet: is compressed with GZIP, expected zstd, snappy or none";
-        assert!(message.contains(expected), "{message}");
     }
 
     #[test]

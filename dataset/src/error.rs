@@ -171,6 +171,11 @@ impl Error {
         matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::NotFound)
     }
 
+    /// Whether a file or folder exists where a new one was to be.
+    pub fn is_taken(&self) -> bool {
+        matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::AlreadyExists)
+    }
+
     /// Returns true for a full or broken disk: the same operation succeeds after the repair.
     pub fn is_of_disk(&self) -> bool {
         let Self::Io { source, .. } = self else {
