@@ -7,12 +7,12 @@ use std::sync::{Arc, LazyLock, Mutex, MutexGuard, Once, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
+use dataset::plain::one_line;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
-use crate::plain::one_line;
 use crate::repeats::{self, Source};
-use crate::stderr::{self, Form};
+use crate::stderr::{self, Form, Level};
 use cadence::{BEAT, Cadence};
 use standing::Standing;
 pub(crate) use standing::{Disk, Scenarios};
@@ -166,16 +166,27 @@ impl Bar {
 
     /// Prints a line that stays, above the bar or in the log. The same line again within a minute is counted.
     pub(crate) fn say(&self, line: &str) {
+        self.say_as(Level::Info, line);
+    }
+
+    /// The same for what went wrong although the work goes on.
+    pub(crate) fn warn(&self, line: &str) {
+        self.say_as(Level::Warning, line);
+    }
+
+    fn say_as(&self, level: Level, line: &str) {
+        let name = self.step.name;
         let line = one_line(line);
-        let source = Source::Line(format!("{}: {line}", self.step.name));
-        let Some(repeated) = repeats::admit(source) else {
+        let text = format!("{name}: {line}");
+        let Some(repeated) = repeats::admit(Source::Line(text.clone()), level, &text) else {
             return;
         };
+        let line = format!("{line}{repeated}");
         if stderr::form() == Form::Terminal {
-            self.bar
-                .println(format!("{:>9} {line}{repeated}", self.step.name));
+            let line = stderr::message(level, &format!("{name:>9} "), &line);
+            self.bar.println(line);
         } else {
-            stderr::say(&format!("{}: {line}{repeated}", self.step.name));
+            stderr::say(level, &format!("{name}: "), &line);
         }
     }
 
@@ -219,12 +230,13 @@ impl Step {
         if standing.is_complete() {
             // Of many short steps of one kind, such as the networks of each view, the log has one.
             let stage = standing.working_on.split(':').next().unwrap_or_default();
-            match repeats::admit(Source::Line(format!("{} is complete: {stage}", self.name))) {
+            let source = Source::LastOfStep(format!("{}: {stage}", self.name));
+            match repeats::admit(source, Level::Info, "") {
                 Some(repeated) => line += &repeated.to_string(),
                 None => return,
             }
         }
-        stderr::say(&line);
+        stderr::say(Level::Info, "", &line);
     }
 
     fn line<'a>(&self, standing: &'a Standing, elapsed: Duration) -> ProgressLine<'a> {
