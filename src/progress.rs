@@ -142,6 +142,11 @@ impl Bar {
         self.bar.set_position(done);
     }
 
+    /// Adds units that this process did not finish although [`Self::set_done`] counts them: others did, or they failed.
+    pub(crate) fn add_foreign(&self, units: u64) {
+        lock(&self.step.standing).before += units;
+    }
+
     /// Sets the number of finished units.
     pub(crate) fn set_done(&self, done: u64) {
         lock(&self.step.standing).done = done;
@@ -275,7 +280,7 @@ fn beat() {
                 let newest = {
                     let mut steps = lock(&STEPS);
                     steps.in_work.retain(|step| step.strong_count() > 0);
-                    steps.in_work.last().and_then(Weak::upgrade)
+                    newest_unfinished(&steps.in_work)
                 };
                 if let Some(step) = newest {
                     step.write_if_due();
@@ -289,6 +294,38 @@ fn beat() {
     });
 }
 
+/// The newest step that is not complete. One may have begun, and be complete, within another.
+fn newest_unfinished(in_work: &[Weak<Step>]) -> Option<Arc<Step>> {
+    let mut steps = in_work.iter().rev().filter_map(Weak::upgrade);
+    steps.find(|step| !lock(&step.standing).is_complete())
+}
+
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_complete_step_does_not_hide_an_older_one_that_is_in_work() {
+        let [older, newer] = [40, 100].map(|done| {
+            let bar = Bar::new("train", "steps", Some(100));
+            lock(&bar.step.standing).done = done;
+            bar
+        });
+        let in_work = [&older, &newer].map(|bar| Arc::downgrade(&bar.step));
+        let found = newest_unfinished(&in_work).unwrap();
+        assert!(Arc::ptr_eq(&found, &older.step));
+    }
+
+    #[test]
+    fn units_of_others_say_nothing_about_the_pace() {
+        let bar = Bar::new("generate", "ticks", Some(300));
+        bar.add_foreign(100);
+        bar.set_done(200);
+        let standing = lock(&bar.step.standing).clone();
+        assert_eq!(standing.per_s(Duration::from_secs(10)), Some(10.0));
+    }
 }

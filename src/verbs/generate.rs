@@ -279,6 +279,12 @@ impl ShowEvents {
         self.bar.working_on(&names.join(" "));
     }
 
+    /// A scenario that another process completed, or that is set aside.
+    fn finished_without_us(&mut self, id: &str, ticks: u64) {
+        self.bar.add_foreign(ticks);
+        self.finished(id, ticks);
+    }
+
     /// A scenario that is complete, or set aside.
     fn finished(&mut self, id: &str, ticks: u64) {
         self.scenarios.number = (self.scenarios.number + 1).min(self.scenarios.of);
@@ -377,7 +383,7 @@ impl ShowEvents {
                 .warn(&format!("{id} cannot be uploaded now, retrying: {reason}")),
             Event::MadeElsewhere { id, ticks } => {
                 self.bar.say(&format!("{id}: made by another process"));
-                self.finished(id, u64::from(ticks));
+                self.finished_without_us(id, u64::from(ticks));
             }
             Event::Retrying { id, reason } => {
                 self.bar
@@ -388,7 +394,7 @@ impl ShowEvents {
                 self.bar.warn(&format!("{id} is set aside: {reason}"));
                 let planned = self.current.get(id).map_or(0, |current| current.planned);
                 self.scenarios.failed += 1;
-                self.finished(id, planned);
+                self.finished_without_us(id, planned);
             }
             Event::Profile { simulator, known } => {
                 self.bar.say(&format!("simulator {simulator} {known}"));
