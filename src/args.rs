@@ -102,7 +102,7 @@ impl Args {
     }
 }
 
-/// Ends with the error of an argument. It repeats the argument, but not the credentials of a URL: logs keep what is printed.
+/// Ends with the error of an argument. It repeats the argument, but not its credentials: logs keep what is printed.
 fn exit_without_secrets(error: &clap::Error) -> ! {
     let mut text = error.render().to_string();
     let arguments: Vec<String> = env::args_os()
@@ -110,7 +110,9 @@ fn exit_without_secrets(error: &clap::Error) -> ! {
         .collect();
     let values = arguments.iter().flat_map(|argument| {
         let value = argument.split_once('=').map(|(_, value)| value);
-        value.into_iter().chain([argument.as_str()])
+        // A list of simulators is quoted one by one.
+        let parts = value.unwrap_or(argument).split(',');
+        value.into_iter().chain([argument.as_str()]).chain(parts)
     });
     let mut has_secrets = false;
     for value in values.filter(|value| redacted(value) != *value) {

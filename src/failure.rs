@@ -93,7 +93,7 @@ pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
         Err(Failure::TryAgain(error)) => (TRY_AGAIN, Some(error)),
     };
     if let Some(error) = error {
-        eprintln!("error: {error:#}");
+        eprint_error!("{error:#}");
     }
     ExitCode::from(code)
 }

@@ -6,15 +6,18 @@
 use std::fmt::{Debug, Write};
 use std::net::{IpAddr, SocketAddr};
 
+use dataset::plain::one_line;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Subscriber};
 use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, registry};
 
-use crate::plain::one_line;
 use crate::repeats::{self, Source};
 use crate::stderr::{self, Level};
+
+/// The crate of the stand-in and of replayed tapes, whose clients choose what its events say.
+const SERVER: &str = "mock_xplane";
 
 /// Starts logging: warnings by default, `-v` adds events, `-vv` every detail. `RUST_LOG` overrides both.
 pub(crate) fn start(verbose: u8) {
@@ -47,9 +50,12 @@ impl<S: Subscriber> Layer<S> for Lines {
         }
         let source = match line.from {
             Some(from) => Source::Peer(about.callsite(), from),
+            None if about.target().starts_with(SERVER) => {
+                Source::Served(about.callsite(), text.clone())
+            }
             None => Source::Event(about.callsite(), text.clone()),
         };
-        if let Some(repeated) = repeats::admit(source) {
+        if let Some(repeated) = repeats::admit(source, level, &text) {
             stderr::log(level, &format!("{text}{repeated}"));
         }
     }

@@ -10,7 +10,6 @@ mod help;
 mod local_udp_args;
 mod logging;
 mod output_arg;
-mod plain;
 mod progress;
 mod repeats;
 mod search_args;
@@ -36,5 +35,7 @@ fn main() -> ExitCode {
     if let Some(limit) = args.max_memory {
         dataset::memory::set_limit(limit);
     }
-    failure::exit_code(verbs::run(args.verb))
+    let code = failure::exit_code(verbs::run(args.verb));
+    repeats::write_counts();
+    code
 }

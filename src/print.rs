@@ -10,9 +10,11 @@ use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::process;
 
+use dataset::plain::{plain, plain_lines};
+
 use crate::failure::FAILED;
-use crate::plain::plain;
-use crate::stderr;
+use crate::repeats;
+use crate::stderr::{self, Level};
 
 macro_rules! println {
     () => { $crate::print::to_stdout(format_args!("")) };
@@ -20,13 +22,29 @@ macro_rules! println {
 }
 
 macro_rules! eprintln {
-    ($($words:tt)*) => { $crate::print::to_stderr(format_args!($($words)*)) };
+    ($($words:tt)*) => {
+        $crate::print::to_stderr($crate::stderr::Level::Info, format_args!($($words)*))
+    };
+}
+
+/// Writes a line that says what went wrong although the verb goes on.
+macro_rules! eprint_warning {
+    ($($words:tt)*) => {
+        $crate::print::to_stderr($crate::stderr::Level::Warning, format_args!($($words)*))
+    };
+}
+
+/// Writes a line that says what failed.
+macro_rules! eprint_error {
+    ($($words:tt)*) => {
+        $crate::print::to_stderr($crate::stderr::Level::Error, format_args!($($words)*))
+    };
 }
 
 /// Writes a line of a result for a person, possibly through a pager or into a file. If the result cannot be written to its
 /// destination, e.g. a full disk, the process ends.
 pub(crate) fn to_stdout(line: Arguments<'_>) {
-    write_to_stdout(&plain(&line.to_string()));
+    write_to_stdout(&plain_lines(&line.to_string()));
 }
 
 /// Writes a document for a program, exactly. On a terminal it is sanitised like any other text.
@@ -42,9 +60,8 @@ fn write_to_stdout(line: &str) {
     let written = writeln!(stdout, "{line}");
     match written.and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            to_stderr(format_args!(
-                "error: cannot write the result to stdout: {error}"
-            ));
+            eprint_error!("cannot write the result to stdout: {error}");
+            repeats::write_counts();
             process::exit(FAILED.into());
         }
         _ => {}
@@ -52,6 +69,6 @@ fn write_to_stdout(line: &str) {
 }
 
 /// Writes a line for a person.
-pub(crate) fn to_stderr(line: Arguments<'_>) {
-    stderr::say(&line.to_string());
+pub(crate) fn to_stderr(level: Level, line: Arguments<'_>) {
+    stderr::say(level, "", &line.to_string());
 }

@@ -7,12 +7,12 @@ use std::sync::{Arc, LazyLock, Mutex, MutexGuard, Once, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
+use dataset::plain::one_line;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
-use crate::plain::one_line;
 use crate::repeats::{self, Source};
-use crate::stderr::{self, Form};
+use crate::stderr::{self, Form, Level};
 use cadence::{BEAT, Cadence};
 use standing::Standing;
 pub(crate) use standing::{Disk, Scenarios};
@@ -142,6 +142,11 @@ impl Bar {
         self.bar.set_position(done);
     }
 
+    /// Adds units that this process did not finish although [`Self::set_done`] counts them: others did, or they failed.
+    pub(crate) fn add_foreign(&self, units: u64) {
+        lock(&self.step.standing).before += units;
+    }
+
     /// Sets the number of finished units.
     pub(crate) fn set_done(&self, done: u64) {
         lock(&self.step.standing).done = done;
@@ -166,16 +171,27 @@ impl Bar {
 
     /// Prints a line that stays, above the bar or in the log. The same line again within a minute is counted.
     pub(crate) fn say(&self, line: &str) {
+        self.say_as(Level::Info, line);
+    }
+
+    /// The same for what went wrong although the work goes on.
+    pub(crate) fn warn(&self, line: &str) {
+        self.say_as(Level::Warning, line);
+    }
+
+    fn say_as(&self, level: Level, line: &str) {
+        let name = self.step.name;
         let line = one_line(line);
-        let source = Source::Line(format!("{}: {line}", self.step.name));
-        let Some(repeated) = repeats::admit(source) else {
+        let text = format!("{name}: {line}");
+        let Some(repeated) = repeats::admit(Source::Line(text.clone()), level, &text) else {
             return;
         };
+        let line = format!("{line}{repeated}");
         if stderr::form() == Form::Terminal {
-            self.bar
-                .println(format!("{:>9} {line}{repeated}", self.step.name));
+            let line = stderr::message(level, &format!("{name:>9} "), &line);
+            self.bar.println(line);
         } else {
-            stderr::say(&format!("{}: {line}{repeated}", self.step.name));
+            stderr::say(level, &format!("{name}: "), &line);
         }
     }
 
@@ -219,12 +235,13 @@ impl Step {
         if standing.is_complete() {
             // Of many short steps of one kind, such as the networks of each view, the log has one.
             let stage = standing.working_on.split(':').next().unwrap_or_default();
-            match repeats::admit(Source::Line(format!("{} is complete: {stage}", self.name))) {
+            let source = Source::LastOfStep(format!("{}: {stage}", self.name));
+            match repeats::admit(source, Level::Info, "") {
                 Some(repeated) => line += &repeated.to_string(),
                 None => return,
             }
         }
-        stderr::say(&line);
+        stderr::say(Level::Info, "", &line);
     }
 
     fn line<'a>(&self, standing: &'a Standing, elapsed: Duration) -> ProgressLine<'a> {
@@ -263,7 +280,7 @@ fn beat() {
                 let newest = {
                     let mut steps = lock(&STEPS);
                     steps.in_work.retain(|step| step.strong_count() > 0);
-                    steps.in_work.last().and_then(Weak::upgrade)
+                    newest_unfinished(&steps.in_work)
                 };
                 if let Some(step) = newest {
                     step.write_if_due();
@@ -277,6 +294,38 @@ fn beat() {
     });
 }
 
+/// The newest step that is not complete. One may have begun, and be complete, within another.
+fn newest_unfinished(in_work: &[Weak<Step>]) -> Option<Arc<Step>> {
+    let mut steps = in_work.iter().rev().filter_map(Weak::upgrade);
+    steps.find(|step| !lock(&step.standing).is_complete())
+}
+
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_complete_step_does_not_hide_an_older_one_that_is_in_work() {
+        let [older, newer] = [40, 100].map(|done| {
+            let bar = Bar::new("train", "steps", Some(100));
+            lock(&bar.step.standing).done = done;
+            bar
+        });
+        let in_work = [&older, &newer].map(|bar| Arc::downgrade(&bar.step));
+        let found = newest_unfinished(&in_work).unwrap();
+        assert!(Arc::ptr_eq(&found, &older.step));
+    }
+
+    #[test]
+    fn units_of_others_say_nothing_about_the_pace() {
+        let bar = Bar::new("generate", "ticks", Some(300));
+        bar.add_foreign(100);
+        bar.set_done(200);
+        let standing = lock(&bar.step.standing).clone();
+        assert_eq!(standing.per_s(Duration::from_secs(10)), Some(10.0));
+    }
 }

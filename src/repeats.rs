@@ -1,30 +1,39 @@
 //! Lines that repeat: the first is written, the others are counted, so that neither a flood of bad datagrams nor a store that is away for a
-//! night fills a log. Of lines that differ, one place in the code writes a limited number a minute: peers choose some of the text.
+//! night fills a log. Peers choose some of the text of some lines: of those that differ, one place in the code writes a limited number a
+//! minute. Counts are written when their minute is over, and before the process ends.
 
 use std::collections::HashMap;
-use std::fmt;
 use std::net::IpAddr;
-use std::sync::{LazyLock, Mutex, PoisonError};
+use std::sync::{LazyLock, Mutex, Once, PoisonError};
 use std::time::{Duration, Instant};
+use std::{fmt, mem, thread};
 
 use tracing::callsite::Identifier;
 
+use crate::stderr::{self, Level};
+
 /// The same line is written at most once in this time.
 const PERIOD: Duration = Duration::from_secs(60);
-/// Different lines that one place in the code writes in this time.
+/// Different lines with text of peers that one place in the code writes in this time.
 const MOST_DIFFERENT: u64 = 60;
 /// Lines that are remembered.
 const MOST_REMEMBERED: usize = 1_024;
+/// Interval for looking for counts whose minute is over.
+const COUNT_INTERVAL: Duration = Duration::from_secs(5);
 
 /// The identity of a line.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) enum Source {
     /// An event about a peer: whatever it says, by its place in the code and the peer's address.
     Peer(Identifier, IpAddr),
+    /// Another event of a server, whose text its clients choose: by its place in the code and its text.
+    Served(Identifier, String),
     /// Any other event, by its place in the code and its text.
     Event(Identifier, String),
     /// A line of a verb, by its text.
     Line(String),
+    /// The last line of a short step of the work, by its kind. Its repetitions are no loss.
+    LastOfStep(String),
 }
 
 /// Number of times that a line was left out since it was last written; as text, empty for none.
@@ -40,52 +49,194 @@ impl fmt::Display for Repeated {
     }
 }
 
-/// Admits a line, unless the same one was written a moment ago.
-pub(crate) fn admit(source: Source) -> Option<Repeated> {
+/// Admits a line with this text, unless the same one was written a moment ago.
+pub(crate) fn admit(source: Source, level: Level, text: &str) -> Option<Repeated> {
+    let admitted = lock().admit(source, level, text, Instant::now());
+    if admitted.is_none() {
+        count_in_background();
+    }
+    admitted
+}
+
+/// Writes the counts that no later line has; call it before the process ends.
+pub(crate) fn write_counts() {
+    let counts = lock().counts(Instant::now(), Duration::ZERO);
+    counts.iter().for_each(Count::write);
+}
+
+fn count_in_background() {
+    static STARTED: Once = Once::new();
+    STARTED.call_once(|| {
+        let counting = || {
+            loop {
+                thread::sleep(COUNT_INTERVAL);
+                let counts = lock().counts(Instant::now(), PERIOD);
+                counts.iter().for_each(Count::write);
+            }
+        };
+        // Without it the counts are written at the end.
+        let _ = thread::Builder::new()
+            .name("repeats".into())
+            .spawn(counting);
+    });
+}
+
+fn lock() -> std::sync::MutexGuard<'static, Repeats> {
     static REPEATS: LazyLock<Mutex<Repeats>> = LazyLock::new(Mutex::default);
-    let mut repeats = REPEATS.lock().unwrap_or_else(PoisonError::into_inner);
-    repeats.admit(source, Instant::now())
+    REPEATS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[derive(Debug, Default)]
 struct Repeats {
-    /// When each line was written, and how often it was not since then.
-    lines: HashMap<Source, (Instant, u64)>,
-    /// Since when lines of a place in the code are counted, and how many were written since then.
-    places: HashMap<Identifier, (Instant, u64)>,
+    lines: HashMap<Source, Written>,
+    /// By place in the code.
+    places: HashMap<Identifier, Place>,
+    /// Counts of lines that were forgotten.
+    forgotten: Vec<Count>,
+}
+
+/// A line that was written.
+#[derive(Debug)]
+struct Written {
+    at: Instant,
+    level: Level,
+    text: String,
+    /// How often it was left out since then.
+    left_out: u64,
+}
+
+/// The different lines of one place in the code.
+#[derive(Debug)]
+struct Place {
+    since: Instant,
+    /// How many there were since then.
+    different: u64,
+    level: Level,
+    /// The first that was left out since a count was written.
+    text: String,
+    left_out: u64,
+}
+
+/// A line that says how many were left out.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Count {
+    text: String,
+    is_event: bool,
+    level: Level,
+}
+
+impl Count {
+    fn write(&self) {
+        if self.is_event {
+            stderr::log(self.level, &self.text);
+        } else {
+            stderr::say(self.level, "", &self.text);
+        }
+    }
 }
 
 impl Repeats {
-    fn admit(&mut self, source: Source, now: Instant) -> Option<Repeated> {
+    fn admit(
+        &mut self,
+        source: Source,
+        level: Level,
+        text: &str,
+        now: Instant,
+    ) -> Option<Repeated> {
         let is_recent = |written: Instant| now.saturating_duration_since(written) < PERIOD;
-        if let Some((written, unwritten)) = self.lines.get_mut(&source) {
-            if is_recent(*written) {
-                *unwritten += 1;
+        if let Some(written) = self.lines.get_mut(&source) {
+            if is_recent(written.at) {
+                written.left_out += 1;
                 return None;
             }
-            let repeated = Repeated(*unwritten);
-            (*written, *unwritten) = (now, 0);
-            return Some(repeated);
+            written.at = now;
+            return Some(Repeated(mem::take(&mut written.left_out)));
         }
-        if let Source::Peer(place, _) | Source::Event(place, _) = &source {
-            let (since, different) = self.places.entry(place.clone()).or_insert((now, 0));
-            if !is_recent(*since) {
-                (*since, *different) = (now, 0);
+        if let Source::Peer(place, _) | Source::Served(place, _) = &source {
+            let place = self.places.entry(place.clone()).or_insert(Place {
+                since: now,
+                different: 0,
+                level,
+                text: String::new(),
+                left_out: 0,
+            });
+            if !is_recent(place.since) {
+                (place.since, place.different) = (now, 0);
             }
-            *different += 1;
-            if *different > MOST_DIFFERENT {
+            place.different += 1;
+            if place.different > MOST_DIFFERENT {
+                if place.left_out == 0 {
+                    text.clone_into(&mut place.text);
+                }
+                place.left_out += 1;
                 return None;
             }
         }
         if self.lines.len() >= MOST_REMEMBERED {
-            self.lines.retain(|_, (written, _)| is_recent(*written));
+            self.forget(|written| is_recent(written.at));
         }
         // More different ones than that within a minute: those that are forgotten may be written again.
         if self.lines.len() >= MOST_REMEMBERED {
-            self.lines.clear();
+            self.forget(|_| false);
         }
-        self.lines.insert(source, (now, 0));
+        let written = Written {
+            at: now,
+            level,
+            text: text.to_owned(),
+            left_out: 0,
+        };
+        self.lines.insert(source, written);
         Some(Repeated(0))
+    }
+
+    /// Forgets all lines but some; their counts stay.
+    fn forget(&mut self, is_kept: impl Fn(&Written) -> bool) {
+        let forgotten = self.lines.extract_if(|_, written| !is_kept(written));
+        self.forgotten
+            .extend(forgotten.filter_map(|(source, mut written)| written.count(&source)));
+    }
+
+    /// The counts of what was left out at least `period` ago, each once.
+    fn counts(&mut self, now: Instant, period: Duration) -> Vec<Count> {
+        let is_over = |since: Instant| now.saturating_duration_since(since) >= period;
+        let mut counts = mem::take(&mut self.forgotten);
+        for (source, written) in &mut self.lines {
+            if is_over(written.at)
+                && let Some(count) = written.count(source)
+            {
+                written.at = now;
+                counts.push(count);
+            }
+        }
+        for place in self.places.values_mut() {
+            if is_over(place.since) && place.left_out > 0 {
+                let left_out = mem::take(&mut place.left_out);
+                counts.push(Count {
+                    text: format!("{} (and {left_out} more like this one)", place.text),
+                    is_event: true,
+                    level: place.level,
+                });
+            }
+        }
+        counts.sort();
+        counts
+    }
+}
+
+impl Written {
+    /// The line of its count, which begins anew.
+    fn count(&mut self, source: &Source) -> Option<Count> {
+        let left_out = Some(mem::take(&mut self.left_out)).filter(|count| *count > 0)?;
+        let is_event = match source {
+            Source::Peer(..) | Source::Served(..) | Source::Event(..) => true,
+            Source::Line(_) => false,
+            Source::LastOfStep(_) => return None,
+        };
+        Some(Count {
+            text: format!("{}{}", self.text, Repeated(left_out)),
+            is_event,
+            level: self.level,
+        })
     }
 }
 
@@ -97,6 +248,21 @@ mod tests {
         Source::Line(text.into())
     }
 
+    /// Admits a warning whose text is the source's.
+    fn admit(repeats: &mut Repeats, text: &str, now: Instant) -> Option<Repeated> {
+        repeats.admit(line(text), Level::Warning, text, now)
+    }
+
+    fn texts(counts: Vec<Count>) -> Vec<String> {
+        counts.into_iter().map(|count| count.text).collect()
+    }
+
+    fn place() -> Identifier {
+        tracing::subscriber::with_default(tracing_subscriber::registry(), || {
+            tracing::info_span!("here").metadata().unwrap().callsite()
+        })
+    }
+
     #[test]
     fn the_same_line_is_one_within_a_minute_and_then_says_how_often_it_was() {
         let mut repeats = Repeats::default();
@@ -104,41 +270,82 @@ mod tests {
         let mut written = Vec::new();
         for second in 0..=60 {
             let now = begin + Duration::from_secs(second);
-            if let Some(repeated) = repeats.admit(line("away"), now) {
+            if let Some(repeated) = admit(&mut repeats, "away", now) {
                 written.push(format!("{second}{repeated}"));
             }
         }
         assert_eq!(written, ["0", "60 (59 more of these since the last one)"]);
-        assert!(repeats.admit(line("another"), begin).is_some());
+        assert!(admit(&mut repeats, "another", begin).is_some());
     }
 
     #[test]
-    fn no_more_lines_are_remembered_than_the_limit() {
+    fn what_was_left_out_is_counted_when_its_minute_is_over_or_at_the_end() {
+        let mut repeats = Repeats::default();
+        let begin = Instant::now();
+        for _ in 0..=5 {
+            admit(&mut repeats, "away", begin);
+        }
+        assert!(repeats.counts(begin + PERIOD / 2, PERIOD).is_empty());
+        let counted = ["away (5 more of these since the last one)"];
+        assert_eq!(texts(repeats.counts(begin + PERIOD, PERIOD)), counted);
+        assert!(
+            repeats
+                .counts(begin + 2 * PERIOD, Duration::ZERO)
+                .is_empty()
+        );
+        // The count was a line as well.
+        let soon = begin + PERIOD + PERIOD / 2;
+        assert!(admit(&mut repeats, "away", soon).is_none());
+        let counted = ["away (1 more of these since the last one)"];
+        assert_eq!(texts(repeats.counts(soon, Duration::ZERO)), counted);
+    }
+
+    #[test]
+    fn no_more_lines_are_remembered_than_the_limit_and_no_count_is_lost() {
         let mut repeats = Repeats::default();
         let now = Instant::now();
         for number in 0..MOST_REMEMBERED {
-            assert!(repeats.admit(line(&number.to_string()), now).is_some());
+            assert!(admit(&mut repeats, &number.to_string(), now).is_some());
         }
-        assert!(repeats.admit(line("0"), now).is_none());
-        assert!(repeats.admit(line("one more"), now).is_some());
+        assert!(admit(&mut repeats, "0", now).is_none());
+        assert!(admit(&mut repeats, "one more", now).is_some());
         assert!(repeats.lines.len() <= MOST_REMEMBERED);
+        let counted = ["0 (1 more of these since the last one)"];
+        assert_eq!(texts(repeats.counts(now, Duration::ZERO)), counted);
     }
 
     #[test]
-    fn one_place_in_the_code_writes_sixty_different_lines_a_minute() {
-        let place = tracing::subscriber::with_default(tracing_subscriber::registry(), || {
-            tracing::info_span!("here").metadata().unwrap().callsite()
-        });
+    fn one_place_in_the_code_writes_sixty_different_lines_of_peers_a_minute_and_counts_the_others()
+    {
+        let place = place();
         let mut repeats = Repeats::default();
         let begin = Instant::now();
-        let mut written = |now: Instant| {
-            let lines = (0..1_000).map(|number| Source::Event(place.clone(), number.to_string()));
-            let lines = lines.filter(|line| repeats.admit(line.clone(), now).is_some());
-            lines.count()
+        let written = |repeats: &mut Repeats, now: Instant| {
+            let admitted = (0..1_000).filter(|number| {
+                let text = number.to_string();
+                let source = Source::Served(place.clone(), text.clone());
+                repeats.admit(source, Level::Warning, &text, now).is_some()
+            });
+            admitted.count()
         };
-        assert_eq!(written(begin), 60);
-        assert_eq!(written(begin + Duration::from_secs(59)), 0);
-        // The first sixty may be written again, and as many that were not.
-        assert_eq!(written(begin + PERIOD), 120);
+        assert_eq!(written(&mut repeats, begin), 60);
+        assert_eq!(written(&mut repeats, begin + Duration::from_secs(59)), 0);
+        let counts = texts(repeats.counts(begin + PERIOD, PERIOD));
+        assert_eq!(counts.len(), 61);
+        assert!(counts.contains(&"60 (and 1880 more like this one)".into()));
+        // The first sixty were counted a moment ago; as many others may be written.
+        assert_eq!(written(&mut repeats, begin + PERIOD), 60);
+    }
+
+    #[test]
+    fn every_different_line_about_our_own_work_is_written() {
+        let place = place();
+        let mut repeats = Repeats::default();
+        let now = Instant::now();
+        for number in 0..500 {
+            let text = format!("scenario {number} is damaged");
+            let source = Source::Event(place.clone(), text.clone());
+            assert!(repeats.admit(source, Level::Warning, &text, now).is_some());
+        }
     }
 }

@@ -14,6 +14,7 @@ use tokio::runtime::Builder;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::failure::TRY_AGAIN;
+use crate::repeats;
 
 /// SIGXFSZ, when a file would exceed `ulimit -f`: unhandled it kills the process; handled, the write fails with an error.
 const FILE_TOO_LARGE: i32 = 25;
@@ -65,6 +66,7 @@ fn react() {
         }
         None => {
             eprintln!("interrupted: run the same command again");
+            repeats::write_counts();
             process::exit(TRY_AGAIN.into());
         }
     }

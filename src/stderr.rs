@@ -9,9 +9,9 @@ use std::sync::OnceLock;
 use std::time::SystemTime;
 
 use chrono::{DateTime, SecondsFormat, Utc};
+use dataset::plain::{plain, plain_lines};
 use serde::Serialize;
 
-use crate::plain::plain;
 use crate::progress::beside_bars;
 
 /// The readers of standard error.
@@ -26,7 +26,7 @@ pub(crate) enum Form {
 }
 
 /// The importance of a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Level {
     Error,
@@ -62,14 +62,14 @@ pub(crate) fn form() -> Form {
     })
 }
 
-/// Writes a message of a verb. `error:` and `warning:` at its beginning give it its level.
-pub(crate) fn say(text: &str) {
-    let level = match text.split_once(':') {
-        Some(("error", _)) => Level::Error,
-        Some(("warning", _)) => Level::Warning,
-        _ => Level::Info,
-    };
-    write(level, &form().text_of(level, text, has_colours()));
+/// Writes a message of a verb. `step`: the step of the work that it is about, as `generate: `, or empty.
+pub(crate) fn say(level: Level, step: &str, text: &str) {
+    write(level, &message(level, step, text));
+}
+
+/// A message of a verb in the form of this process, safe for a terminal.
+pub(crate) fn message(level: Level, step: &str, text: &str) -> String {
+    form().text_of(level, step, text, has_colours())
 }
 
 /// Writes an event of the log.
@@ -116,15 +116,21 @@ pub(crate) fn utc(time: SystemTime) -> String {
 }
 
 impl Form {
-    /// A message of a verb, safe for a terminal.
-    fn text_of(self, level: Level, text: &str, has_colours: bool) -> String {
-        let text = plain(text);
-        match (self, text.split_once(':')) {
-            (Self::Terminal, Some((word, rest))) if level != Level::Info => {
-                format!("{}:{rest}", coloured(word, level, has_colours))
-            }
-            _ => text.into_owned(),
-        }
+    /// A message of a verb, safe for a terminal. Errors and warnings are named as such, and later lines are indented, so that no text of
+    /// others begins a line.
+    fn text_of(self, level: Level, step: &str, text: &str, has_colours: bool) -> String {
+        let text = if self == Self::Json {
+            plain(text)
+        } else {
+            plain_lines(text)
+        };
+        let word = match level {
+            Level::Error => "error",
+            Level::Warning => "warning",
+            Level::Info | Level::Detail => return format!("{step}{text}"),
+        };
+        let has_colours = has_colours && self == Self::Terminal;
+        format!("{step}{}: {text}", coloured(word, level, has_colours))
     }
 }
 
@@ -174,7 +180,7 @@ mod tests {
 
     #[test]
     fn only_a_terminal_gets_colours_and_only_its_own() {
-        let text = |form: Form, colours| form.text_of(Level::Error, "error: \u{1b}[2Jno", colours);
+        let text = |form: Form, colours| form.text_of(Level::Error, "", "\u{1b}[2Jno", colours);
         assert_eq!(
             text(Form::Terminal, true),
             "\u{1b}[1;31merror\u{1b}[0m: \\u{1b}[2Jno"
@@ -182,5 +188,24 @@ mod tests {
         assert_eq!(text(Form::Terminal, false), "error: \\u{1b}[2Jno");
         assert_eq!(text(Form::Log, true), "error: \\u{1b}[2Jno");
         assert_eq!(text(Form::Json, true), "error: \\u{1b}[2Jno");
+    }
+
+    #[test]
+    fn a_message_has_the_level_of_its_caller_whatever_it_says() {
+        let text = |level, text| Form::Log.text_of(level, "generate: ", text, false);
+        assert_eq!(
+            text(Level::Warning, "0037 is set aside"),
+            "generate: warning: 0037 is set aside"
+        );
+        assert_eq!(text(Level::Info, "error: no"), "generate: error: no");
+    }
+
+    #[test]
+    fn no_later_line_of_a_message_begins_like_a_line_of_ours() {
+        let text =
+            |form: Form| form.text_of(Level::Error, "", "cn/x\n2026-11-26T00:00:00Z done", false);
+        assert_eq!(text(Form::Log), "error: cn/x\n  2026-11-26T00:00:00Z done");
+        // In an object it is one string.
+        assert_eq!(text(Form::Json), "error: cn/x\n2026-11-26T00:00:00Z done");
     }
 }

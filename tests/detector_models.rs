@@ -369,6 +369,12 @@ fn the_heads_of_ultralytics_families_are_read_without_settings() {
     ] {
         assert_reads(case, Model::of(vec![answer]).with_metadata(&rt_detr));
     }
+    let mut of_two = rt_detr;
+    of_two[2].1 = "{0: 'drone', 1: 'airplane'}";
+    assert_reads(
+        "rtdetr of earlier versions with two classes, whose rows look like final boxes",
+        Model::of(vec![rows_of(&queries, |k| scores_of(k, 2, 1))]).with_metadata(&of_two),
+    );
 }
 
 #[test]
@@ -426,6 +432,10 @@ fn shapes_with_several_meanings_are_read_by_their_numbers_without_settings() {
             rows_of(&boxes, |k| with(if k == 9 { 1.0 } else { 0.1 }, k)),
         ),
         ("YOLOv6", rows_of(&boxes, |k| with(1.0, k))),
+        (
+            "one class with a score of 1 everywhere, in parts of the window",
+            rows_of(&parts, |k| vec![if k == 9 { SCORE } else { 0.01 }, 1.0]),
+        ),
     ] {
         assert_reads(case, Model::of(vec![answer]));
     }
@@ -708,6 +718,19 @@ fn settings_that_contradict_the_model_are_refused_with_both_sides() {
     for (settings, words) in cases {
         assert_refused(&model().with_settings(settings), words);
     }
+    let row = objects_row(HIDDEN, 80, 4);
+    let yolox = || Model::of(vec![rows_with(84, 9, &row)]);
+    for key in ["box_unit = 'normalized'", "box_form = 'corners'"] {
+        assert_refused(
+            &yolox().with_settings(&format!("layout = 'yolox'\n{key}\n")),
+            &["box_form or box_unit", "layout is yolox"],
+        );
+    }
+    assert_refused(
+        &Model::of(efficient_nms())
+            .with_settings("layout = 'efficient-nms'\noutput = 'det_boxes'\n"),
+        &["output = \"det_boxes\"", "four outputs"],
+    );
 }
 
 #[test]

@@ -290,6 +290,37 @@ fn data_yaml_names_a_side_by_its_own_pictures_only_and_says_where_val_repeats_tr
 }
 
 #[test]
+fn data_yaml_names_no_side_whose_pictures_are_all_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = fs::read_to_string("tests/data/small.toml").unwrap();
+    // A stratus between cameras and aircraft: it cannot be said whether the first picture shows it.
+    let low = "[weather.clear]\nclouds = [{ kind = \"stratus\", cover_ratio = 0.9, base_msl_m = 20, top_msl_m = 3000 }]\n";
+    let (before, recorded) = small.split_once("[[recorded]]").unwrap();
+    let (_, weathers) = recorded.split_once("[weather.clear]\n").unwrap();
+    let sweep = before.replace("[\"clear\", \"foggy\"]", "[\"clear\"]");
+    fs::write(
+        folder.path().join("sweep.toml"),
+        format!("{sweep}{low}{weathers}"),
+    )
+    .unwrap();
+    let run = |arguments: &[&str]| {
+        let mut command = DTD.command(arguments);
+        let output = command.current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        said(&output)
+    };
+    run(&["generate", "sweep.toml", "--out", "corpus"]);
+    run(&["label", "corpus"]);
+    let printed = run(&[
+        "export", "corpus", "--to", "yolo", "--out", "yolo", "--every", "100",
+    ]);
+    assert!(printed.contains("0 pictures"), "{printed}");
+    let yaml = fs::read_to_string(folder.path().join("yolo/data.yaml")).unwrap();
+    assert!(!yaml.contains("images/"), "{yaml}");
+    assert!(yaml.contains("there is no training side"), "{yaml}");
+}
+
+#[test]
 fn coco_has_the_annotations_of_each_side_beside_those_of_all() {
     let tiny = Tiny::made().copy();
     json_of(

@@ -321,14 +321,14 @@ fn a_mistake_in_training_settings_is_shown_in_its_line() {
             "seed = 1\n[estimator]\nlstm = [0, 8]\n",
             [
                 "odd.toml:3:8: configuration: estimator.lstm is 0, expected a whole number from 1 to 16384",
-                "3 | lstm = [0, 8]\n  |        ^^^^^^",
+                "3 | lstm = [0, 8]\n    |        ^^^^^^",
             ],
         ),
         (
             "seed = 1\n[estimator]\ndropout = 0.5\n",
             [
                 "odd.toml:3:1: unknown field `dropout`",
-                "3 | dropout = 0.5\n  | ^^^^^^^",
+                "3 | dropout = 0.5\n    | ^^^^^^^",
             ],
         ),
         ("seed = \n", ["odd.toml:1:", "1 | seed ="]),

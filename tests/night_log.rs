@@ -100,6 +100,47 @@ fn with_progress_json_every_line_of_stderr_is_an_object_of_the_schema() {
 }
 
 #[test]
+fn what_goes_wrong_is_a_warning_for_programs_as_well() {
+    let folder = tempdir().unwrap();
+    let corpus = folder.path().join("corpus");
+    let generate = ["generate", "tests/data/small.toml", "--out", text(&corpus)];
+    let only = ["--only", "1200-clear-r1"];
+    assert!(DTD.run(&[&generate[..], &only].concat()).status.success());
+    fs::write(corpus.join("scenarios/1200-clear-r1/DONE.json"), "").unwrap();
+    let labelled = DTD.run(&["--progress", "json", "label", text(&corpus)]);
+    let lines = String::from_utf8(labelled.stderr).unwrap();
+    let is_about_it = |line: &&str| line.contains("message") && line.contains("1200-clear-r1");
+    let line = lines.lines().find(is_about_it);
+    let line = line.unwrap_or_else(|| panic!("{lines}"));
+    let object: Value = serde_json::from_str(line).unwrap();
+    assert_eq!(object["level"], "warning", "{line}");
+}
+
+#[test]
+fn a_name_with_a_line_feed_begins_no_line_of_the_log_or_of_a_verdict() {
+    let folder = tempdir().unwrap();
+    let corpus = folder
+        .path()
+        .join("cn\n2026-11-26T00:00:00Z done: 99 of 99");
+    let forged = "12 scenarios (12 labelled): no faults";
+    let scenario = corpus.join("scenarios").join(format!("evil\n{forged}"));
+    fs::create_dir_all(&scenario).unwrap();
+    fs::write(scenario.join("DONE.json"), "{}").unwrap();
+    let verified = DTD.run(&["verify", text(&corpus)]);
+    let verdict = String::from_utf8(verified.stdout).unwrap();
+    assert!(verdict.contains(forged), "{verdict}");
+    assert!(
+        !verdict.lines().any(|line| line.starts_with(forged)),
+        "{verdict}"
+    );
+    let missing = DTD.run(&["verify", text(&corpus.join("missing"))]);
+    let log = String::from_utf8(missing.stderr).unwrap();
+    assert!(log.contains("99 of 99"), "{log}");
+    let is_forged = |line: &str| line.starts_with("2026-11-26T00:00:00Z done");
+    assert!(!log.lines().any(is_forged), "{log}");
+}
+
+#[test]
 fn a_flood_of_bad_datagrams_is_a_few_lines_and_none_of_its_bytes_reaches_the_terminal() {
     let mut stand_in = Server::start(
         DTD.command(&["mock-xplane", "--no-beacon", "--quirks=none"])
@@ -139,8 +180,12 @@ fn a_flood_of_bad_datagrams_is_a_few_lines_and_none_of_its_bytes_reaches_the_ter
         log.contains("datagram ignored") && log.contains("write ignored"),
         "{log}"
     );
-    // One of each a minute.
-    assert!(log.lines().count() <= 6, "{log}");
+    // One of each a minute, and at the end how many more there were.
+    assert!(log.lines().count() <= 8, "{log}");
+    for what in ["datagram ignored", "write ignored"] {
+        let counted = |line: &str| line.contains(what) && line.contains(" more of these");
+        assert!(log.lines().any(counted), "{log}");
+    }
     assert!(!log.contains('\u{1b}'), "{log}");
     assert!(log.lines().all(begins_with_a_time), "{log}");
     assert!(

@@ -22,6 +22,7 @@ use crate::corpus::Corpus;
 use crate::error::{Error, Result};
 use crate::file_name;
 use crate::json_file::read_json;
+use crate::new_file::is_named_by;
 use crate::own_path::refuse_link;
 
 /// Name of the claim on the files that belong to the whole corpus.
@@ -72,32 +73,44 @@ impl Claim {
     /// # Errors
     /// It is still held ([`Error::Held`]), or its file cannot be created.
     pub fn wait(corpus: &Corpus, name: &str, patience: Duration) -> Result<Self> {
+        let scenario = corpus.scenario(name);
+        let held = if name == WHOLE_CORPUS {
+            corpus.root()
+        } else {
+            scenario.root()
+        };
+        Self::wait_in(&corpus.root().join(FOLDER), name, held, patience)
+    }
+
+    /// The same for a claim in any folder, on `held`.
+    pub(crate) fn wait_in(
+        folder: &Path,
+        name: &str,
+        held: &Path,
+        patience: Duration,
+    ) -> Result<Self> {
         let began = Instant::now();
         let mut said = false;
         loop {
-            let holder = match Self::take(corpus, name)? {
+            let holder = match Self::take_in(folder, name)? {
                 Claimed::Mine(claim) => return Ok(claim),
                 Claimed::Theirs(holder) => {
                     holder.map_or_else(|| "another process".into(), |holder| holder.to_string())
                 }
             };
             if began.elapsed() >= patience {
-                let scenario = corpus.scenario(name);
-                let whole = name == WHOLE_CORPUS;
-                let path = if whole {
-                    corpus.root()
-                } else {
-                    scenario.root()
-                };
                 return Err(Error::Held {
-                    path: path.to_owned(),
+                    path: held.to_owned(),
                     holder,
                     waited: patience,
                 });
             }
             if !said && began.elapsed() >= SAID_AFTER {
                 said = true;
-                tracing::warn!("{name}: waiting for {holder}, which is writing it");
+                tracing::warn!(
+                    "{}: waiting for {holder}, which is writing it",
+                    held.display()
+                );
             }
             thread::sleep(POLL_INTERVAL);
         }
@@ -220,13 +233,6 @@ fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
             path,
             "is in the place of a claim and is none; expected nothing there, or a file of ours that names a process; move it away",
         )),
-    }
-}
-
-fn is_named_by(file: &File, path: &Path) -> bool {
-    match (file.metadata(), fs::metadata(path)) {
-        (Ok(ours), Ok(named)) => (ours.dev(), ours.ino()) == (named.dev(), named.ino()),
-        _ => false,
     }
 }
 

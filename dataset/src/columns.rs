@@ -308,8 +308,21 @@ impl TableParts {
     /// # Errors
     /// An I/O error.
     pub fn finish(self) -> Result<()> {
+        self.written()?.map_or(Ok(()), NewFile::commit)
+    }
+
+    /// The same for a file that replaces no other.
+    ///
+    /// # Errors
+    /// Something exists at its path ([`Error::is_taken`]), or an I/O error.
+    pub fn finish_new(self) -> Result<()> {
+        self.written()?.map_or(Ok(()), NewFile::commit_new)
+    }
+
+    /// The complete file, not in its place yet.
+    fn written(self) -> Result<Option<NewFile>> {
         let Some(writer) = self.writer else {
-            return Ok(());
+            return Ok(None);
         };
         let file = writer.into_inner();
         let failed = |error| match error {
@@ -317,8 +330,16 @@ impl TableParts {
             ParquetError::General(said) => Error::io("write", &self.path)(io::Error::other(said)),
             error => not_written(&self.path, error),
         };
-        file.map_err(failed)?.commit()
+        file.map(Some).map_err(failed)
     }
+}
+
+/// Whether pages of this compression can be read.
+fn is_readable(codec: Compression) -> bool {
+    matches!(
+        codec,
+        Compression::ZSTD(_) | Compression::SNAPPY | Compression::UNCOMPRESSED
+    )
 }
 
 /// The error of a table that is being written: usually one of the disk, which is not the fault of the content.
@@ -416,6 +437,21 @@ impl Table {
             return Err(Error::table(
                 path,
                 format!("has {rows} rows, expected at most {most_rows}"),
+            ));
+        }
+        let groups = metadata.metadata().row_groups().iter();
+        let mut codecs = groups
+            .flat_map(|group| group.columns())
+            .map(|column| column.compression());
+        if let Some(codec) = codecs.find(|codec| !is_readable(*codec)) {
+            let codec = codec.to_string();
+            // Without its level.
+            let codec = codec.split('(').next().unwrap_or_default();
+            return Err(Error::table(
+                path,
+                format!(
+                    "is compressed with {codec}, expected zstd, snappy or none; write it again with one of these"
+                ),
             ));
         }
         let schema = readable(metadata.schema()).map_err(|message| Error::table(path, message))?;
@@ -720,6 +756,16 @@ mod tests {
         assert_eq!(read(&whole), read(&parts));
         TableParts::new(&none).finish().unwrap();
         assert!(!none.exists());
+    }
+
+    #[test]
+    fn a_table_of_an_unreadable_compression_is_refused_with_the_readable_ones() {
+        // pq.write_table(pa.table({"tick": pa.array([1], pa.uint32())}), "gzip.parquet", compression="gzip", store_schema=False)
+        let bytes = include_bytes!("columns/gzip.parquet").to_vec();
+        let refused = Table::parse(bytes, Path::new("frames.parquet"), 1).err();
+        let message = refused.unwrap().to_string();
+        let expected = "frames.parquet: is compressed with GZIP, expected zstd, snappy or none";
+        assert!(message.contains(expected), "{message}");
     }
 
     #[test]

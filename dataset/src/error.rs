@@ -8,12 +8,13 @@ use rustix::io::Errno;
 
 use crate::limits::FieldOutOfLimits;
 use crate::memory::TooMuchMemory;
+use crate::plain::shown;
 
 /// A corpus, or a file of one, that cannot be read or written. Every message says which file.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// An I/O error.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}: {source}", shown(path))]
     Io {
         /// The operation: "read", "create", ...
         action: &'static str,
@@ -23,7 +24,7 @@ pub enum Error {
         r#source: std::io::Error,
     },
     /// Something other than a regular file is in its place.
-    #[error("{} is {found}; expected a regular file with a {what}", path.display())]
+    #[error("{} is {found}; expected a regular file with a {what}", shown(path))]
     NotRegular {
         /// Where the file was expected.
         path: PathBuf,
@@ -33,7 +34,10 @@ pub enum Error {
         found: &'static str,
     },
     /// A file exceeds the size limit of its kind.
-    #[error("{} has {bytes} bytes; expected a {what} of at most {most_bytes}", path.display())]
+    #[error(
+        "{} has {bytes} bytes; expected a {what} of at most {most_bytes}",
+        shown(path)
+    )]
     TooLarge {
         /// The file.
         path: PathBuf,
@@ -45,7 +49,7 @@ pub enum Error {
         most_bytes: u64,
     },
     /// A JSON file has the wrong content.
-    #[error("{} is not a valid {what}: {source}", path.display())]
+    #[error("{} is not a valid {what}: {source}", shown(path))]
     Json {
         /// What the file should contain.
         what: &'static str,
@@ -55,7 +59,7 @@ pub enum Error {
         r#source: serde_json::Error,
     },
     /// A table lacks a column, has another type, or is damaged.
-    #[error("table {}: {message}", path.display())]
+    #[error("table {}: {message}", shown(path))]
     Table {
         /// The file.
         path: PathBuf,
@@ -63,7 +67,7 @@ pub enum Error {
         message: String,
     },
     /// A number is outside its limits.
-    #[error("{}{}: {fault}", path.display(), in_row(*row))]
+    #[error("{}{}: {fault}", shown(path), in_row(*row))]
     OutOfLimits {
         /// The file.
         path: PathBuf,
@@ -76,7 +80,7 @@ pub enum Error {
     #[error(transparent)]
     Memory(#[from] TooMuchMemory),
     /// A video cannot be read or written.
-    #[error("video {}: {message}", path.display())]
+    #[error("video {}: {message}", shown(path))]
     Video {
         /// The file.
         path: PathBuf,
@@ -85,7 +89,8 @@ pub enum Error {
     },
     /// Another process is writing the scenario, or the files of the whole corpus.
     #[error(
-        "{}: {holder} has been writing it for {waited:?}; if that hangs, end it and run the same command again", path.display()
+        "{}: {holder} has been writing it for {waited:?}; if that hangs, end it and run the same command again",
+        shown(path)
     )]
     Held {
         /// Its folder.
@@ -96,21 +101,25 @@ pub enum Error {
         waited: Duration,
     },
     /// Another process kept changing a scenario while it was read.
-    #[error("{}: another process keeps changing it while it is read; run the same command again", path.display())]
+    #[error(
+        "{}: another process keeps changing it while it is read; run the same command again",
+        shown(path)
+    )]
     Changing {
         /// The scenario's folder.
         path: PathBuf,
     },
     /// The folder has no scenarios.
     #[error(
-        "{} is not a corpus (expected a folder with scenarios/ in it); make one with `dtd generate SWEEP.toml --out CORPUS`", path.display()
+        "{} is not a corpus (expected a folder with scenarios/ in it); make one with `dtd generate SWEEP.toml --out CORPUS`",
+        shown(path)
     )]
     NotACorpus {
         /// The folder.
         path: PathBuf,
     },
     /// The folder is not as expected.
-    #[error("{}: {message}", path.display())]
+    #[error("{}: {message}", shown(path))]
     Corpus {
         /// The folder or file.
         path: PathBuf,
@@ -169,6 +178,11 @@ impl Error {
     /// Whether a file or folder is missing.
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::NotFound)
+    }
+
+    /// Whether a file or folder exists where a new one was to be.
+    pub fn is_taken(&self) -> bool {
+        matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::AlreadyExists)
     }
 
     /// Returns true for a full or broken disk: the same operation succeeds after the repair.

@@ -36,6 +36,7 @@ mod others_decoder;
 pub mod outside_file;
 pub mod own_path;
 pub mod pixel_box;
+pub mod plain;
 pub mod plan;
 pub mod pose;
 pub mod progress;

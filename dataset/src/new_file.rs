@@ -8,7 +8,11 @@ use std::collections::hash_map::RandomState;
 use std::fs::{self, File, OpenOptions};
 use std::hash::{BuildHasher, Hasher};
 use std::io::{self, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
 
 use crate::error::{Error, Result};
 
@@ -64,6 +68,22 @@ impl NewFile {
         sync(folder_of(&path))
     }
 
+    /// Moves the file into place, durably, unless anything exists there by then. If the disk fails afterwards, the place is free again.
+    ///
+    /// # Errors
+    /// Something exists at the destination ([`Error::is_taken`]), the disk is full, or the destination cannot be written.
+    pub fn commit_new(mut self) -> Result<()> {
+        sync_opened(&self.file).map_err(Error::io("write", &self.path))?;
+        rename_new(&self.temporary, &self.path)
+            .map_err(Error::io("rename into place", &self.path))?;
+        self.committed = true;
+        sync(folder_of(&self.path)).inspect_err(|_| {
+            if is_named_by(&self.file, &self.path) {
+                let _ = fs::remove_file(&self.path);
+            }
+        })
+    }
+
     /// Moves the file into place without syncing, so a power failure may undo it: for folders that are sealed afterwards, which
     /// syncs all their files at once.
     ///
@@ -92,6 +112,26 @@ impl Drop for NewFile {
         if !self.committed {
             let _ = fs::remove_file(&self.temporary);
         }
+    }
+}
+
+/// Renames a file to a name that must be free.
+fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+        // NFS cannot; a second name is refused by every file system if it is taken.
+        Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
+            fs::hard_link(from, to)?;
+            fs::remove_file(from)
+        }
+        result => Ok(result?),
+    }
+}
+
+/// Whether the path names this open file.
+pub(crate) fn is_named_by(file: &File, path: &Path) -> bool {
+    match (file.metadata(), fs::metadata(path)) {
+        (Ok(ours), Ok(named)) => (ours.dev(), ours.ino()) == (named.dev(), named.ino()),
+        _ => false,
     }
 }
 
@@ -230,6 +270,38 @@ mod tests {
         file.commit().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"plan");
         assert_eq!(fs::read(&target).unwrap(), b"precious");
+    }
+
+    #[test]
+    fn a_new_file_replaces_no_file_that_appeared_meanwhile() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.parquet");
+        let [mut first, mut second] = [(); 2].map(|()| NewFile::create(&path).unwrap());
+        first.write_all(b"first").unwrap();
+        second.write_all(b"second").unwrap();
+        second.commit_new().unwrap();
+        assert!(first.commit_new().unwrap_err().is_taken());
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(names(folder.path()), ["p.parquet"]);
+    }
+
+    #[test]
+    fn a_new_file_whose_disk_fails_leaves_its_place_free_and_the_files_of_others() {
+        for before in 0..2 {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("p.parquet");
+            let file = NewFile::create(&path).unwrap();
+            let (result, struck) = failing_sync::after(before, || file.commit_new());
+            assert!(struck && result.is_err(), "sync {before}");
+            assert_eq!(names(folder.path()), Vec::<String>::new(), "sync {before}");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.parquet");
+        let file = NewFile::create(&path).unwrap();
+        fs::write(&path, "a person's").unwrap();
+        let (result, _) = failing_sync::after(0, || file.commit_new());
+        assert!(result.is_err());
+        assert_eq!(names(folder.path()), ["p.parquet"]);
     }
 
     #[test]

@@ -170,6 +170,11 @@ pub fn is_within(name: &Path) -> bool {
     parts.peek().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
 }
 
+/// BLAKE3 hash of the content of a file, in hexadecimal.
+pub fn hash_bytes(content: &[u8]) -> String {
+    blake3::hash(content).to_string()
+}
+
 /// BLAKE3 hash of a file, in hexadecimal digits.
 pub fn hash_file(path: &Path) -> Result<String> {
     hash_opened(outside_file::open(path, FileKind::VIDEO)?, path)

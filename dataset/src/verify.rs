@@ -30,6 +30,7 @@ use crate::corpus::{Corpus, ScenarioFolder};
 use crate::effective_weather::ReportedWeather;
 use crate::error::{Error, Result};
 use crate::limits::FieldOutOfLimits;
+use crate::plain::one_line;
 use crate::scenario::ScenarioRecord;
 use crate::seal;
 use pixels::ViewProof;
@@ -71,20 +72,22 @@ pub struct Finding {
 }
 
 impl fmt::Display for Finding {
+    /// Names of files and folders are on one line, whatever a foreign corpus calls them.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.scenario {
+        let file = one_line(&self.file);
+        match self.scenario.as_deref().map(one_line) {
             // A file of the whole corpus: no such file is in the scenario's folder.
             Some(scenario) if Corpus::FILES.contains(&self.file.as_str()) => {
-                write!(f, "{} scenario {scenario}", self.file)?;
+                write!(f, "{file} scenario {scenario}")?;
             }
-            Some(scenario) => write!(f, "{scenario}/{}", self.file)?,
-            None => write!(f, "{}", self.file)?,
+            Some(scenario) => write!(f, "{scenario}/{file}")?,
+            None => write!(f, "{file}")?,
         }
         if let Some(row) = self.row {
             write!(f, " row {row}")?;
         }
         if let Some(view) = &self.view {
-            write!(f, " view {view}")?;
+            write!(f, " view {}", one_line(view))?;
         }
         write!(f, ": {}", self.message)
     }

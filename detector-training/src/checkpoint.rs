@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleRecord, RecordError};
-use dataset::json_file::{read_json, write_json};
+use dataset::json_file::{read_json, write_atomically, write_json};
 use serde::{Deserialize, Serialize};
 
 use super::network::Network;
@@ -20,6 +20,8 @@ use crate::error::{Error, OutputFault, Result};
 /// Locked by the training process.
 pub(super) const CLAIM: &str = "claim";
 const STATE: &str = "checkpoint.json";
+/// Hash of the model that the training is about to write.
+const MODEL: &str = "model.b3";
 const PARTS: [&str; 2] = ["network", "optimizer"];
 
 /// Rejects a folder that contains anything but a checkpoint: it is deleted when the training is done.
@@ -36,6 +38,16 @@ pub(super) fn refuse_strangers(folder: &Path) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Notes the hash of the model before it is written, so that a training that is killed before its report knows it again.
+pub(super) fn note_model(folder: &Path, hash: &str) -> Result<()> {
+    Ok(write_atomically(&folder.join(MODEL), hash.as_bytes())?)
+}
+
+/// The hash of the model that a training in this folder wrote, or was about to write.
+pub(super) fn noted_model(folder: &Path) -> Option<String> {
+    fs::read_to_string(folder.join(MODEL)).ok()
 }
 
 /// Removes the checkpoint of a finished training.
@@ -66,9 +78,10 @@ fn is_own(path: &Path) -> bool {
         let step = name.strip_suffix(part).and_then(|n| n.strip_suffix('.'));
         step.is_some_and(|step| step.parse::<u64>().is_ok())
     });
-    let is_state =
-        name == STATE || name.starts_with(&format!(".{STATE}.")) && name.ends_with(".tmp");
-    path.is_file() && (is_part || is_state || name == CLAIM)
+    let is_note = [STATE, MODEL].iter().any(|note| {
+        name == *note || name.starts_with(&format!(".{note}.")) && name.ends_with(".tmp")
+    });
+    path.is_file() && (is_part || is_note || name == CLAIM)
 }
 
 /// Progress of a training.

@@ -7,6 +7,7 @@ use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
 use dataset::json_file::{read_json, write_atomically, write_json};
 use dataset::progress::Progress;
+use dataset::seal::{hash_bytes, hash_file};
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -109,9 +110,11 @@ pub fn train_detector(
     progress.advance(frames.len() as u64, "");
 
     let model = export::onnx_bytes(&trained.network);
+    let model_blake3 = hash_bytes(&model);
+    checkpoint::note_model(&checkpoint, &model_blake3)?;
     write_atomically(out, &model)?;
     let report = DetectorReport {
-        model_blake3: dataset::seal::hash_file(out)?,
+        model_blake3,
         model_bytes: model.len(),
         parameters: burn::module::Module::num_params(&trained.network),
         steps: trained.position.step,
@@ -157,16 +160,41 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     }
 }
 
-/// Whether the model may be replaced: it does not exist, it is the one of the report, or its training was interrupted.
+/// Whether the model may be replaced: it does not exist, it is the one of the report, or it was written by this training, which was
+/// interrupted before its report.
 fn is_own(out: &Path, report: &Path, checkpoint: &Path) -> Result<bool> {
-    if !out.exists() || checkpoint.is_dir() {
+    if !out.exists() {
         return Ok(true);
     }
-    let hash = dataset::seal::hash_file(out)?;
+    let hash = hash_file(out)?;
+    if checkpoint::noted_model(checkpoint).is_some_and(|noted| noted == hash) {
+        return Ok(true);
+    }
     let reported = read_json::<Value>(report, "report of a detector");
     Ok(reported.is_ok_and(|found| found["model_blake3"] == hash.as_str()))
 }
 
 fn beside(out: &Path, ending: &str) -> PathBuf {
     out.with_extension(ending)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_model_of_an_interrupted_training_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("net.onnx");
+        let checkpoint = beside(&out, "checkpoint");
+        std::fs::create_dir(&checkpoint).unwrap();
+        std::fs::write(&out, "a person's").unwrap();
+        assert!(claim(&out, &checkpoint).is_err());
+        checkpoint::note_model(&checkpoint, &hash_bytes(b"a model")).unwrap();
+        assert!(claim(&out, &checkpoint).is_err());
+        std::fs::write(&out, "a model").unwrap();
+        drop(claim(&out, &checkpoint).unwrap());
+        checkpoint::clear(&checkpoint).unwrap();
+        assert!(!checkpoint.exists());
+    }
 }

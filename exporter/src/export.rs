@@ -139,7 +139,10 @@ pub fn export(
         source.hash(&mut hasher);
         job.about.add(&source.record, source.selected.side);
         job.about.models.extend(source.model.clone());
-        job.sides.insert(selected.side.unwrap_or(Side::Train));
+        // A side without pictures would have a name in data.yaml, and no folder.
+        if counts.pictures > before {
+            job.sides.insert(selected.side.unwrap_or(Side::Train));
+        }
         job.scenarios.push(Planned {
             selected,
             pictures: counts.pictures - before,

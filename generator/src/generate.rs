@@ -51,7 +51,7 @@ use dataset::video::VideoEncoder;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
 use xplane_bridge::pixels::{PixelChoice, PixelKind, Screen};
-use xplane_bridge::{LocalUdp, block_bytes};
+use xplane_bridge::{LocalUdp, block_bytes, pictures_at_once};
 
 pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
@@ -185,7 +185,11 @@ pub fn generate<'a>(
         if !to_make.is_empty() {
             memory::check(
                 "recording a scenario",
-                recording_bytes(&plan.common, options),
+                recording_bytes(
+                    plan.common.picture,
+                    plan.common.cameras.len() as u64,
+                    may_use_screen(options.pixels, options.simulators.targets()),
+                ),
             )
             .map_err(dataset::Error::from)?;
         }
@@ -232,18 +236,28 @@ pub fn generate<'a>(
 }
 
 /// Memory for one simulator's pictures that wait to be drawn, sent and encoded.
-fn recording_bytes(common: &Common, options: &GenerateOptions) -> u64 {
+fn recording_bytes(picture: Picture, views: u64, may_use_screen: bool) -> u64 {
     /// Pictures held by simulator and link, all views together, and by one encoder, which looks ahead.
     const UNDER_WAY: (u64, u64) = (8, 12);
-    let picture = common.picture;
     let rgb_bytes = u64::from(picture.width_px) * u64::from(picture.height_px) * 3;
-    let encoders = UNDER_WAY.1 * common.cameras.len() as u64;
-    let simulator = if options.pixels == PixelChoice::Only(PixelKind::Screen) {
-        block_bytes((picture.width_px, picture.height_px))
+    let encoders = UNDER_WAY.1 * views;
+    let size_px = (picture.width_px, picture.height_px);
+    let simulator = if may_use_screen {
+        // While the block of one view is recorded, pictures of the others may wait for their encoders.
+        let waiting = views.saturating_sub(1) * pictures_at_once(size_px) as u64;
+        block_bytes(size_px) + waiting * rgb_bytes
     } else {
         UNDER_WAY.0 * rgb_bytes
     };
     simulator + encoders * rgb_bytes
+}
+
+/// Whether pictures may be taken from a screen, in blocks: not from stand-ins and tapes of this run, unless that is asked for.
+fn may_use_screen(pixels: PixelChoice, simulators: &[SimulatorTarget]) -> bool {
+    match pixels {
+        PixelChoice::Only(kind) => kind == PixelKind::Screen,
+        PixelChoice::Auto => simulators.iter().any(SimulatorTarget::runs_already),
+    }
 }
 
 fn wanted<'a>(
@@ -335,4 +349,34 @@ async fn open_sessions(
         });
     }
     Ok(sessions)
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::frame_rate::FrameRate;
+
+    use super::*;
+
+    #[test]
+    fn memory_for_a_screen_holds_a_block_and_the_waiting_pictures_of_other_views() {
+        let picture = Picture {
+            width_px: 1920,
+            height_px: 1280,
+            frame_rate: FrameRate::new(30, 1).unwrap(),
+        };
+        let running = [SimulatorTarget::Address(([127, 0, 0, 1], 49_000).into())];
+        assert!(may_use_screen(PixelChoice::Auto, &running));
+        assert!(may_use_screen(PixelChoice::Only(PixelKind::Screen), &[]));
+        assert!(!may_use_screen(
+            PixelChoice::Auto,
+            &[SimulatorTarget::StandIn]
+        ));
+        // A block of 55 pictures, 13 of the other view, and 12 in each encoder.
+        let rgb_bytes = 1920 * 1280 * 3;
+        assert_eq!(
+            recording_bytes(picture, 2, true),
+            (55 + 13 + 24) * rgb_bytes
+        );
+        assert_eq!(recording_bytes(picture, 2, false), (8 + 24) * rgb_bytes);
+    }
 }

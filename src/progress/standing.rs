@@ -33,7 +33,7 @@ pub(crate) struct Disk {
 pub(crate) struct Standing {
     pub(crate) total: Option<u64>,
     pub(crate) done: u64,
-    /// Units that an earlier process did, which say nothing about the pace of this one.
+    /// Units among them that this process did not finish, which say nothing about its pace.
     pub(crate) before: u64,
     pub(crate) working_on: String,
     pub(crate) scenarios: Option<Scenarios>,

@@ -43,7 +43,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         Ending::Done => {}
         other => {
             for failed in &generated.failed {
-                eprintln!("demo: {}: {}", failed.id, failed.reason);
+                eprint_warning!("demo: {}: {}", failed.id, failed.reason);
             }
             return Ok(other);
         }

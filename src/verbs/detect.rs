@@ -80,7 +80,7 @@ fn next(corpus: &Corpus, outcome: &DetectOutcome) -> Result<Next, Failure> {
         is_labelled &= folder.open()?.truth_boxes_if_labelled()?.is_some();
     }
     if outcome.counts.confirmed == 0 {
-        eprintln!("detect: no track was confirmed");
+        eprint_warning!("detect: no track was confirmed");
         return Ok(Next::verb("view", corpus.root()));
     }
     if !is_labelled {
@@ -158,7 +158,7 @@ pub(crate) fn detect(
         false => error.into(),
     })?;
     for failure in &outcome.failed {
-        bar.say(&format!(
+        bar.warn(&format!(
             "scenario {} was not searched: {}",
             failure.id, failure.reason
         ));

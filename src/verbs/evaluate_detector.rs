@@ -65,14 +65,16 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
         }
     };
     for failure in &evaluation.failed {
-        bar.say(&format!(
+        bar.warn(&format!(
             "scenario {} was not searched: {}",
             failure.id, failure.reason
         ));
     }
     bar.finish();
     if evaluation.scenarios.is_empty() {
-        eprintln!("evaluate-detector: no scenario could be searched, so there are no figures");
+        eprint_warning!(
+            "evaluate-detector: no scenario could be searched, so there are no figures"
+        );
         return Ok(Ending::Losses);
     }
     if args.json {

@@ -1,6 +1,5 @@
 //! `dtd export-estimators`: the estimators of a run as ONNX models, each checked against ONNX Runtime before anything is written.
 
-use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
@@ -61,12 +60,7 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
         .iter()
         .map(|model| (model.file.as_str(), model.onnx));
     let files: Vec<_> = files.chain([card]).collect();
-    if !new_folder::is_written(&args.out, files.iter().copied())? {
-        if !new_folder::is_begun(&args.out, files.iter().copied())? {
-            refuse_filled(&args.out)?;
-        }
-        new_folder::write(&args.out, files)?;
-    }
+    new_folder::write(&args.out, &files).map_err(Failure::of_corpus)?;
     if args.json {
         print_json(&exported)?;
     } else {
@@ -84,33 +78,6 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
     }
     finish("export-estimators", began, &Next::default());
     Ok(Ending::Done)
-}
-
-/// A folder with other files would be left with those of two exports.
-fn refuse_filled(out: &Path) -> Result<(), Failure> {
-    let mut entries = match fs::read_dir(out) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => {
-            return Err(Failure::bad_input_message(format!(
-                "cannot write models to {}: {error}; name a new folder",
-                out.display()
-            )));
-        }
-    };
-    match entries.next() {
-        None => Ok(()),
-        Some(entry) => {
-            let name = entry.map_or_else(
-                |error| error.to_string(),
-                |entry| entry.file_name().to_string_lossy().into_owned(),
-            );
-            Err(Failure::bad_input_message(format!(
-                "{} holds {name}, expected a new or an empty folder; remove it, or name another",
-                out.display()
-            )))
-        }
-    }
 }
 
 /// How well ONNX Runtime agrees with us about a model; an error if it does not.

@@ -80,16 +80,16 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
         eprintln!("mended the detections {mended}, which were damaged here");
     }
     for left in &mirror.left_detections {
-        eprintln!("detections {} were not fetched: {}", left.id, left.reason);
+        eprint_warning!("detections {} were not fetched: {}", left.id, left.reason);
     }
     for id in &mirror.different {
-        eprintln!(
+        eprint_warning!(
             "{id} differs from what the store has and was left alone; move {} away to fetch it, or `dtd push` it",
             args.out.join("scenarios").join(id).display()
         );
     }
     for lost in &mirror.failed {
-        eprintln!("{} was not fetched: {}", lost.id, lost.reason);
+        eprint_warning!("{} was not fetched: {}", lost.id, lost.reason);
     }
     let lost = mirror.different.len() + mirror.failed.len() + mirror.left_detections.len();
     Ok(match lost {

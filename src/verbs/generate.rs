@@ -168,7 +168,7 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
             Ok(Ending::Interrupted)
         }
         Some(Stopped::NoSimulator { reason }) => {
-            eprintln!(
+            eprint_warning!(
                 "no simulator is left ({reason}): {} made, {} to go; run the same command again to resume",
                 generated.committed.len(),
                 generated.not_made.len()
@@ -176,7 +176,7 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
             Ok(Ending::Interrupted)
         }
         Some(Stopped::Setup { reason }) => {
-            eprintln!(
+            eprint_error!(
                 "every scenario would fail ({reason}): {} made, {} to go; change this, and run the same command again to resume",
                 generated.committed.len(),
                 generated.not_made.len()
@@ -184,7 +184,7 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
             Ok(Ending::Losses)
         }
         Some(Stopped::Storage { reason }) => {
-            eprintln!("error: {reason}");
+            eprint_error!("{reason}");
             Ok(Ending::Losses)
         }
         Some(Stopped::Store { reason }) => Err(Failure::Failed(anyhow::anyhow!("{reason}"))),
@@ -279,6 +279,12 @@ impl ShowEvents {
         self.bar.working_on(&names.join(" "));
     }
 
+    /// A scenario that another process completed, or that is set aside.
+    fn finished_without_us(&mut self, id: &str, ticks: u64) {
+        self.bar.add_foreign(ticks);
+        self.finished(id, ticks);
+    }
+
     /// A scenario that is complete, or set aside.
     fn finished(&mut self, id: &str, ticks: u64) {
         self.scenarios.number = (self.scenarios.number + 1).min(self.scenarios.of);
@@ -313,12 +319,12 @@ impl ShowEvents {
                 "encoder {encoder}: {TRIAL_PICTURES} pictures, and again without an end, in {seconds:.1} s; order, timestamps, colours and \
                  what a kill leaves are right"
             )),
-            Event::SetAsideBefore { id, reason } => self.bar.say(&format!(
+            Event::SetAsideBefore { id, reason } => self.bar.warn(&format!(
                 "{id} failed in an earlier run and is tried again: {reason}"
             )),
-            Event::SplitLost => self.bar.say(SPLIT_AGAIN),
-            Event::LittleSpace { free, needed } => self.bar.say(&format!(
-                "warning: {} are free, and about {} will be needed",
+            Event::SplitLost => self.bar.warn(SPLIT_AGAIN),
+            Event::LittleSpace { free, needed } => self.bar.warn(&format!(
+                "{} are free, and about {} will be needed",
                 DecimalBytes(free),
                 DecimalBytes(needed)
             )),
@@ -352,13 +358,13 @@ impl ShowEvents {
                 self.written += bytes_in(&self.corpus.join("scenarios").join(id));
                 self.finished(id, u64::from(ticks));
             }
-            Event::Marked { id, differences } => self.bar.say(&format!(
+            Event::Marked { id, differences } => self.bar.warn(&format!(
                 "{id} is marked, the weather at the aircraft is not the planned one: {differences}"
             )),
             Event::NotFollowed {
                 simulator,
                 quantity,
-            } => self.bar.say(&format!(
+            } => self.bar.warn(&format!(
                 "simulator {simulator} does not follow the {quantity} that is set: it differed in three scenarios alike. It is no longer \
                  waited for, and scenarios in which it differs are marked; `dtd doctor --measure` examines it"
             )),
@@ -374,26 +380,26 @@ impl ShowEvents {
             )),
             Event::StoreAway { id, reason } => self
                 .bar
-                .say(&format!("{id} cannot be uploaded now, retrying: {reason}")),
+                .warn(&format!("{id} cannot be uploaded now, retrying: {reason}")),
             Event::MadeElsewhere { id, ticks } => {
                 self.bar.say(&format!("{id}: made by another process"));
-                self.finished(id, u64::from(ticks));
+                self.finished_without_us(id, u64::from(ticks));
             }
             Event::Retrying { id, reason } => {
                 self.bar
-                    .say(&format!("{id} failed and will be tried again: {reason}"));
+                    .warn(&format!("{id} failed and will be tried again: {reason}"));
                 self.ended(id, 0);
             }
             Event::Failed { id, reason } => {
-                self.bar.say(&format!("{id} is set aside: {reason}"));
+                self.bar.warn(&format!("{id} is set aside: {reason}"));
                 let planned = self.current.get(id).map_or(0, |current| current.planned);
                 self.scenarios.failed += 1;
-                self.finished(id, planned);
+                self.finished_without_us(id, planned);
             }
             Event::Profile { simulator, known } => {
                 self.bar.say(&format!("simulator {simulator} {known}"));
             }
-            Event::SimulatorLost { simulator, reason } => self.bar.say(&format!(
+            Event::SimulatorLost { simulator, reason } => self.bar.warn(&format!(
                 "simulator {simulator} does not answer, waiting for it: {reason}"
             )),
             Event::SimulatorBack { simulator } => {
@@ -406,12 +412,12 @@ impl ShowEvents {
                 "restarting simulator {simulator} after {}",
                 count(live_flights as usize, "live flight")
             )),
-            Event::RestartFailed { simulator, reason } => self.bar.say(&format!(
+            Event::RestartFailed { simulator, reason } => self.bar.warn(&format!(
                 "simulator {simulator} was not restarted: {reason}"
             )),
             Event::SimulatorGone { simulator, reason } => {
                 self.bar
-                    .say(&format!("giving up simulator {simulator}: {reason}"));
+                    .warn(&format!("giving up simulator {simulator}: {reason}"));
             }
         }
     }

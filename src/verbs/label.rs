@@ -43,7 +43,7 @@ pub(crate) fn label(corpus: &Corpus) -> Result<LabelOutcome, Failure> {
         bar.set_done(progress.done);
     })?;
     for failure in &outcome.failed {
-        bar.say(&format!(
+        bar.warn(&format!(
             "scenario {} was not labelled: {}",
             failure.id, failure.reason
         ));

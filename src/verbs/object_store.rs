@@ -76,6 +76,6 @@ impl Watch for OnBar<'_> {
     }
 
     fn waiting(&self, reason: &StoreError) {
-        self.bar.say(&format!("retrying the store: {reason}"));
+        self.bar.warn(&format!("retrying the store: {reason}"));
     }
 }

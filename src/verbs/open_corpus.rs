@@ -17,7 +17,7 @@ pub(crate) fn open_sound_corpus(verb: &str, root: &Path) -> Result<(Corpus, Endi
         .without_damaged()
         .map_err(Failure::of_corpus)?;
     for scenario in &damaged {
-        eprintln!(
+        eprint_warning!(
             "{verb}: scenario {} is damaged and left out: {}; move its folder out of {}/scenarios and run `dtd generate` or `dtd fetch` again",
             scenario.id,
             scenario.reason,

@@ -77,7 +77,7 @@ fn warn_of_unused_weathers(sweep: &Sweep, plan: &Plan) {
                 true => "[[exclude]] omits every combination with it",
                 false => "name it in `weathers` of [grid]",
             };
-            eprintln!("warning: no scenario has the weather {weather:?}: {why}");
+            eprint_warning!("no scenario has the weather {weather:?}: {why}");
         }
     }
 }
@@ -87,8 +87,8 @@ fn warn_of_another_split(sweep: &Sweep, corpus: &Corpus) {
     let split = |text: &str| toml::from_str::<toml::Table>(text).ok()?.remove("split");
     let there = outside_file::read_text(&corpus.sweep_path(), FileKind::SWEEP);
     if there.is_ok_and(|there| split(&there) != split(&sweep.text)) {
-        eprintln!(
-            "warning: [split] is not the one that {} was started with: its scenarios keep their sides, only new ones follow the new [split]",
+        eprint_warning!(
+            "[split] is not the one that {} was started with: its scenarios keep their sides, only new ones follow the new [split]",
             corpus.root().display()
         );
     }

@@ -103,7 +103,7 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
         eprintln!("{said}");
     }
     for Refused { what, reason } in &sent.refused {
-        eprintln!("{what} was not pushed: {reason}");
+        eprint_warning!("{what} was not pushed: {reason}");
     }
     Ok(match sent.refused.len() {
         0 => Ending::Done,
@@ -121,7 +121,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
     match store.clear_unfinished(&ids).await {
         Ok(cleared) => sent.cleared = cleared,
         // They use space and do no harm; write permission does not imply permission to list.
-        Err(error) => bar.say(&format!("unfinished uploads are left there: {error}")),
+        Err(error) => bar.warn(&format!("unfinished uploads are left there: {error}")),
     }
     send_corpus_files(&files, store, &mut sent).await?;
     let planned = PlannedScenarios::read(corpus).map_err(Failure::of_corpus)?;

@@ -114,8 +114,8 @@ async fn announced(local_udp: &LocalUdp) -> Result<SocketAddr, Failure> {
 /// the probe is on no tape.
 async fn look_for(address: SocketAddr, local_udp: &LocalUdp) {
     if !somebody_answers(address, ANSWER_WITHIN, local_udp).await {
-        eprintln!(
-            "warning: nobody answers at {address} (UDP) yet. What clients send is recorded, and what comes back once X-Plane runs there with \
+        eprint_warning!(
+            "nobody answers at {address} (UDP) yet. What clients send is recorded, and what comes back once X-Plane runs there with \
              Settings > Network > \"Accept incoming connections\" on; is it the right address?"
         );
     }
@@ -123,12 +123,12 @@ async fn look_for(address: SocketAddr, local_udp: &LocalUdp) {
 
 fn warn_of_silence(summary: &TapeSummary, address: SocketAddr) {
     if summary.messages == 0 {
-        eprintln!(
-            "warning: the tape is empty: no client spoke to the recorder. Clients must be given its address, not X-Plane's"
+        eprint_warning!(
+            "the tape is empty: no client spoke to the recorder. Clients must be given its address, not X-Plane's"
         );
     } else if summary.from_simulator == 0 {
-        eprintln!(
-            "warning: nothing came back from {address}: the tape has only clients' requests, and no answers"
+        eprint_warning!(
+            "nothing came back from {address}: the tape has only clients' requests, and no answers"
         );
     }
 }

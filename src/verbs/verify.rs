@@ -228,6 +228,7 @@ fn verify(corpus: &Corpus, options: VerifyOptions) -> VerifyReport {
         bar.working_on(id);
         started += 1;
     });
+    bar.set_done(started);
     add_sweep_fault(corpus, &mut report);
     report
 }
@@ -303,6 +304,7 @@ fn verify_in_store(
             }
         }
         let mut report = verification.finish(&corpus);
+        bar.set_done(committed.len() as u64);
         add_sweep_fault(&corpus, &mut report);
         Ok(report)
     });

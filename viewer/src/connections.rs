@@ -1,14 +1,19 @@
 //! The connections of browsers: a few at a time, and none of them is held by a silent client.
 //!
-//! A browser opens about six. A program that opens many and is silent must not keep browsers out: its connections end soon, and at once if
-//! others need their places.
+//! A browser opens about six. A program that opens many and leaves them idle must not keep browsers out: its connections end soon, and at
+//! once if others need their places.
 
 use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
+use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::Router;
+use axum::body::Bytes;
+use hyper::body::{Frame, SizeHint};
 use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -35,8 +40,51 @@ const PAUSE: Duration = Duration::from_millis(100);
 /// A connection as those see it that need its place.
 #[derive(Default)]
 struct Guest {
-    has_asked: AtomicBool,
+    /// From a complete request until its answer is sent.
+    is_busy: AtomicBool,
     has_to_leave: Notify,
+}
+
+/// A request of a guest, until this is dropped.
+struct Busy(Arc<Guest>);
+
+impl Busy {
+    fn begin(guest: &Arc<Guest>) -> Self {
+        guest.is_busy.store(true, Ordering::Relaxed);
+        Self(guest.clone())
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.0.is_busy.store(false, Ordering::Relaxed);
+    }
+}
+
+/// The body of an answer. Its guest is busy until it is sent.
+struct BusyBody {
+    body: axum::body::Body,
+    _busy: Busy,
+}
+
+impl hyper::body::Body for BusyBody {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        Pin::new(&mut self.body).poll_frame(context)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
 }
 
 /// Serves until dropped; its connections end with it.
@@ -57,7 +105,7 @@ pub(crate) async fn serve(listener: TcpListener, router: Router) -> Result<(), V
             }
         };
         if room.available_permits() == 0 {
-            dismiss_the_oldest_silent(&mut guests);
+            dismiss_the_oldest_idle(&mut guests);
         }
         // The semaphore is never closed; without a permit the connection would only not be counted.
         let permit = room.clone().acquire_owned().await.ok();
@@ -68,8 +116,12 @@ pub(crate) async fn serve(listener: TcpListener, router: Router) -> Result<(), V
         connections.spawn(async move {
             let _permit = permit;
             let asks = service_fn(|request| {
-                guest.has_asked.store(true, Ordering::Relaxed);
-                service.call(request)
+                let busy = Busy::begin(&guest);
+                let answer = service.call(request);
+                async move {
+                    let answer = answer.await?;
+                    Ok::<_, Infallible>(answer.map(|body| BusyBody { body, _busy: busy }))
+                }
             });
             let served = http1::Builder::new()
                 .timer(TokioTimer::new())
@@ -80,20 +132,20 @@ pub(crate) async fn serve(listener: TcpListener, router: Router) -> Result<(), V
                     tracing::debug!(%from, %error, "connection closed");
                 },
                 () = guest.has_to_leave.notified() => {
-                    tracing::debug!(%from, "connection closed: it was silent, and others wait");
+                    tracing::debug!(%from, "connection closed: it was idle, and others wait");
                 }
             }
         });
     }
 }
 
-/// Ends the oldest connection without a complete request, if there is one.
-fn dismiss_the_oldest_silent(guests: &mut VecDeque<Weak<Guest>>) {
-    let is_silent = |guest: &Weak<Guest>| {
+/// Ends the oldest connection without a complete request that waits for its answer, if there is one.
+fn dismiss_the_oldest_idle(guests: &mut VecDeque<Weak<Guest>>) {
+    let is_idle = |guest: &Weak<Guest>| {
         let guest = guest.upgrade();
-        guest.is_some_and(|guest| !guest.has_asked.load(Ordering::Relaxed))
+        guest.is_some_and(|guest| !guest.is_busy.load(Ordering::Relaxed))
     };
-    let oldest = guests.iter().position(is_silent);
+    let oldest = guests.iter().position(is_idle);
     if let Some(guest) = oldest.and_then(|at| guests.remove(at)?.upgrade()) {
         guest.has_to_leave.notify_one();
     }
@@ -123,7 +175,10 @@ mod tests {
     async fn served() -> std::net::SocketAddr {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
-        tokio::spawn(serve(listener, Router::new().route("/", get("here"))));
+        let router = Router::new()
+            .route("/", get("here"))
+            .route("/busy", get(std::future::pending::<&str>));
+        tokio::spawn(serve(listener, router));
         address
     }
 
@@ -162,17 +217,40 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn sixty_four_connections_that_ask_are_served_and_the_next_one_when_one_has_ended() {
+    async fn sixty_four_idle_connections_that_have_asked_do_not_delay_another_one() {
         let address = served().await;
-        let mut guests = Vec::new();
+        let mut idle = Vec::new();
         for _ in 0..MOST_CONNECTIONS {
-            guests.push(asked(address).await);
+            idle.push(asked(address).await);
         }
+        let mut browser = TcpStream::connect(address).await.unwrap();
+        browser.write_all(REQUEST).await.unwrap();
+        let began = Instant::now();
+        assert!(answer(&mut browser).await.ends_with("here"));
+        assert!(began.elapsed() < REQUEST_WITHIN);
+        // Only the oldest had to leave.
+        assert_eq!(idle[0].read(&mut [0; 1]).await.unwrap(), 0);
+        idle[1].write_all(REQUEST).await.unwrap();
+        assert!(answer(&mut idle[1]).await.ends_with("here"));
+    }
+
+    #[tokio::test]
+    async fn sixty_four_connections_that_wait_for_answers_are_kept_and_the_next_one_waits() {
+        let address = served().await;
+        let mut busy = Vec::new();
+        for _ in 0..MOST_CONNECTIONS {
+            let mut stream = TcpStream::connect(address).await.unwrap();
+            let request = b"GET /busy HTTP/1.1\r\nHost: x\r\n\r\n";
+            stream.write_all(request).await.unwrap();
+            busy.push(stream);
+        }
+        // All requests have arrived.
+        tokio::time::sleep(Duration::from_millis(300)).await;
         let mut beyond = TcpStream::connect(address).await.unwrap();
         beyond.write_all(REQUEST).await.unwrap();
         let waiting = tokio::time::timeout(Duration::from_millis(300), beyond.readable());
         assert!(waiting.await.is_err());
-        guests.pop();
+        busy.pop();
         assert!(answer(&mut beyond).await.ends_with("here"));
     }
 

@@ -31,6 +31,15 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     if corpus.name.is_empty() {
         return fault("corpus.name", "the name is empty; expected one for people");
     }
+    if corpus.name.chars().any(char::is_control) {
+        return fault(
+            "corpus.name",
+            format!(
+                "the name {:?} has a control character; expected one line of text",
+                corpus.name
+            ),
+        );
+    }
     if !AIRCRAFT.contains(&approach.aircraft.as_str()) {
         return fault(
             "approach.aircraft",

@@ -84,7 +84,13 @@ type Fault = (
     &'static str,
 );
 
-const FAULTS: [Fault; 37] = [
+const FAULTS: [Fault; 38] = [
+    (
+        "name = \"small\"",
+        r#"name = "a\nsize 0 B""#,
+        Some((2, 8)),
+        "has a control character",
+    ),
     (
         "seed = 0",
         "seed = 0\ncolour = 1",

@@ -342,9 +342,16 @@ impl Decoding {
     ) -> Result<Vec<Vec<ScoredBox>>, AnswerFault> {
         let mut found = vec![Vec::new(); windows];
         let rows = || numbers.chunks_exact(7);
-        // Classes are whole numbers, and scores hardly ever: YOLO-NAS has them in the other order.
-        let is_whole = |field: usize| rows().all(|row| row[field].fract() == 0.0);
-        let (class, score) = if is_whole(6) && !is_whole(5) {
+        // YOLO-NAS has them in the other order. Classes are whole numbers; scores may be exactly 1, but a box of score 0 is never returned.
+        let is_class_and_score = |class: usize, score: usize| {
+            rows().filter(|row| row[1..5] != [0.0; 4]).all(|row| {
+                row[class] >= 0.0
+                    && row[class].fract() == 0.0
+                    && row[score] > 0.0
+                    && row[score] <= 1.0
+            })
+        };
+        let (class, score) = if is_class_and_score(6, 5) && !is_class_and_score(5, 6) {
             (6, 5)
         } else {
             (5, 6)

@@ -20,6 +20,12 @@ const RT_DETR: &str = "RTDETRDecoder";
 const NORMALIZED: std::ops::RangeInclusive<f32> = -0.5..=1.5;
 /// Part of the boxes by corners whose edges are in order. Single ones of low score are turned inside out.
 const LEAST_ORDERED: f64 = 0.75;
+/// Part of the numbers of boxes in parts of the window that are in that range. A few may be overflows.
+const LEAST_NORMALIZED: f64 = 0.99;
+/// Rounding error of a probability.
+const PROBABILITY_TOLERANCE: f32 = 1e-3;
+/// Part of the scores of logits that are no probabilities. The answer to a blank window has low ones.
+const LEAST_LOGITS: f64 = 0.25;
 
 /// What is known of a model besides its answer.
 pub(super) struct Known<'a> {
@@ -110,9 +116,14 @@ impl fmt::Display for Meaning {
 }
 
 impl Known<'_> {
-    /// Whether an output of this layout is of RT-DETR, by its head.
+    /// Whether an output of this layout is of RT-DETR, by its head. A row of six may also be of two class scores.
     fn is_rt_detr(&self, layout: Layout, answer: Answer<'_>) -> bool {
-        let is_row_of_six = matches!(answer.shape(), [_, _, 6]) && layout == Layout::Corners;
+        let is_row_of_six = matches!(answer.shape(), [_, _, 6])
+            && layout == Layout::Corners
+            && answer
+                .numbers()
+                .chunks_exact(6)
+                .all(|row| row[5].fract() == 0.0);
         self.head == Some(RT_DETR) && (is_row_of_six || layout == Layout::ClassRows)
     }
 }
@@ -132,7 +143,9 @@ fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> L
             .numbers()
             .chunks_exact(6)
             .all(|row| (0.0..=1.0).contains(&row[4]) && row[5] >= 0.0 && row[5].fract() == 0.0);
-        if has_classes && (boxes.are_ordered() || boxes.are_normalized()) {
+        // The rows of grids are candidates, whose class score may be 1 everywhere.
+        let is_grid = matches!(layout, Layout::AnchorRows | Layout::Yolox);
+        if has_classes && (boxes.are_ordered() || !is_grid && boxes.are_normalized()) {
             return Layout::Corners;
         }
         if layout == Layout::Corners && !has_classes && known.named == Some(2) {
@@ -151,9 +164,11 @@ fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> L
     layout
 }
 
-/// Whether the candidates of cells are nearer to their cells than to 0.
+/// Whether the candidates of cells, in pixels or in parts of the window, are nearer to their cells than to 0.
 fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
-    let (mut from_cell, mut from_zero) = (Vec::new(), Vec::new());
+    let (mut from_cell, mut from_cell_in_parts, mut from_zero) =
+        (Vec::new(), Vec::new(), Vec::new());
+    let [width_px, height_px] = window_px.map(|side_px| side_px as f32);
     for of_window in answer.of_windows(1) {
         for (row, cell) in of_window
             .chunks_exact(columns)
@@ -172,6 +187,10 @@ fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
                 row[0] / stride_px - column,
                 row[1] / stride_px - line,
             ));
+            from_cell_in_parts.push(apart(
+                row[0] * width_px / stride_px - column,
+                row[1] * height_px / stride_px - line,
+            ));
             from_zero.push(apart(row[0], row[1]));
         }
     }
@@ -179,17 +198,21 @@ fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
         let middle = distances.len() / 2;
         (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f32::total_cmp).1)
     };
-    matches!((median(&mut from_cell), median(&mut from_zero)), (Some(cell), Some(zero)) if cell < zero)
+    let [in_px, in_parts, zero] =
+        [from_cell, from_cell_in_parts, from_zero].map(|mut distances| median(&mut distances));
+    zero.is_some() && (in_px < zero || in_parts < zero)
 }
 
-/// Whether scores are outside the range of probabilities.
+/// Whether many scores are outside the range of probabilities.
 fn has_logits(answer: Answer<'_>) -> bool {
     let columns = answer.shape().last().copied().unwrap_or(0).max(1);
-    let mut scores = answer
-        .numbers()
-        .chunks_exact(columns)
-        .flat_map(|row| row.iter().skip(4));
-    scores.any(|score| !(0.0..=1.0).contains(score))
+    let scores = || {
+        let rows = answer.numbers().chunks_exact(columns);
+        rows.flat_map(|row| row.iter().skip(4))
+    };
+    let probabilities = -PROBABILITY_TOLERANCE..=1.0 + PROBABILITY_TOLERANCE;
+    let outside = scores().filter(|score| !probabilities.contains(score));
+    outside.count() as f64 > LEAST_LOGITS * scores().count() as f64
 }
 
 /// The boxes of the first window, without those of zeros, which fill places that no box takes.
@@ -236,12 +259,9 @@ impl Boxes {
     }
 
     fn are_normalized(&self) -> bool {
-        !self.all.is_empty()
-            && self
-                .all
-                .iter()
-                .flatten()
-                .all(|number| NORMALIZED.contains(number))
+        let numbers = self.all.iter().flatten();
+        let inside = numbers.filter(|number| NORMALIZED.contains(number)).count();
+        !self.all.is_empty() && inside as f64 >= LEAST_NORMALIZED * (4 * self.all.len()) as f64
     }
 }
 

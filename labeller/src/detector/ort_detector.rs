@@ -15,7 +15,7 @@ use super::model_file::ModelFile;
 use super::ort_output::{
     ReadFault, boxes_in, forms_of, inputs_in_words, outputs_in_words, read_answer,
 };
-use super::outputs::{BoxOutputs, Expected};
+use super::outputs::{BoxOutputs, Expected, OutputsFault};
 use super::plausibility::Plausibility;
 use super::profile::ModelProfile;
 use super::sessions::Sessions;
@@ -144,6 +144,12 @@ impl OrtDetector {
                 let meaning = Meaning::of_probe(layout, answer, &known);
                 Ok((meaning, meaning.layout.classes(answer.shape())))
             })?;
+            let says_form = profile.box_form.is_some() || profile.box_unit.is_some();
+            if meaning.layout == Layout::Yolox && says_form {
+                let fault = OutputsFault::FormOfCells;
+                let shapes = shapes();
+                return Err(ReadFault::Outputs { fault, shapes });
+            }
             let classes = Classes {
                 said: profile.aircraft_class,
                 names: metadata.names.as_ref(),

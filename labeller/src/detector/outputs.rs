@@ -34,6 +34,15 @@ pub(super) enum OutputsFault {
     },
     #[error("its settings say output = {said:?}, but its outputs are {}", names.join(", "))]
     NoSuchOutput { said: String, names: Vec<String> },
+    #[error(
+        "its settings say output = {said:?}, but layout = \"efficient-nms\", which is read from four outputs; remove one of the two"
+    )]
+    OneOfFour { said: String },
+    #[error(
+        "its settings say box_form or box_unit, but its layout is yolox, whose boxes are relative to their cells; remove them, or name another \
+         layout"
+    )]
+    FormOfCells,
     #[error("its settings say layout = \"{said}\", which is {}, but no output is so for windows of {width_px}x{height_px} px", said.shape())]
     Contradiction {
         said: Layout,
@@ -92,7 +101,14 @@ impl BoxOutputs {
         if is_said(Layout::EfficientNms)
             && let Some(found) = NmsOutputs::of(outputs)
         {
-            return Ok((Self::EfficientNms(found), Layout::EfficientNms));
+            match named_output {
+                None => return Ok((Self::EfficientNms(found), Layout::EfficientNms)),
+                Some(name) if said.is_some() => {
+                    return Err(OutputsFault::OneOfFour { said: name.into() });
+                }
+                // Another output is to be read.
+                Some(_) => {}
+            }
         }
         let layout_of = |output: &OutputForm| {
             let layout = match said {

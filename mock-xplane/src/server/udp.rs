@@ -135,7 +135,9 @@ impl Server {
                 }
             }
             ToSimulator::PlaceAircraft(place) if place.plane == 0 => {
-                self.world.lock().place(&place);
+                if !self.world.lock().place(&place) {
+                    tracing::warn!(%from, ?place, "place ignored: expected finite numbers");
+                }
             }
             ToSimulator::PlaceAtStart(start) if start.plane == 0 => {
                 if !self.world.lock().start(&start) {

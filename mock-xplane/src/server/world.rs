@@ -362,7 +362,7 @@ impl World {
     }
 
     /// `VEHX`, `VEHS`: moves the aircraft, and stops the flight model for the first of them. A position with a NaN is ignored.
-    pub(super) fn place(&mut self, place: &PlaceAircraft) {
+    pub(super) fn place(&mut self, place: &PlaceAircraft) -> bool {
         let State {
             datarefs, aircraft, ..
         } = &mut self.state;
@@ -377,8 +377,7 @@ impl World {
             .chain(&position)
             .all(|number| number.is_finite())
         {
-            tracing::warn!(?place, "place ignored: expected finite numbers");
-            return;
+            return false;
         }
         if place.freeze {
             datarefs.set(names::OVERRIDE_FLIGHT_MODEL, 1.0);
@@ -393,6 +392,7 @@ impl World {
         });
         aircraft.publish(datarefs);
         self.placements += 1;
+        true
     }
 
     /// `ACFN`: another aircraft replaces the old one.

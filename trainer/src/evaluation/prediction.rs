@@ -1,6 +1,5 @@
 //! Distances for a corpus without truth: what every estimator answers at every tick.
 
-use std::fs;
 use std::path::Path;
 
 use dataset::columns::{TableParts, TableWriter};
@@ -94,10 +93,15 @@ pub fn predict(
         done += 1;
         progress.advance(done, scenario);
     }
-    table.finish().inspect_err(|_| {
-        // If only the last sync failed, the file is in its place, which must be free for the same command.
-        let _ = fs::remove_file(out);
-    })?;
+    match table.finish_new() {
+        // Made by another process in the meantime.
+        Err(error) if error.is_taken() => {
+            return Err(Error::Exists {
+                path: out.to_owned(),
+            });
+        }
+        result => result?,
+    }
     Ok(Predicted {
         scenarios: corpus_read.scenarios.len(),
         ticks: flights.len(),

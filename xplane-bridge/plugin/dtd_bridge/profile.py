@@ -35,13 +35,16 @@ class ProfileFile:
             return None
 
     def drop_if_unusable(self) -> str | None:
-        """Removes a file that no hello could contain, and returns why; `None` if it is usable or missing."""
+        """Removes a file that no hello could contain, and returns why; `None` if it is usable or missing. One that cannot be read now
+        stays: its content may be sound."""
         try:
             self._read()
         except FileNotFoundError:
             pass
         except (OSError, ValueError, RecursionError) as error:
             reason = f"the profile in {self._path} is not used: {error}"
+            if isinstance(error, OSError):
+                return f"{reason}. It stays there"
             try:
                 self._path.unlink()
             except OSError as stays:

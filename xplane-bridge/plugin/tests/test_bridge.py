@@ -2,6 +2,7 @@
 
 import paths  # noqa: F401
 
+import errno
 import importlib
 import math
 import socket
@@ -299,6 +300,18 @@ class Profiles(WithBridge):
             self.setUp()
             self.profile = ProfileFile(path)
             self.assertEqual(self.hello(self.start())["profile"], {"format": 1})
+
+    def test_a_sound_profile_that_cannot_be_opened_once_stays(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "dtd_profile.json"
+            path.write_text('{"format": 1}')
+            for number in (errno.EMFILE, errno.EIO, errno.EACCES, errno.ESTALE):
+                with self.subTest(errno.errorcode[number]):
+                    with mock.patch.object(Path, "open", side_effect=OSError(number, "once")):
+                        said = ProfileFile(path).drop_if_unusable()
+                    self.assertIn("is not used", said)
+                    self.assertTrue(path.exists())
+            self.assertIsNone(ProfileFile(path).drop_if_unusable())
 
     def test_an_error_does_not_quote_all_of_a_long_request(self):
         client = self.start()

@@ -281,6 +281,23 @@ fn shapes_that_do_not_fit_are_refused_with_what_was_expected() {
 }
 
 #[test]
+fn final_boxes_of_score_one_are_read_in_both_orders() {
+    for class in [0_u8, 1, 4] {
+        let aircraft = f32::from(class);
+        for last in [[aircraft, 1.0], [1.0, aircraft]] {
+            let row = [&[0.0, 90.5, 46.5, 110.5, 54.5][..], &last].concat();
+            let said = Said {
+                class: Some(usize::from(class)),
+                ..Said::default()
+            };
+            let found = decode(&[1, 7], &row, 1, said);
+            assert_eq!(found[0].len(), 1, "{last:?}");
+            assert_eq!(found[0][0].score, 1.0, "{last:?}");
+        }
+    }
+}
+
+#[test]
 fn a_box_of_a_window_that_cannot_be_is_refused() {
     for window in [-1.0, 0.5] {
         let row = [window, 90.5, 46.5, 110.5, 54.5, 4.0, SCORE];

@@ -211,3 +211,16 @@ fn toml_profile(text: &str) -> ModelProfile {
     let path = std::path::Path::new("net.onnx.toml");
     ModelProfile::parse(text, path, std::path::Path::new("net.onnx")).unwrap()
 }
+
+#[test]
+fn a_single_number_out_of_range_changes_neither_unit_nor_scores() {
+    let profile: ModelProfile = toml_profile("layout = 'boxes-and-scores'");
+    let (shape, mut numbers) = rows(300, normalized, &[0.2; 80]);
+    numbers[4] = 1.000_000_1;
+    numbers[84] = 1.6;
+    let found = meaning(&(shape, numbers), &profile, &ModelMetadata::default());
+    assert_eq!(
+        (found.scores, found.unit),
+        (ScoreForm::Probability, BoxUnit::Normalized)
+    );
+}
