@@ -13,7 +13,6 @@ mod scenario;
 use std::io::Write;
 use std::path::Path;
 
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::CameraEntry;

@@ -54,7 +54,7 @@ pub enum Error {
         /// Folder or file of the run.
         path: PathBuf,
         /// What is wrong with it.
-        fault: RunFault,
+        fault: Box<RunFault>,
     },
     /// Another process trains or evaluates there.
     #[error("{}: {holder} is at work on it; try again when that has ended", run.display())]
@@ -116,7 +116,7 @@ impl Error {
     pub(crate) fn run(path: &Path, fault: RunFault) -> Self {
         Self::Run {
             path: path.to_owned(),
-            fault,
+            fault: Box::new(fault),
         }
     }
 }

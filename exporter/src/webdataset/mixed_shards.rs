@@ -240,7 +240,7 @@ mod tests {
             let names = names_in(&folder.path().join(shard));
             for name in &names {
                 let number: u32 = name[..4].parse().unwrap();
-                assert_eq!(number % 4 == 0, shard.starts_with("test"), "{name}");
+                assert_eq!(number.is_multiple_of(4), shard.starts_with("test"), "{name}");
             }
             let batches = names.chunks_exact(16);
             let scenarios = |batch: &[String]| {

@@ -126,7 +126,7 @@ impl RunSummary {
 
     /// With the flights of the run that the training started from, which its networks know.
     pub(crate) fn with_flights_of(mut self, start: Option<&Self>) -> Self {
-        for before in start {
+        if let Some(before) = start {
             let pairs = [
                 (
                     &mut self.training_trajectories,
