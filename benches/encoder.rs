@@ -15,7 +15,7 @@ use std::io::{BufReader, Read, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use dataset::frame_rate::FrameRate;
+use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{VideoCodec, VideoReader, VideoSettings, VideoWriter};
 use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, cloudy};
 use testkit::processor_time;

@@ -19,7 +19,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use dataset::frame_rate::FrameRate;
+use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{VideoCodec, VideoReader, VideoSettings, VideoWriter};
 use glam::{DMat3, DVec2, DVec3};
 use rounding::{LUMA, Levels, there_and_back};

@@ -13,8 +13,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use dataset::corpus::seal::seal_folder;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::seal::seal_folder;
 use dataset::video::{VideoSettings, VideoWriter};
 use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, cloudy};
 use testkit::command::Dtd;

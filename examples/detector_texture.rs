@@ -12,7 +12,7 @@ use std::error::Error;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 use detector_training::convolution::standard_normal;
 use detector_training::corpus_samples::{JudgedFrame, read_frames, videos};
 use detector_training::evaluation::{Evaluation, Spread, judge};

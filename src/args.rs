@@ -16,8 +16,8 @@ use clap::{
     ValueEnum,
 };
 use clap_complete::Shell;
-use dataset::memory::Bytes;
 use dataset::video::VideoEncoder;
+use dataset::work::memory::Bytes;
 use generator::generate::{SimulatorTarget, Simulators};
 use labeller::Device;
 use mock_xplane::quirks::Quirks;

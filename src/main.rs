@@ -33,7 +33,7 @@ fn main() -> ExitCode {
     }
     logging::start(args.verbose);
     if let Some(limit) = args.max_memory {
-        dataset::memory::set_limit(limit);
+        dataset::work::memory::set_limit(limit);
     }
     let code = failure::exit_code(verbs::run(args.verb));
     repeats::write_counts();

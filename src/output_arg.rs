@@ -7,9 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use dataset::corpus::seal;
 use dataset::corpus::{Corpus, own_folder_around};
-use dataset::own_path::resolved;
-use dataset::seal;
+use dataset::files::own_path::resolved;
 use store::{CorpusLocation, StoreUrl};
 use trainer::RunFolder;
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use dataset::Error;
-use dataset::own_path::own_path;
+use dataset::files::own_path::own_path;
 use tempfile::TempDir;
 
 const DEMO_SWEEP: &str = "demo.toml";
@@ -96,7 +96,7 @@ pub(crate) fn write(folder: &Path) -> dataset::Result<Vec<PathBuf>> {
         }
         let parent = path.parent().unwrap_or(folder);
         fs::create_dir_all(parent).map_err(Error::io("create", parent))?;
-        dataset::json_file::write_atomically(&path, content)?;
+        dataset::files::json_file::write_atomically(&path, content)?;
         written.push(path);
     }
     Ok(written)

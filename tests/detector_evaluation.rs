@@ -9,8 +9,8 @@ use std::path::Path;
 use std::process::Command;
 
 use dataset::corpus::Corpus;
-use dataset::detections::parse_detections;
-use dataset::pixel_box::PixelBox;
+use dataset::corpus::detections::parse_detections;
+use dataset::tables::pixel_box::PixelBox;
 use detector_evaluation::{AveragePrecision, PrecisionTally, TrueAircraft};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;

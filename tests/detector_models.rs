@@ -12,7 +12,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use dataset::corpus::Corpus;
-use dataset::detections::{self, Detection};
+use dataset::corpus::detections::{self, Detection};
 use layouts::{
     CORNERS, HIDDEN, PICTURE_PX, SCORE, best_of, by_corners, candidates, cells, columns_of,
     columns_with, efficient_nms, final_rows, normalized, objects_row, of_any_size, rows_of,

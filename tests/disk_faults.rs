@@ -16,7 +16,7 @@ use std::sync::{LazyLock, Mutex};
 use std::thread;
 
 use dataset::corpus::Corpus;
-use dataset::seal;
+use dataset::corpus::seal;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha12Rng;

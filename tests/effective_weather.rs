@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use dataset::corpus::Corpus;
-use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather};
-use dataset::scenario::ScenarioRecord;
-use dataset::seal::seal_folder;
+use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::seal::seal_folder;
 use serde_json::Value;
 use testkit::command::{Dtd, Server, json, said, text};
 use testkit::sweep::four_weathers;

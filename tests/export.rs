@@ -11,9 +11,9 @@ use std::path::Path;
 use std::process::Command;
 
 use dataset::corpus::Corpus;
-use dataset::detections::models_of;
-use dataset::frame_rate::FrameRate;
-use dataset::splits::{Assignment, Side, Splits};
+use dataset::corpus::detections::models_of;
+use dataset::corpus::splits::{Assignment, Side, Splits};
+use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{CodedPicture, PacketReader};
 use serde_json::Value;
 use testkit::command::{Dtd, said};
@@ -1150,10 +1150,10 @@ fn predictions_for_scenarios_of_the_same_names_in_another_corpus_are_refused() {
     let record = folder.join("scenario.json");
     let text = fs::read_to_string(&record).unwrap();
     fs::write(&record, text.replace(&learned, &judged)).unwrap();
-    let sealed = dataset::seal::read_seal(&folder).unwrap().unwrap();
+    let sealed = dataset::corpus::seal::read_seal(&folder).unwrap().unwrap();
     fs::remove_file(folder.join("DONE.json")).unwrap();
     fs::remove_file(folder.join("MANIFEST.b3")).unwrap();
-    dataset::seal::seal_folder(&folder, &sealed.config_hash).unwrap();
+    dataset::corpus::seal::seal_folder(&folder, &sealed.config_hash).unwrap();
     refused(
         &tiny,
         &[&tables[..], &["--only", &judged]].concat(),

@@ -16,7 +16,7 @@ use std::path::Path;
 use std::process::Output;
 use std::time::Duration;
 
-use dataset::columns::{Table, TableWriter};
+use dataset::tables::columns::{Table, TableWriter};
 use rustix::fs::{CWD, FileType, Mode};
 use serde_json::Value;
 use tiny::{Tiny, run, said};

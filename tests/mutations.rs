@@ -30,7 +30,7 @@ use std::thread;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
-use dataset::seal::seal_folder;
+use dataset::corpus::seal::seal_folder;
 use json::pick;
 use outcome::Outcome;
 use rand::{RngExt, SeedableRng};

@@ -15,11 +15,11 @@ use std::sync::LazyLock;
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 
-use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
-use dataset::detections::{self, Detection, NewTables};
-use dataset::model_identity::ModelIdentity;
-use dataset::pixel_box::PixelBox;
+use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::detections::{self, Detection, NewTables};
+use dataset::corpus::model_identity::ModelIdentity;
+use dataset::tables::pixel_box::PixelBox;
 use s3_server::{S3Server, Way};
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
@@ -570,9 +570,9 @@ fn an_older_mirror_does_not_undo_labels_and_a_damaged_one_replaces_nothing() {
     // Sealed with an additional file: older by its clock, then newer, but not matching the seal.
     for seal in seals_of(&labelled) {
         let scenario = seal.parent().unwrap();
-        let sealed = dataset::seal::read_seal(scenario).unwrap().unwrap();
+        let sealed = dataset::corpus::seal::read_seal(scenario).unwrap().unwrap();
         fs::write(scenario.join("notes.txt"), "mine").unwrap();
-        dataset::seal::seal_folder(scenario, &sealed.config_hash).unwrap();
+        dataset::corpus::seal::seal_folder(scenario, &sealed.config_hash).unwrap();
         date(&seal, -1);
     }
     let output = push(&labelled, &url);
@@ -778,7 +778,7 @@ fn a_scenario_that_lost_a_file_or_is_not_the_planned_one_is_refused_and_the_othe
         .collect();
     let folder = |number: usize| corpus.join("scenarios").join(&ids[number]);
     fs::remove_file(folder(0).join("frames.parquet")).unwrap();
-    dataset::seal::seal_folder(&folder(1), "of another corpus").unwrap();
+    dataset::corpus::seal::seal_folder(&folder(1), "of another corpus").unwrap();
     let output = push(&corpus, &url);
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     let outcome = json(&output);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use dataset::corpus::Corpus;
-use dataset::geodesy::Geodetic;
+use dataset::geometry::geodesy::Geodetic;
 use serde_json::{Value, json};
 use testkit::command::{Dtd, said, text};
 use testkit::files::{contents, copy_folder};

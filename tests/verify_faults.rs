@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use dataset::calibration::{Calibration, CameraEntry};
-use dataset::columns::{Table, TableWriter};
+use dataset::corpus::calibration::{Calibration, CameraEntry};
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::seal::seal_folder;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::frames::Frames;
-use dataset::json_file::{read_json, write_json};
-use dataset::scenario::ScenarioRecord;
-use dataset::seal::seal_folder;
+use dataset::files::json_file::{read_json, write_json};
+use dataset::tables::columns::{Table, TableWriter};
+use dataset::tables::frames::Frames;
 use dataset::verify::{Finding, VerifyOptions, VerifyReport, verify, verify_with};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use serde_json::Value;
@@ -704,14 +704,14 @@ fn a_foreign_schema_version_is_found() {
 fn a_box_that_is_not_where_the_aircraft_is_is_found_in_its_row() {
     let copy = Copy::new();
     let path = copy.clear().truth_boxes_path();
-    let mut boxes = dataset::pixel_box::read_truth_boxes(&path, u64::MAX).unwrap();
+    let mut boxes = dataset::tables::pixel_box::read_truth_boxes(&path, u64::MAX).unwrap();
     // One that is completely in the picture, and lower than it will be moved.
     let row = boxes
         .iter()
         .position(|one| one.truncation == 0.0 && one.pixel_box.height_px < 20.0)
         .unwrap();
     boxes[row].pixel_box.cy_px += 20.0;
-    dataset::pixel_box::write_truth_boxes(&path, &boxes).unwrap();
+    dataset::tables::pixel_box::write_truth_boxes(&path, &boxes).unwrap();
     copy.seal();
     let view = boxes[row].view.as_str();
     assert_found(

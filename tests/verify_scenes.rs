@@ -7,8 +7,8 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use dataset::corpus::Corpus;
-use dataset::scenario::ScenarioRecord;
-use dataset::seal::seal_folder;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::seal::seal_folder;
 use dataset::verify::{Finding, verify};
 use dataset::video::{VideoSettings, VideoWriter};
 use testkit::command::{Dtd, said, text};

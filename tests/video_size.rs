@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use dataset::calibration::Calibration;
-use dataset::seal::seal_folder;
+use dataset::corpus::calibration::Calibration;
+use dataset::corpus::seal::seal_folder;
 use testkit::command::{Dtd, said, text};
 use testkit::{onnx_runtime, short_corpus};
 

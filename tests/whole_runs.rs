@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use dataset::seal;
+use dataset::corpus::seal;
 use tempfile::tempdir;
 use testkit::command::{Dtd, said};
 use testkit::synthetic::SyntheticCorpus;

@@ -1,9 +1,9 @@
 //! Pictures for both benches: an approach at 10 nautical miles, drawn by the stand-in's renderer in full size, as the left camera
 //! of the sweeps sees it.
 
-use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Weather};
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::pose::{Controls, Pose};
 use mock_xplane::render::Scene;
 use testkit::changi_02l;
 

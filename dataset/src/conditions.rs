@@ -2,7 +2,9 @@
 //!
 //! All SI. The bridge converts them to X-Plane's units in one place.
 
-use crate::limits::{self, Check, Limits};
+pub mod sight;
+
+use crate::numbers::limits::{self, Check, Limits};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -10,18 +10,31 @@
 //!     MANIFEST.b3  DONE.json
 //! ```
 
+pub mod calibration;
+pub mod claim;
+pub mod detections;
+pub mod effective_weather;
+pub mod model_identity;
+pub mod new_folder;
+pub mod open_scenario;
+pub mod other_flight;
 mod place;
+pub mod scenario;
+pub mod seal;
+pub mod sealed;
+pub mod set_aside;
+pub mod splits;
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::claim::{Claim, Claimed, WHOLE_CORPUS};
+use crate::corpus::claim::{Claim, Claimed, WHOLE_CORPUS};
+use crate::corpus::seal::Seal;
+use crate::corpus::splits::Splits;
 use crate::error::{Error, Result};
-use crate::own_path::{own_path, refuse_link};
-use crate::seal::{self, Seal};
-use crate::splits::Splits;
+use crate::files::own_path::{own_path, refuse_link};
 use crate::video::VideoCodec;
 
 pub use place::{check_path, check_place, foreign_entries, is_plan, own_folder_around};

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use rustix::io::Errno;
 
-use crate::limits::FieldOutOfLimits;
-use crate::memory::TooMuchMemory;
+use crate::numbers::limits::FieldOutOfLimits;
 use crate::plain::shown;
+use crate::work::memory::TooMuchMemory;
 
 /// A corpus, or a file of one, that cannot be read or written. Every message says which file.
 #[derive(Debug, thiserror::Error)]

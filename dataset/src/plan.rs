@@ -15,14 +15,14 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::CameraEntry;
+use crate::corpus::calibration::CameraEntry;
 use crate::corpus::{Corpus, is_plan};
 use crate::error::{Error, Result};
-use crate::imaging::Imaging;
-use crate::json_file::{parse_json, write_atomically};
-use crate::outside_file::{self, FileKind};
-use crate::own_path::own_path;
-use crate::runway::Runway;
+use crate::files::json_file::{parse_json, write_atomically};
+use crate::files::outside_file::{self, FileKind};
+use crate::files::own_path::own_path;
+use crate::geometry::imaging::Imaging;
+use crate::geometry::runway::Runway;
 use crate::video::VideoSettings;
 
 pub use camera::{Aim, Jitter, PlannedCamera};

@@ -24,15 +24,15 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::calibration::Calibration;
-use crate::columns::ColumnOutOfLimits;
+use crate::corpus::calibration::Calibration;
+use crate::corpus::effective_weather::ReportedWeather;
+use crate::corpus::scenario::ScenarioRecord;
+use crate::corpus::seal;
 use crate::corpus::{Corpus, ScenarioFolder};
-use crate::effective_weather::ReportedWeather;
 use crate::error::{Error, Result};
-use crate::limits::FieldOutOfLimits;
+use crate::numbers::limits::FieldOutOfLimits;
 use crate::plain::one_line;
-use crate::scenario::ScenarioRecord;
-use crate::seal;
+use crate::tables::columns::ColumnOutOfLimits;
 use pixels::ViewProof;
 
 /// Maximum number of listed rows per kind of fault; the others are counted.

@@ -6,16 +6,16 @@
 
 use std::collections::BTreeMap;
 
-use dataset::open_scenario::OpenScenario;
-use dataset::registrations::Registration;
-use dataset::spread::Spread;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::numbers::spread::Spread;
+use dataset::tables::registrations::Registration;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::outcome::{Outcome, Searched};
 use crate::recall::OVERALL_NM;
-use dataset::sight::Sight;
+use dataset::conditions::sight::Sight;
 
 /// From the centre of gravity to what is visible: takes most of the bias out of pictures of the stand-in, at all distances.
 const VISIBLE_AHEAD_M: f64 = 3.3;

@@ -8,7 +8,7 @@
 //!
 //! The search drops boxes below its score, but for faint ones of confirmed tracks, so precision at recalls beyond the last box counts as 0.
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 use serde::Serialize;
 
 /// Number of thresholds, from 0.5 in steps of 0.05.

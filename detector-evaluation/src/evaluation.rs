@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use dataset::corpus::Corpus;
-use dataset::json_file::{write_atomically, write_json};
-use dataset::open_scenario::OpenScenario;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::files::json_file::{write_atomically, write_json};
 use labeller::{DetectOptions, Failure, Findings, Progress, Searcher, Watch};
 
 use crate::error::{Error, Result};

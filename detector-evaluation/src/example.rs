@@ -6,13 +6,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::corpus::Corpus;
-use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::PixelBox;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::tables::pixel_box::PixelBox;
 use report_page::crop::Crop;
 
 use crate::error::Result;
 use crate::outcome::{Outcome, Searched};
-use dataset::sight::Sight;
+use dataset::conditions::sight::Sight;
 
 /// Examples of each kind and mode.
 const SHOWN: usize = 8;

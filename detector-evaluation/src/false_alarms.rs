@@ -64,7 +64,8 @@ impl AlarmTally {
         let (mut suspected, mut real) = (BTreeSet::new(), BTreeSet::new());
         for searched in searched {
             let view = searched.picture.view;
-            let tracks = |found: &&dataset::detections::Detection| Some((view, found.track?));
+            let tracks =
+                |found: &&dataset::corpus::detections::Detection| Some((view, found.track?));
             let false_boxes: Vec<_> = searched.false_boxes().collect();
             counts.boxes += false_boxes.len() as u64;
             for found in false_boxes.iter().filter(|found| found.confirmed) {
@@ -74,7 +75,7 @@ impl AlarmTally {
                     None => counts.confirmed_tracks += 1,
                 }
             }
-            let is_false = |found: &&dataset::detections::Detection| {
+            let is_false = |found: &&dataset::corpus::detections::Detection| {
                 false_boxes.iter().any(|other| std::ptr::eq(*other, *found))
             };
             let true_boxes = searched.boxes.iter().filter(|found| !is_false(found));
@@ -124,7 +125,7 @@ impl AddAssign for AlarmCounts {
 
 #[cfg(test)]
 mod tests {
-    use dataset::detections::{Detection, Detections};
+    use dataset::corpus::detections::{Detection, Detections};
 
     use super::*;
     use crate::samples::{picture, seen};

@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use dataset::model_identity::ModelIdentity;
-use dataset::open_scenario::OpenScenario;
+use dataset::corpus::model_identity::ModelIdentity;
+use dataset::corpus::open_scenario::OpenScenario;
 use labeller::{CpuTime, Failure, Findings};
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::false_alarms::{AlarmTally, FalseAlarms};
 use crate::outcome::Searched;
 use crate::recall::{Condition, Counts, NotExpected, Range, Recall, RecallBin, RecallTally};
-use dataset::sight::Sight;
+use dataset::conditions::sight::Sight;
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -309,8 +309,9 @@ impl StageCost {
 impl RegistrationFigures {
     /// Those of a mode; `None` if there were no pairs of views.
     pub(crate) fn of(mode: &ModeFigures) -> Option<Self> {
-        let deviation =
-            |spread: Option<dataset::spread::Spread>| spread.map(|spread| spread.deviation);
+        let deviation = |spread: Option<dataset::numbers::spread::Spread>| {
+            spread.map(|spread| spread.deviation)
+        };
         let bin = |errors: &DisparityErrors| RegistrationBin {
             from_nm: errors.from_nm,
             to_nm: errors.to_nm,

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use dataset::detections::{Detection, Detections, MissReason};
+use dataset::corpus::detections::{Detection, Detections, MissReason};
 use labeller::matching::Match;
 
 use crate::picture::Picture;
@@ -98,7 +98,7 @@ const ELSEWHERE: &str = "elsewhere";
 mod tests {
     use super::*;
     use crate::samples::{picture, seen};
-    use dataset::detections::{Miss, SearchMode};
+    use dataset::corpus::detections::{Miss, SearchMode};
 
     fn views() -> Vec<String> {
         vec!["left".into(), "right".into()]

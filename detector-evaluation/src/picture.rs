@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
-use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::TruthBox;
-use dataset::sight::{CloudBase, Sight};
-use dataset::units::METERS_PER_NAUTICAL_MILE;
+use dataset::conditions::sight::{CloudBase, Sight};
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+use dataset::tables::pixel_box::TruthBox;
 
 use crate::error::{Error, Result};
 

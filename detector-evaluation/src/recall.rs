@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::outcome::{Outcome, Searched};
 use crate::wilson;
-use dataset::sight::Sight;
+use dataset::conditions::sight::Sight;
 
 /// Width of the bins of distance, nautical miles.
 pub(crate) const BIN_NM: f64 = 0.5;
@@ -307,7 +307,7 @@ impl AddAssign<&Counts> for Counts {
 
 #[cfg(test)]
 mod tests {
-    use dataset::detections::Detections;
+    use dataset::corpus::detections::Detections;
 
     use super::*;
     use crate::picture::Picture;

@@ -2,7 +2,7 @@
 
 mod charts;
 
-use dataset::spread::Spread;
+use dataset::numbers::spread::Spread;
 use minijinja::context;
 use report_page::chart::css_colour;
 use report_page::crop::Crop;

@@ -1,10 +1,10 @@
 //! Pictures and boxes for the tests.
 
-use dataset::detections::Detection;
-use dataset::pixel_box::{PixelBox, TruthBox};
+use dataset::corpus::detections::Detection;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
 
 use crate::picture::Picture;
-use dataset::sight::Sight;
+use dataset::conditions::sight::Sight;
 
 pub(crate) fn at(cx_px: f64) -> PixelBox {
     PixelBox {

@@ -15,14 +15,14 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use dataset::claim::{Claim, Claimed};
+use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::detections::{parse_detections, write_detections};
+use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::own_folder_around;
-use dataset::detections::{parse_detections, write_detections};
-use dataset::json_file::{read_json, write_json};
-use dataset::open_scenario::OpenScenario;
-use dataset::outside_file::{self, FileKind};
-use dataset::own_path::own_path;
-use dataset::registrations::{parse_registrations, write_registrations};
+use dataset::files::json_file::{read_json, write_json};
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::own_path::own_path;
+use dataset::tables::registrations::{parse_registrations, write_registrations};
 use labeller::{CpuTime, Findings};
 use serde::{Deserialize, Serialize};
 
@@ -147,7 +147,7 @@ impl SearchStore {
         fs::create_dir_all(&folder).map_err(dataset::Error::io("create", &folder))?;
         write_detections(&detections, &findings.detections)?;
         write_registrations(&registrations, &findings.registrations)?;
-        let hash = dataset::seal::hash_file;
+        let hash = dataset::corpus::seal::hash_file;
         let made = Record {
             search: search.to_owned(),
             config_hash: scenario.seal().config_hash.clone(),

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleRecord, RecordError};
-use dataset::json_file::{read_json, write_atomically, write_json};
+use dataset::files::json_file::{read_json, write_atomically, write_json};
 use serde::{Deserialize, Serialize};
 
 use super::network::Network;

@@ -7,11 +7,11 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use dataset::corpus::Corpus;
-use dataset::memory;
-use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::TruthBox;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::corpus::splits::Side;
 use dataset::plan::PlannedScenarios;
-use dataset::splits::Side;
+use dataset::tables::pixel_box::TruthBox;
+use dataset::work::memory;
 use rayon::prelude::*;
 
 use super::cover::Cover;

@@ -4,7 +4,7 @@
 //! another frame of the same video shows what is behind the aircraft; where the two differ is the aircraft.
 
 use crate::picture::TrainingPicture;
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 /// How far outside its box an aircraft is looked for, pixels.
 const MARGIN_PX: f64 = 3.0;

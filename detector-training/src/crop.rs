@@ -12,7 +12,7 @@ use super::convolution::standard_normal;
 use super::cover::Cover;
 use super::picture::TrainingPicture;
 use super::targets::CropTruth;
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 /// Share of crops that are resampled to another size.
 const RESAMPLED_SHARE: f64 = 0.5;

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
-use dataset::json_file::{read_json, write_atomically, write_json};
-use dataset::progress::Progress;
-use dataset::seal::{hash_bytes, hash_file};
-use dataset::splits::Side;
+use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::seal::{hash_bytes, hash_file};
+use dataset::corpus::splits::Side;
+use dataset::files::json_file::{read_json, write_atomically, write_json};
+use dataset::work::progress::Progress;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

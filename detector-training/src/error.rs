@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use burn::store::RecordError;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 
 /// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
 #[derive(Debug, thiserror::Error)]

@@ -7,8 +7,8 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use dataset::pixel_box::PixelBox;
-pub use dataset::spread::Spread;
+pub use dataset::numbers::spread::Spread;
+use dataset::tables::pixel_box::PixelBox;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,7 @@
 //! 3.5. This file and the graph that `export` writes implement the same formulas; a comparison with ONNX Runtime checks that they
 //! agree (`examples/compare_onnx.rs`).
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 /// Side of a cell, pixels.
 pub(crate) const STRIDE_PX: usize = 8;

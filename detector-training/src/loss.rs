@@ -73,7 +73,7 @@ mod tests {
     use super::*;
     use crate::grid::CELL_VALUES;
     use crate::targets::CropTruth;
-    use dataset::pixel_box::PixelBox;
+    use dataset::tables::pixel_box::PixelBox;
 
     fn loss_of(shift_cells: f32, logit: f32) -> (f32, f32) {
         let device = Device::flex();

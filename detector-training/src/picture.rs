@@ -3,7 +3,7 @@
 //! Input: decoded frames and true boxes. Output: pieces of frames with their aircraft. An aircraft hidden by fog is neither a hit
 //! nor a miss, and no table knows what the codec has left of it, so the pixels decide.
 
-use dataset::pixel_box::{PixelBox, TruthBox};
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
 
 use super::cover::Cover;
 use super::targets::CropTruth;

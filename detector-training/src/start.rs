@@ -7,7 +7,7 @@ use std::path::Path;
 
 use burn::module::Param;
 use burn::tensor::{Device, Tensor, TensorData};
-use dataset::outside_file::{self, FileKind};
+use dataset::files::outside_file::{self, FileKind};
 use onnx_graph::proto::{ModelProto, TensorProto};
 use prost::Message;
 

@@ -4,7 +4,7 @@
 //! falling off around it), weights of both parts of the loss, and the box numbers. CenterNet's assignment (Zhou et al., 2019), with
 //! the box regressed in the whole neighbourhood that decoding averages over.
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 use super::grid::{NEIGHBOURHOOD, STRIDE_PX, cell_center_px, cell_of_px, encode};
 

@@ -11,7 +11,7 @@ use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
 use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams};
 use burn::tensor::Device;
-use dataset::progress::Progress;
+use dataset::work::progress::Progress;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -253,8 +253,8 @@ mod tests {
     use crate::evaluation::detect;
     use crate::picture::TrainingPicture;
     use crate::targets::CropTruth;
-    use dataset::pixel_box::PixelBox;
-    use dataset::progress::Silent;
+    use dataset::tables::pixel_box::PixelBox;
+    use dataset::work::progress::Silent;
     use rand::RngExt;
 
     /// A sky with a soft-edged dark fuselage and wings, and the box around them.

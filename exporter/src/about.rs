@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use dataset::corpus::Corpus;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
-use dataset::scenario::ScenarioRecord;
-use dataset::splits::Side;
 use serde_json::json;
 
 use crate::error::Result;

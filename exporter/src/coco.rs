@@ -12,8 +12,8 @@ use std::io::{BufWriter, Write};
 use std::iter;
 use std::path::{Path, PathBuf};
 
-use dataset::calibration::CameraEntry;
-use dataset::splits::Side;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::corpus::splits::Side;
 use serde::Serialize;
 use serde_json::json;
 

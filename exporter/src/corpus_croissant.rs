@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
 
+use dataset::corpus::detections::models_of;
+use dataset::corpus::seal::{self, MANIFEST};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::detections::models_of;
-use dataset::json_file::{read_json, write_json};
-use dataset::own_path::own_path;
-use dataset::seal::{self, MANIFEST};
+use dataset::files::json_file::{read_json, write_json};
+use dataset::files::own_path::own_path;
 use serde_json::{Value, json};
 
 use crate::about::About;

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-use dataset::json_file::write_json_unsynced;
+use dataset::files::json_file::write_json_unsynced;
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataset::frame_rate::FrameRate;
+use dataset::numbers::frame_rate::FrameRate;
 
 /// An error of an export. Every message names its subject.
 #[derive(Debug, thiserror::Error)]

@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::thread;
 
 use dataset::corpus::Corpus;
-use dataset::detections::{NoChoice, choose};
+use dataset::corpus::detections::{NoChoice, choose};
+use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
-use dataset::splits::Side;
 use dataset::video::VideoSettings;
-use dataset::workers;
+use dataset::work::workers;
 use serde::Serialize;
 
 use crate::about::{About, split_of};
@@ -387,7 +387,7 @@ mod tests {
     use std::num::NonZeroU32;
     use std::sync::atomic::AtomicU64;
 
-    use dataset::frame_rate::FrameRate;
+    use dataset::numbers::frame_rate::FrameRate;
     use testkit::files::contents;
     use testkit::short_corpus;
 
@@ -460,7 +460,10 @@ mod tests {
             assert_eq!([picture.width(), picture.height()], SIZE_PX);
             assert!(picture.into_raw() == rgb, "tick {tick}");
         }
-        assert_eq!(dataset::seal::faults(&out).unwrap(), Vec::<String>::new());
+        assert_eq!(
+            dataset::corpus::seal::faults(&out).unwrap(),
+            Vec::<String>::new()
+        );
     }
 
     #[test]

@@ -7,8 +7,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use dataset::columns::{TableParts, TableWriter};
-use dataset::json_file::write_unsynced;
+use dataset::files::json_file::write_unsynced;
+use dataset::tables::columns::{TableParts, TableWriter};
 use serde_json::json;
 
 use crate::about::{About, split_of};

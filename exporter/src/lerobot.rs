@@ -19,10 +19,10 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use dataset::columns::{TableParts, TableWriter};
-use dataset::frame_rate::FrameRate;
-use dataset::frames::{TickLabels, TickRow};
-use dataset::json_file::{write_json_unsynced, write_unsynced};
+use dataset::files::json_file::{write_json_unsynced, write_unsynced};
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::tables::columns::{TableParts, TableWriter};
+use dataset::tables::frames::{TickLabels, TickRow};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter, refine_time_base};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};

@@ -1,9 +1,9 @@
 //! Tables over all scenarios, with the identifiers in every row.
 
-use dataset::columns::TableWriter;
-use dataset::detections::Detection;
-use dataset::frames::TickLabels;
-use dataset::pixel_box::{PixelBox, TruthBox};
+use dataset::corpus::detections::Detection;
+use dataset::tables::columns::TableWriter;
+use dataset::tables::frames::TickLabels;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use serde_json::Value;
 
 use crate::error::Result;

@@ -9,9 +9,9 @@ use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use dataset::calibration::CameraEntry;
-use dataset::frames::{TickLabels, TickRow};
-use dataset::geodesy::Geodetic;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::tables::frames::{TickLabels, TickRow};
 use dataset::video::{PacketCodec, PacketReader};
 use glam::{DMat3, DQuat, DVec3};
 use mcap::records::MessageHeader;

@@ -1,9 +1,9 @@
 //! What an export knows of one scenario: kept as JSON while the export is being made, so that it can be continued.
 
-use dataset::calibration::CameraEntry;
-use dataset::pixel_box::PixelBox;
-use dataset::sight::Sight;
-use dataset::splits::Side;
+use dataset::conditions::sight::Sight;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::corpus::splits::Side;
+use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 /// The pictures of a scenario.

@@ -1,6 +1,6 @@
 //! The pictures of a view, each checked against the timestamp of its tick.
 
-use dataset::frames::TickRow;
+use dataset::tables::frames::TickRow;
 use dataset::video::VideoReader;
 
 use crate::error::{Error, Result};

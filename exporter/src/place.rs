@@ -13,12 +13,12 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{self, Path, PathBuf};
 
-use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
-use dataset::json_file::{read_json, write_json};
-use dataset::new_file::clear_leftovers;
-use dataset::own_path::resolved;
-use dataset::seal;
+use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::seal;
+use dataset::files::json_file::{read_json, write_json};
+use dataset::files::new_file::clear_leftovers;
+use dataset::files::own_path::resolved;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 

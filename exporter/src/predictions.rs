@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use dataset::columns::{Table, TableWriter};
-use dataset::other_flight::OtherFlight;
-use dataset::outside_file::{self, FileKind};
-use dataset::sealed::Sealed;
+use dataset::corpus::other_flight::OtherFlight;
+use dataset::corpus::sealed::Sealed;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::tables::columns::{Table, TableWriter};
 
 use crate::error::{Error, Result};
 use crate::source::Source;

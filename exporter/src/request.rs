@@ -3,7 +3,7 @@
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use dataset::corpus::splits::{Assignment, Side};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::splits::{Assignment, Side};
 
 use crate::error::{Error, Result};
 use crate::request::ExportRequest;

@@ -3,14 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU32;
 
-use dataset::calibration::{Calibration, CameraEntry};
-use dataset::detections::{Detection, models_of};
-use dataset::frame_rate::FrameRate;
-use dataset::frames::{Frames, TickRow};
-use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::TruthBox;
-use dataset::scenario::ScenarioRecord;
-use dataset::sight::{CloudBase, Sight};
+use dataset::conditions::sight::{CloudBase, Sight};
+use dataset::corpus::calibration::{Calibration, CameraEntry};
+use dataset::corpus::detections::{Detection, models_of};
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::tables::frames::{Frames, TickRow};
+use dataset::tables::pixel_box::TruthBox;
 
 use crate::error::{Error, Result};
 use crate::part::{LabelledBox, TruthFigures};

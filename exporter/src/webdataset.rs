@@ -19,7 +19,7 @@ use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use dataset::calibration::CameraEntry;
+use dataset::corpus::calibration::CameraEntry;
 use serde::Serialize;
 
 use self::samples::{Decoded, LabelledCorners, Showing, each_sample};

@@ -9,8 +9,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use dataset::json_file::write_unsynced;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::files::json_file::write_unsynced;
 
 use crate::about::short_split_of;
 use crate::columns_text::Kind;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use dataset::frame_rate::FrameRate;
+use dataset::numbers::frame_rate::FrameRate;
 use exporter::{ExportRequest, Format, Watch, export};
 use testkit::peak::peak_bytes;
 use testkit::short_corpus;

@@ -5,7 +5,7 @@
 
 use std::path::PathBuf;
 
-use dataset::pose::FlightState;
+use dataset::geometry::pose::FlightState;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use testkit::approach::{above_path_m, relative};

@@ -4,7 +4,7 @@
 //! flight. The lift line goes through the pitch angles of the recorded flights (96 m/s with flaps 0.25: 5.2 degrees level; 71.6 m/s
 //! with flaps 0.75: 3.4 degrees on the glide path); drag is a parabola with typical transport figures.
 
-use dataset::pose::Controls;
+use dataset::geometry::pose::Controls;
 use glam::DVec3;
 
 /// Landing mass, kilograms.

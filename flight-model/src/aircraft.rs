@@ -6,8 +6,8 @@
 //! pitch. The flexible rest of a 737 (moments of elevator and aileron, engine spool curves) is not modelled.
 
 use airframe::WHEEL_HEIGHT_BELOW_CG_M;
-use dataset::geodesy::{Geodetic, WGS84_FLATTENING, WGS84_SEMI_MAJOR_M};
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::geodesy::{Geodetic, WGS84_FLATTENING, WGS84_SEMI_MAJOR_M};
+use dataset::geometry::pose::{Controls, Pose};
 use glam::{DMat3, DVec3};
 
 use super::GRAVITY_MPS2;

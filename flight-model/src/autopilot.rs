@@ -4,7 +4,7 @@
 //! Three loops of any ILS autopilot: bank follows the localizer, pitch follows the climb rate of the vertical guidance, thrust
 //! holds the speed. Measured speeds are filtered, as in an air data computer, or the loops would chase gusts.
 
-use dataset::pose::Controls;
+use dataset::geometry::pose::Controls;
 use xplane_bridge::fly::FlyRequest;
 
 use super::GRAVITY_MPS2;

@@ -27,9 +27,9 @@ mod tests;
 
 use airframe::WHEEL_HEIGHT_BELOW_CG_M;
 use dataset::conditions::Weather;
-use dataset::geodesy::Geodetic;
-use dataset::pose::{Controls, FlightState};
-use dataset::runway::{Runway, RunwayCoordinates};
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::pose::{Controls, FlightState};
+use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use glam::DVec3;
 use xplane_bridge::fly::FlyRequest;
 

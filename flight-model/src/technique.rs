@@ -4,7 +4,7 @@
 //! threshold, and the numbers of the flare. The schedule is that of the recorded flights; the seed varies it as crews differ, so
 //! that two flights in the same calm air differ.
 
-use dataset::pose::Controls;
+use dataset::geometry::pose::Controls;
 
 use super::random::{self, Stream, uniform};
 

@@ -1,6 +1,6 @@
 //! Observable properties of a flight: capture, path, landing, wind, determinism.
 
-use dataset::approach_profile::ApproachProfile;
+use dataset::geometry::approach_profile::ApproachProfile;
 use testkit::approach::{above_path_m, relative, touchdown_past_threshold_m};
 use testkit::changi_02l;
 use xplane_bridge::fly::FlightStart;

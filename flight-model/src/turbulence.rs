@@ -5,7 +5,7 @@
 //! altitude model below 1,000 ft, its 1,750 ft scale length above 2,000 ft, linear in between. White noise drives the spectrum's
 //! rational filters; first-order parts are stepped exactly, so the variance does not depend on the time step.
 
-use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use rand_chacha::ChaCha12Rng;
 
 use super::random::{self, Stream, standard_normal};

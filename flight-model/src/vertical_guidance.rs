@@ -8,8 +8,8 @@
 //! The glide path is a height over the ellipsoid that grows as the tangent of its angle times the distance to the target,
 //! without the earth's curvature (27 m at 10 NM): that is how charts place their fixes and how the recorded flights went down.
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::runway::Runway;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::runway::Runway;
 
 /// Time constant for correcting a height error, seconds.
 const PATH_TIME_S: f64 = 4.5;

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use dataset::pose::FlightState;
+use dataset::geometry::pose::FlightState;
 use testkit::approach::{above_path_m, relative, touchdown_past_threshold_m};
 use testkit_simulator::recorded_flights::{RecordedFlight, recorded_flights, spectrum};
 

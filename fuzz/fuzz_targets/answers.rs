@@ -64,7 +64,7 @@ mod detector {
     /// As in the labeller.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct ScoredBox {
-        pub pixel_box: dataset::pixel_box::PixelBox,
+        pub pixel_box: dataset::tables::pixel_box::PixelBox,
         pub score: f64,
     }
 

@@ -4,8 +4,8 @@
 
 use std::sync::LazyLock;
 
-use dataset::frame_rate::FrameRate;
-use dataset::runway::Runway;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::geometry::runway::Runway;
 use dtd_fuzz::airports::bundled;
 use dtd_fuzz::as_file;
 use dtd_fuzz::recording::Recording;

@@ -5,10 +5,10 @@
 use std::fs;
 use std::path::Path;
 
-use dataset::detections::{parse_detections, write_detections};
-use dataset::frames::Frames;
-use dataset::pixel_box::{parse_truth_boxes, write_truth_boxes};
-use dataset::registrations::{parse_registrations, write_registrations};
+use dataset::corpus::detections::{parse_detections, write_detections};
+use dataset::tables::frames::Frames;
+use dataset::tables::pixel_box::{parse_truth_boxes, write_truth_boxes};
+use dataset::tables::registrations::{parse_registrations, write_registrations};
 use dtd_fuzz::place;
 use libfuzzer_sys::fuzz_target;
 

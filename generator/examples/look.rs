@@ -9,10 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::runway::Runway;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::{Common, Parameters};
-use dataset::pose::{Controls, Pose};
-use dataset::runway::Runway;
-use dataset::units::METERS_PER_NAUTICAL_MILE;
 use generator::plan::expand;
 use generator::sweep::Sweep;
 use image::imageops::{self, FilterType};

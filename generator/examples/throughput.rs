@@ -14,12 +14,12 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
 use dataset::corpus::Corpus;
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::imaging::Degradation;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
 use dataset::video::{VideoSettings, VideoWriter};
 use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
 use generator::shard::Shard;

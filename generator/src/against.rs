@@ -4,11 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
+use dataset::corpus::effective_weather::ReportedWeather;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::seal::{self, Seal};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::effective_weather::ReportedWeather;
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::scenario::ScenarioRecord;
-use dataset::seal::{self, Seal};
 use futures_util::future::{LocalBoxFuture, try_join_all};
 use serde::Serialize;
 use store::{Committed, CorpusStore, StoreError};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use dataset::runway::Runway;
+use dataset::geometry::runway::Runway;
 use serde::Deserialize;
 
 use crate::sweep::AirportTable;

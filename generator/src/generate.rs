@@ -42,12 +42,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use dataset::claim::Claim;
 use dataset::corpus::Corpus;
-use dataset::memory;
+use dataset::corpus::claim::Claim;
+use dataset::corpus::set_aside::SetAside;
 use dataset::plan::{Common, Picture, Plan, PlannedScenario};
-use dataset::set_aside::SetAside;
 use dataset::video::VideoEncoder;
+use dataset::work::memory;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
 use xplane_bridge::pixels::{PixelChoice, PixelKind, Screen};
@@ -353,7 +353,7 @@ async fn open_sessions(
 
 #[cfg(test)]
 mod tests {
-    use dataset::frame_rate::FrameRate;
+    use dataset::numbers::frame_rate::FrameRate;
 
     use super::*;
 

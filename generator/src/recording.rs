@@ -7,9 +7,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use dataset::limits::{self, Check, FieldOutOfLimits};
-use dataset::outside_file::{self, FileKind};
-use dataset::pose::{Controls, FlightState, Pose};
+use dataset::files::outside_file::{self, FileKind};
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::numbers::limits::{self, Check, FieldOutOfLimits};
 use glob::Pattern;
 use serde::Deserialize;
 

@@ -26,11 +26,11 @@ mod weather;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::outside_file::{self, FileKind};
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::toml_file::{TomlError, TomlFile};
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::runway::Runway;
 use dataset::plan::{Picture, PlannedCamera};
-use dataset::runway::Runway;
-use dataset::toml_file::{TomlError, TomlFile};
 use dataset::video::VideoSettings;
 
 pub use aim::AimTable;

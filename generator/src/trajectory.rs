@@ -1,13 +1,13 @@
 //! A flight as states in time, and its states at the ticks of a scenario.
 //!
-//! [`dataset::flight`] interpolates between two states.
+//! [`dataset::geometry::flight`] interpolates between two states.
 
-use dataset::flight::state_at;
-use dataset::frame_rate::FrameRate;
-use dataset::geodesy::Geodetic;
-use dataset::limits::{Check, FieldOutOfLimits, MOST_APPROACH_S};
-use dataset::pose::FlightState;
-use dataset::runway::{Runway, RunwayCoordinates};
+use dataset::geometry::flight::state_at;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::pose::FlightState;
+use dataset::geometry::runway::{Runway, RunwayCoordinates};
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::numbers::limits::{Check, FieldOutOfLimits, MOST_APPROACH_S};
 
 /// States may be this far apart, seconds: over longer gaps an aircraft turns too much for a cubic.
 const LARGEST_GAP_S: f64 = 2.0;
@@ -297,8 +297,8 @@ impl AlongCourse<'_> {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use dataset::pose::{Controls, Pose};
-    use dataset::units::Degrees;
+    use dataset::geometry::pose::{Controls, Pose};
+    use dataset::numbers::units::Degrees;
 
     use super::*;
     use crate::airports;

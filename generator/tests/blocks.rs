@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use dataset::corpus::Corpus;
-use dataset::scenario::Blocks;
+use dataset::corpus::scenario::Blocks;
 use dataset::verify::verify;
 use generator::generate::{Cancel, GenerateOptions, SimulatorTarget, generate};
 use mock_xplane::server::{LinkServer, PluginOptions, SceneBehind, ServerOptions};

@@ -9,11 +9,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
-use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::imaging::Degradation;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
 use generator::generate::{
     Event, GenerateOptions, Outcome, Patience, Remote, SimulatorTarget, Simulators, Stopped,
 };

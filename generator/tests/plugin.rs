@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
-use dataset::frames::TickRow;
-use dataset::scenario::Flight;
+use dataset::corpus::scenario::Flight;
+use dataset::tables::frames::TickRow;
 use dataset::verify::verify;
 use dataset::video::VideoReader;
 use generator::generate::{

@@ -6,13 +6,13 @@ use std::fs;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
 use dataset::corpus::Corpus;
-use dataset::imaging::Degradation;
-use dataset::pose::FlightState;
-use dataset::runway::Runway;
-use dataset::scenario::Flight;
+use dataset::corpus::scenario::Flight;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::imaging::Degradation;
+use dataset::geometry::pose::FlightState;
+use dataset::geometry::runway::Runway;
 use dataset::verify::verify;
 use generator::against::{Against, Standing};
 use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, Stopped, trial};

@@ -1,6 +1,6 @@
 //! A detector for the tests of this crate: it finds bright blobs.
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize};
 

@@ -25,12 +25,12 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use dataset::claim::Claimed;
+use dataset::corpus::claim::Claimed;
+use dataset::corpus::model_identity::ModelIdentity;
+use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::model_identity::ModelIdentity;
-use dataset::open_scenario::OpenScenario;
-use dataset::registrations::Registration;
-use dataset::workers;
+use dataset::tables::registrations::Registration;
+use dataset::work::workers;
 use serde::Serialize;
 
 use crate::detector::{Detector, Device, ModelFile, ModelProfile, OrtDetector, OrtOptions};

@@ -24,7 +24,7 @@ mod sessions;
 mod suppression;
 mod window;
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 pub use device::{Device, UnknownDevice};
 pub use input::WindowSize;

@@ -6,15 +6,15 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use airframe::{Configuration, Mesh, boeing_737_800};
-use dataset::camera::Camera;
 use dataset::conditions::transmission;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::seal::{Seal, is_unsettled, replace_files, settle};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::frames::Frames;
-use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::{TruthBox, write_truth_boxes};
-use dataset::pose::Controls;
-use dataset::scenario::ScenarioRecord;
-use dataset::seal::{Seal, is_unsettled, replace_files, settle};
+use dataset::geometry::camera::Camera;
+use dataset::geometry::pose::Controls;
+use dataset::tables::frames::Frames;
+use dataset::tables::pixel_box::{TruthBox, write_truth_boxes};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -238,7 +238,7 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
-    use dataset::seal::seal_folder;
+    use dataset::corpus::seal::seal_folder;
     use testkit::short_corpus;
 
     use super::*;
@@ -273,7 +273,7 @@ mod tests {
         assert!((first.dtd_m - short_corpus::START_M).abs() < 1e-6);
         assert_eq!(scenario.truth_boxes().unwrap().len(), 2 * frames.rows.len());
         assert_eq!(
-            dataset::seal::faults(folder.root()).unwrap(),
+            dataset::corpus::seal::faults(folder.root()).unwrap(),
             Vec::<String>::new()
         );
     }
@@ -357,7 +357,7 @@ mod tests {
             };
             let read = || {
                 for folder in corpus.scenarios().unwrap() {
-                    let found = dataset::seal::faults(folder.root()).unwrap();
+                    let found = dataset::corpus::seal::faults(folder.root()).unwrap();
                     assert_eq!(found, Vec::<String>::new());
                     let frames = folder.open().unwrap().frames().unwrap();
                     assert_eq!(frames.rows.len(), unlabelled.rows.len());

@@ -1,6 +1,6 @@
 //! When a detected box is the aircraft.
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 /// A box that overlaps the true one by at least this much (intersection over union) has found it. Low, because an aircraft at 10 NM
 /// is 7 pixels high, and a box that is one pixel off is still useful.

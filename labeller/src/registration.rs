@@ -16,7 +16,7 @@ mod fit;
 mod linear;
 mod patch;
 
-use dataset::registrations::{NoShift, Shift, is_within_limits};
+use dataset::tables::registrations::{NoShift, Shift, is_within_limits};
 use glam::DVec2;
 
 pub(crate) use expected::Expected;

@@ -6,8 +6,8 @@ use std::ops::Range;
 use std::str::FromStr;
 
 use dataset::corpus::Corpus;
-use dataset::pixel_box::TruthBox;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::tables::pixel_box::TruthBox;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
@@ -152,8 +152,8 @@ impl FromStr for RowBand {
 mod tests {
     use super::*;
     use crate::label::label_corpus;
-    use dataset::pixel_box::PixelBox;
-    use dataset::splits::{Assignment, Splits};
+    use dataset::corpus::splits::{Assignment, Splits};
+    use dataset::tables::pixel_box::PixelBox;
     use testkit::short_corpus;
 
     #[test]

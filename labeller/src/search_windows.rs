@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 use crate::detector::{Window, WindowSize};
 use crate::row_band::RowBand;

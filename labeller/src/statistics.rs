@@ -1,7 +1,7 @@
 //! Detections compared with the truth: counts that can be added over scenarios, and the figures derived from them.
 
-use dataset::detections::Detection;
-use dataset::pixel_box::TruthBox;
+use dataset::corpus::detections::Detection;
+use dataset::tables::pixel_box::TruthBox;
 use serde::Serialize;
 
 use crate::matching::Match;
@@ -129,7 +129,7 @@ impl TruthCounts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::pixel_box::PixelBox;
+    use dataset::tables::pixel_box::PixelBox;
 
     fn at(cx_px: f64) -> PixelBox {
         PixelBox {

@@ -4,7 +4,7 @@
 //! aircraft on the border of two tiles is complete, and the detector runs again; its boxes there count. Several aircraft get a window
 //! each. From the paper's section on detection (S11, S12).
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 use crate::detector::{Detector, PictureView, ScoredBox, WindowSize, keep_best};

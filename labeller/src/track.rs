@@ -2,10 +2,10 @@
 //!
 //! Input: the ticks of `frames.parquet`, the touchdown target and the landing course. Output: one [`TickLabels`] per tick.
 
-use dataset::frames::{TickLabels, TickRow};
-use dataset::geodesy::Geodetic;
-use dataset::runway::RunwayCoordinates;
-use dataset::units::SimTime;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::RunwayCoordinates;
+use dataset::numbers::units::SimTime;
+use dataset::tables::frames::{TickLabels, TickRow};
 
 /// Labels of all ticks, in their order.
 pub(crate) fn labels_of(
@@ -109,11 +109,11 @@ mod tests {
     #[test]
     fn distances_agree_with_published_geodesics() {
         // Karney (2013), "Algorithms for geodesics", table 2 (direct problem): from 40 N along 30 degrees, 10 000 km.
-        let start = dataset::geodesy::LatLon {
+        let start = dataset::geometry::geodesy::LatLon {
             latitude_deg: 40.0,
             longitude_deg: 0.0,
         };
-        let end = dataset::geodesy::LatLon {
+        let end = dataset::geometry::geodesy::LatLon {
             latitude_deg: 41.793_310_205_06,
             longitude_deg: 137.844_900_043_77,
         };
@@ -124,11 +124,11 @@ mod tests {
         );
         assert!((start.azimuth_to_deg(end) - 30.0).abs() < 1e-9);
         // Vincenty (1975), line (a), on WGS-84 by GeographicLib: Flinders Peak to Buninyong, 54 972.271 m on GRS80.
-        let flinders = dataset::geodesy::LatLon {
+        let flinders = dataset::geometry::geodesy::LatLon {
             latitude_deg: -(37.0 + 57.0 / 60.0 + 3.720_30 / 3_600.0),
             longitude_deg: 144.0 + 25.0 / 60.0 + 29.524_40 / 3_600.0,
         };
-        let buninyong = dataset::geodesy::LatLon {
+        let buninyong = dataset::geometry::geodesy::LatLon {
             latitude_deg: -(37.0 + 39.0 / 60.0 + 10.156_10 / 3_600.0),
             longitude_deg: 143.0 + 55.0 / 60.0 + 35.383_90 / 3_600.0,
         };

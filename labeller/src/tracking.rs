@@ -10,7 +10,7 @@ mod motion;
 
 use std::ops::Range;
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 use motion::Motion;
 

@@ -4,9 +4,9 @@
 //! midpoint of their extremes, its edges touch the outermost ones.
 
 use airframe::Mesh;
-use dataset::camera::Camera;
-use dataset::pixel_box::PixelBox;
-use dataset::pose::Pose;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::pose::Pose;
+use dataset::tables::pixel_box::PixelBox;
 use glam::{DVec2, DVec3};
 
 use crate::silhouette::{HalfSpace, SampleGrid};
@@ -80,7 +80,7 @@ impl<'a> BodyInCamera<'a> {
         let camera_from_body = camera_from_ecef * pose.ecef_from_body();
         let origin = camera.to_camera(pose.position().to_ecef());
         // The tangent plane below the aircraft: over its length the ellipsoid deviates by 0.03 mm.
-        let foot = dataset::geodesy::Geodetic {
+        let foot = dataset::geometry::geodesy::Geodetic {
             altitude_msl_m: ground_msl_m,
             ..pose.position()
         };

@@ -6,9 +6,9 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
-use dataset::camera::CameraPose;
-use dataset::pose::{Controls, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::runway::Runway;
 use mock_xplane::server::{BuiltIn, Engine, serve_with};
 use testkit::changi_02l;
 use testkit_simulator::{Blank, quiet};

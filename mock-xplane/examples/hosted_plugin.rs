@@ -8,8 +8,8 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use dataset::camera::CameraPose;
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions};
 use testkit::changi_02l;
 use testkit_simulator::{plugin, quiet, serving};

@@ -11,9 +11,9 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
 use mock_xplane::server::serve_with;
 use testkit::changi_02l;
 use testkit_simulator::{Blank, quiet};

@@ -32,12 +32,12 @@ mod view;
 
 use std::sync::{Mutex, PoisonError};
 
-use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
-use dataset::geodesy::Geodetic;
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::imaging::Degradation;
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::runway::Runway;
 use glam::{DVec2, DVec3, Vec3};
 
 use air::Air;

@@ -6,10 +6,10 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{CloudKind, CloudLayer, Conditions};
-use dataset::frame_rate::FrameRate;
-use dataset::pose::{FlightState, Pose};
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::pose::{FlightState, Pose};
+use dataset::numbers::frame_rate::FrameRate;
 use glam::DVec2;
 use mock_xplane::server::{FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions};
 use mock_xplane::window::{DisplayWindow, X11Window};

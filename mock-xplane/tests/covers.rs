@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::frame_rate::FrameRate;
+use dataset::numbers::frame_rate::FrameRate;
 use mock_xplane::quirks::{Quirk, Quirks};
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, WindowCovers, WindowForm};
 use mock_xplane::window::{CoverWindow, DisplayWindow, X11Window};

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
-use dataset::effective_weather::EffectiveQuantity;
+use dataset::corpus::effective_weather::EffectiveQuantity;
 use futures_util::future::join_all;
 use mock_xplane::server::ServerOptions;
 use testkit_simulator::{altered, quiet, serving};

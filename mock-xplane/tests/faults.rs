@@ -4,8 +4,8 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::camera::CameraPose;
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
 use mock_xplane::server::{Faults, ServerOptions};
 use testkit::changi_02l;
 use testkit_simulator::{Blank, Running, quiet};

@@ -5,12 +5,12 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
-use dataset::distortion::Distortion;
-use dataset::geodesy::Geodetic;
-use dataset::imaging::Imaging;
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::distortion::Distortion;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::pose::{Controls, Pose};
 use mock_xplane::render::Scene;
 use serde_json::{Value, json};
 use testkit::changi_02l;

@@ -4,12 +4,12 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::imaging::Degradation;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
 use mock_xplane::server::{Engine, NotFlown, SceneRenderer, ServerOptions, serve};
 use mock_xplane::window::{DisplayWindow, WindowError};
 use testkit::changi_02l;

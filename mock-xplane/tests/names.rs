@@ -4,10 +4,10 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions};
 use testkit::changi_02l;
 use testkit_simulator::{plugin, quiet, serving};

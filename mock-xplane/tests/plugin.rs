@@ -6,12 +6,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::camera::CameraPose;
-use dataset::distortion::Distortion;
-use dataset::echo::{aircraft_mismatch, camera_mismatch};
-use dataset::imaging::{Degradation, Imaging, Sensor};
-use dataset::pose::{Controls, FlightState, Pose};
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::distortion::Distortion;
+use dataset::geometry::echo::{aircraft_mismatch, camera_mismatch};
+use dataset::geometry::imaging::{Degradation, Imaging, Sensor};
+use dataset::geometry::pose::{Controls, FlightState, Pose};
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
 #[cfg(target_os = "linux")]
 use mock_xplane::window::X11Window;

@@ -4,10 +4,10 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
-use dataset::pose::{Controls, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::runway::Runway;
 use mock_xplane::server::{Addresses, serve_tape};
 use testkit::changi_02l;
 use testkit_simulator::{quiet, serving};

@@ -3,11 +3,11 @@
 
 use std::sync::{Arc, Mutex};
 
-use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::imaging::Degradation;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
 use mock_xplane::server::{Engine, NotFlown, SceneRenderer, ServerOptions};
 use mock_xplane::window::{DisplayWindow, WindowError, X11Window};
 use testkit::changi_02l;

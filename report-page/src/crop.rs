@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 use image::{ImageFormat, RgbImage};
 use serde::Serialize;
 

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use dataset::corpus::Corpus;
-use dataset::outside_file::{self, FileKind};
-use dataset::own_path::own_path;
+use dataset::corpus::splits::{Leak, Splits};
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::own_path::own_path;
 use dataset::plan::Plan;
-use dataset::splits::{Leak, Splits};
 use generator::plan::{Difference, assign_sides, expand, is_seeded_by};
 use generator::sweep::{SplitFractions, Sweep};
 use serde::Deserialize;

@@ -6,9 +6,9 @@ use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use dataset::detections::{choose, models_of};
+use dataset::corpus::detections::{choose, models_of};
+use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
-use dataset::splits::Side;
 use generator::generate::Cancel;
 use generator::shard::Shard;
 use labeller::{DetectOptions, DetectOutcome, Progress, RegistrationCounts, Watch, detect_corpus};

@@ -152,7 +152,7 @@ fn row(mode: EvaluatedMode, figures: &ModeFigures) -> Vec<String> {
     };
     let percent = |share: Option<f64>| number(share.map(|share| 100.0 * share), 2);
     let deviation =
-        |spread: Option<dataset::spread::Spread>| number(spread.map(|s| s.deviation), 3);
+        |spread: Option<dataset::numbers::spread::Spread>| number(spread.map(|s| s.deviation), 3);
     vec![
         mode.title().to_lowercase(),
         number(figures.range.max_range_nm, 2),

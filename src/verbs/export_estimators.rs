@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use dataset::new_folder;
+use dataset::corpus::new_folder;
 use labeller::detector::{NumberInput, run_numbers};
 use serde::Serialize;
 use trainer::{

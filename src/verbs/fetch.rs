@@ -5,9 +5,9 @@ use std::fmt::Display;
 use std::time::{Duration, Instant};
 
 use dataset::corpus::{Corpus, check_place};
-use dataset::json_file::write_atomically;
-use dataset::outside_file::{self, FileKind};
-use dataset::own_path::own_path;
+use dataset::files::json_file::write_atomically;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::own_path::own_path;
 use dataset::plan::{Plan, PlannedScenarios};
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;

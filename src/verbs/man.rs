@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use dataset::Error;
-use dataset::json_file::write_atomically;
-use dataset::outside_file::{self, FileKind};
+use dataset::files::json_file::write_atomically;
+use dataset::files::outside_file::{self, FileKind};
 use tempfile::TempDir;
 
 use super::Outcome;

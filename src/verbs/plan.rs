@@ -7,10 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use dataset::effective_weather::ReportedWeather;
-use dataset::outside_file::{self, FileKind};
+use dataset::corpus::effective_weather::ReportedWeather;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::units::METERS_PER_NAUTICAL_MILE;
 use generator::against::{Against, Standing};
 use generator::plan::{Change, Estimate, Pacing, expand};
 use generator::sweep::Sweep;

@@ -5,8 +5,8 @@ use std::fmt::Display;
 use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
-use dataset::outside_file::{self, FileKind};
-use dataset::own_path::own_path;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::own_path::own_path;
 use dataset::plan::PlannedScenarios;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;

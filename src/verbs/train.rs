@@ -6,11 +6,11 @@ use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use dataset::json_file::read_json;
-use dataset::outside_file::{self, FileKind};
-use dataset::progress::Progress;
-use dataset::splits::Side;
-use dataset::toml_file::TomlFile;
+use dataset::corpus::splits::Side;
+use dataset::files::json_file::read_json;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::toml_file::TomlFile;
+use dataset::work::progress::Progress;
 use serde::Serialize;
 use trainer::{Choice, TrainConfig, TrainOutcome};
 

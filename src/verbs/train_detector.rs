@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use dataset::outside_file::{self, FileKind};
-use dataset::toml_file::TomlFile;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::toml_file::TomlFile;
 use detector_training::{DetectorConfig, Effort, Error, MOST_MINUTES, train_detector};
 
 use super::Outcome;

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use dataset::Error;
 use dataset::corpus::Corpus;
-use dataset::json_file::write_atomically;
+use dataset::corpus::seal::MANIFEST;
+use dataset::files::json_file::write_atomically;
 use dataset::plan::PlannedScenarios;
-use dataset::seal::MANIFEST;
 use dataset::verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
 use serde::Serialize;
 use store::{CorpusLocation, CorpusStore, Fetched, Patience, StoreError, StoreUrl};

@@ -10,7 +10,7 @@ use std::time::Instant;
 use std::{env, fs};
 
 use dataset::corpus::Corpus;
-use dataset::seal::seal_folder;
+use dataset::corpus::seal::seal_folder;
 use store::{CorpusStore, Pushed, StoreUrl};
 
 /// The files of a labelled scenario with two views.

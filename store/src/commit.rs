@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use dataset::claim::{Claim, Claimed};
+use dataset::corpus::claim::{Claim, Claimed};
 use object_store::{PutMode, UpdateVersion};
 use tokio::time::sleep;
 

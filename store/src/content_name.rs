@@ -4,7 +4,7 @@
 //! Stores of earlier versions, and folders that other tools copied there, have objects under the plain names of the files; readers
 //! take those if there is no other.
 
-use dataset::seal::SealedFile;
+use dataset::corpus::seal::SealedFile;
 
 /// Digits of the hash in a name: 128 bits. Whoever reads the object compares all of them.
 const DIGITS: usize = 32;

@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use dataset::outside_file::{self, FileKind};
-use dataset::own_path::own_path;
-use dataset::seal::MANIFEST;
+use dataset::corpus::seal::MANIFEST;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::own_path::own_path;
 use futures_util::future::BoxFuture;
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as ObjectPath;

@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::detections::{FOLDER, Provenance, REGISTRATIONS, models_of, provenance, record_path};
-use dataset::json_file::write_atomically;
-use dataset::outside_file::{self, FileKind};
-use dataset::own_path::own_path;
-use dataset::seal::{self, SealedFile, hash_file, is_within};
+use dataset::corpus::detections::{
+    FOLDER, Provenance, REGISTRATIONS, models_of, provenance, record_path,
+};
+use dataset::corpus::seal::{self, SealedFile, hash_file, is_within};
+use dataset::files::json_file::write_atomically;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::own_path::own_path;
 use futures_util::future::BoxFuture;
 use object_store::UpdateVersion;
 

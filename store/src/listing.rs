@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::SystemTime;
 
-use dataset::file_name::{self, BadFileName};
-use dataset::seal::DONE;
+use dataset::corpus::seal::DONE;
+use dataset::files::file_name::{self, BadFileName};
 use futures_util::TryStreamExt;
 use futures_util::future::BoxFuture;
 

@@ -12,8 +12,8 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::frames::Frames;
-use dataset::seal::SealedFile;
+use dataset::corpus::seal::SealedFile;
+use dataset::tables::frames::Frames;
 
 use crate::stored_seal::unix_ms;
 

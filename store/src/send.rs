@@ -5,8 +5,8 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::outside_file::{self, FileKind};
-use dataset::seal::{self, MANIFEST, SealedFile};
+use dataset::corpus::seal::{self, MANIFEST, SealedFile};
+use dataset::files::outside_file::{self, FileKind};
 use object_store::{PutMultipartOptions, PutOptions, PutResult, WriteMultipart};
 use tokio::task::spawn_blocking;
 

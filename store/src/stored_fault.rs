@@ -3,7 +3,7 @@
 use std::fmt;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::seal::{BadManifest, DONE, MANIFEST};
+use dataset::corpus::seal::{BadManifest, DONE, MANIFEST};
 
 /// A file of a committed scenario that is not as it was sealed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use dataset::json_file::json_bytes;
-use dataset::seal::{self, DONE, MANIFEST, Seal, SealedFile};
+use dataset::corpus::seal::{self, DONE, MANIFEST, Seal, SealedFile};
+use dataset::files::json_file::json_bytes;
 use futures_util::future::BoxFuture;
 use object_store::UpdateVersion;
 use serde::{Deserialize, Serialize};

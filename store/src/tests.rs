@@ -12,12 +12,12 @@ use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use dataset::claim::{Claim, Claimed};
+use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::detections::{self, Detection, NewTables};
+use dataset::corpus::model_identity::ModelIdentity;
+use dataset::corpus::seal::{self, DONE, MANIFEST, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::detections::{self, Detection, NewTables};
-use dataset::model_identity::ModelIdentity;
-use dataset::pixel_box::PixelBox;
-use dataset::seal::{self, DONE, MANIFEST, seal_folder};
+use dataset::tables::pixel_box::PixelBox;
 use object_store::ObjectStoreExt;
 use tempfile::TempDir;
 

@@ -11,9 +11,9 @@ use std::fs;
 use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::outside_file::{self, FileKind};
-use dataset::seal::{self, DONE, SealedFile};
-use dataset::sealed::Sealed;
+use dataset::corpus::seal::{self, DONE, SealedFile};
+use dataset::corpus::sealed::Sealed;
+use dataset::files::outside_file::{self, FileKind};
 use futures_util::future::BoxFuture;
 
 use crate::corpus_store::{CorpusStore, scenario_file};

@@ -1,10 +1,10 @@
 //! An engine that costs nothing.
 
-use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::imaging::Degradation;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
 use mock_xplane::server::{Engine, NotFlown, SceneRenderer};
 use xplane_bridge::fly::FlyRequest;
 

@@ -6,10 +6,10 @@
 
 use std::path::Path;
 
-use dataset::approach_profile::ApproachProfile;
 use dataset::conditions::Weather;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::units::MPS_PER_KNOT;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::numbers::units::MPS_PER_KNOT;
 use flight_model::{OUTPUT_RATE_HZ, fly};
 use testkit::scenario::calm;
 use testkit::{changi_02l, repository};

@@ -1,7 +1,7 @@
 //! Poses on an approach to Changi 02L, and where a pose is on it.
 
-use dataset::pose::{FlightState, Pose};
-use dataset::runway::RunwayCoordinates;
+use dataset::geometry::pose::{FlightState, Pose};
+use dataset::geometry::runway::RunwayCoordinates;
 
 use crate::changi_02l;
 

@@ -1,8 +1,8 @@
 //! The rig `wide-baseline` at Changi 02L.
 
-use dataset::camera::CameraPose;
-use dataset::pose::Pose;
-use dataset::runway::Runway;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::Pose;
+use dataset::geometry::runway::Runway;
 
 use crate::changi_02l;
 
@@ -47,7 +47,7 @@ pub fn placed(view: &str) -> CameraPose {
 
 #[cfg(test)]
 mod tests {
-    use dataset::camera::Camera;
+    use dataset::geometry::camera::Camera;
 
     use super::*;
 

@@ -1,6 +1,6 @@
 //! The runway of all tests.
 
-use dataset::runway::Runway;
+use dataset::geometry::runway::Runway;
 
 /// Changi 02L, as in the reference sweep and in `tests/data/flights/README.md`.
 pub fn changi_02l() -> Runway {

@@ -1,11 +1,11 @@
 //! The records of a scenario at Changi 02L, as a simulator would have left them.
 
-use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
-use dataset::frame_rate::FrameRate;
-use dataset::frames::{TickRow, ViewStamp};
-use dataset::pose::{Controls, Pose};
-use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::corpus::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::tables::frames::{TickRow, ViewStamp};
 
 use crate::changi_02l;
 use crate::rig::VIEWS;

@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::Path;
 
-use dataset::calibration::Calibration;
 use dataset::corpus::Corpus;
-use dataset::frame_rate::FrameRate;
-use dataset::frames::{Frames, TickRow};
-use dataset::pose::Pose;
-use dataset::seal::{commit_folder, seal_folder};
+use dataset::corpus::calibration::Calibration;
+use dataset::corpus::seal::{commit_folder, seal_folder};
+use dataset::geometry::pose::Pose;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::tables::frames::{Frames, TickRow};
 use dataset::video::{VideoSettings, VideoWriter};
 
 use crate::approach::on_glide_path;

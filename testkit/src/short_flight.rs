@@ -1,11 +1,11 @@
 //! A flight down the glide path at a constant speed, a camera beside the runway that rests, and the weather at noon: what a client writes
 //! itself where no sweep is recorded.
 
-use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
-use dataset::frame_rate::FrameRate;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
+use dataset::numbers::frame_rate::FrameRate;
 
 use crate::changi_02l;
 

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use dataset::detections::choose;
+use dataset::corpus::detections::choose;
 use serde_json::Value;
 use testkit::command::said;
 use testkit::files::assert_same_contents;

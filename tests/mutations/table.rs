@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use dataset::columns::{Table, TableWriter};
+use dataset::tables::columns::{Table, TableWriter};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 

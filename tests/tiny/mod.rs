@@ -12,8 +12,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use dataset::corpus::ScenarioFolder;
-use dataset::frames::Frames;
-use dataset::seal::seal_folder;
+use dataset::corpus::seal::seal_folder;
+use dataset::tables::frames::Frames;
 use testkit::command::Dtd;
 pub(crate) use testkit::command::said;
 use testkit::files::copy_folder;

@@ -5,7 +5,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use dataset::progress::Progress;
+use dataset::work::progress::Progress;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::Optimisation;
 use trainer::{TrainConfig, train};

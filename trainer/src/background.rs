@@ -21,12 +21,12 @@ use std::fmt;
 use std::io::Cursor;
 use std::mem;
 
-use dataset::calibration::CameraEntry;
-use dataset::camera::Camera;
-use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::PixelBox;
-use dataset::progress::Progress;
-use dataset::splits::Side;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::corpus::splits::Side;
+use dataset::geometry::camera::Camera;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::work::progress::Progress;
 use glam::{DVec2, DVec3};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
 use serde::{Deserialize, Serialize};

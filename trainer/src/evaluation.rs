@@ -15,11 +15,11 @@ pub(crate) mod view_removal;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use dataset::columns::{TableParts, TableWriter};
 use dataset::corpus::Corpus;
-use dataset::json_file::write_json_unsynced;
-use dataset::progress::Progress;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::files::json_file::write_json_unsynced;
+use dataset::tables::columns::{TableParts, TableWriter};
+use dataset::work::progress::Progress;
 
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::evaluation::answers::{Answered, Answers, JudgedTicks};

@@ -14,8 +14,8 @@ use std::slice;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use dataset::progress::Progress;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::work::progress::Progress;
 
 use crate::background::Backgrounds;
 use crate::config::TrainConfig;

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dataset::columns::Table;
 use dataset::corpus::Corpus;
-use dataset::json_file::read_json;
-use dataset::progress::Silent;
-use dataset::seal;
+use dataset::corpus::seal;
+use dataset::files::json_file::read_json;
+use dataset::tables::columns::Table;
+use dataset::work::progress::Silent;
 use tempfile::TempDir;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{

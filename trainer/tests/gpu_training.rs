@@ -4,7 +4,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use dataset::progress::{Progress, Silent};
+use dataset::work::progress::{Progress, Silent};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{TrainConfig, TrainingBackend, train};

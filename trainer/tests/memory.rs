@@ -6,8 +6,8 @@ use std::process::Command;
 use std::{env, fs};
 
 use dataset::corpus::Corpus;
-use dataset::frame_rate::FrameRate;
-use dataset::progress::Silent;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::work::progress::Silent;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{EvaluationConfig, JudgedSide, RunFolder, evaluate, predict, train};
 

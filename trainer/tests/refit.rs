@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use dataset::columns::Table;
 use dataset::corpus::Corpus;
-use dataset::frame_rate::FrameRate;
-use dataset::json_file::read_json;
-use dataset::progress::{Progress, Silent};
+use dataset::files::json_file::read_json;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::tables::columns::Table;
+use dataset::work::progress::{Progress, Silent};
 use serde_json::Value;
 use testkit::synthetic::{Changed, SyntheticCorpus};
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};

@@ -5,8 +5,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use dataset::progress::{Progress, Silent};
-use dataset::splits::{Side, Splits};
+use dataset::corpus::splits::{Side, Splits};
+use dataset::work::progress::{Progress, Silent};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{
     CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation, ResidualConfig,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 
-use dataset::progress::{Progress, Silent};
+use dataset::work::progress::{Progress, Silent};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{EvaluationConfig, RunFolder, Search, TrainConfig, evaluate, search};

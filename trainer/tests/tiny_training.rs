@@ -5,13 +5,13 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
-use dataset::columns::Table;
 use dataset::corpus::Corpus;
-use dataset::detections::{NewTables, replace};
-use dataset::json_file::read_json;
-use dataset::pixel_box::PixelBox;
-use dataset::progress::Silent;
-use dataset::splits::{Side, Splits};
+use dataset::corpus::detections::{NewTables, replace};
+use dataset::corpus::splits::{Side, Splits};
+use dataset::files::json_file::read_json;
+use dataset::tables::columns::Table;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::work::progress::Silent;
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus, model};
 use testkit::{program_of_venv, repository};
 use trainer::config::{

@@ -6,8 +6,8 @@ use std::sync::mpsc;
 use std::thread;
 
 use dataset::corpus::Corpus;
-use dataset::progress::{Progress, Silent};
-use dataset::seal;
+use dataset::corpus::seal;
+use dataset::work::progress::{Progress, Silent};
 use tempfile::{TempDir, tempdir};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{Error, EvaluationConfig, RunFolder, TrainConfig, evaluate, train};

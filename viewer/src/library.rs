@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use dataset::corpus::Corpus;
-use dataset::file_name;
+use dataset::files::file_name;
 
 use crate::opened::Opened;
 use crate::refusal::Refusal;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use axum::http::StatusCode;
-use dataset::open_scenario::OpenScenario;
-use dataset::scenario::ScenarioRecord;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::corpus::scenario::ScenarioRecord;
 
 use crate::pictures::{Form, Picture, Pictures};
 use crate::refusal::Refusal;

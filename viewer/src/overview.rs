@@ -6,17 +6,17 @@ use std::fs;
 use std::path::Path;
 use std::time::SystemTime;
 
+use dataset::corpus::detections::models_of;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::seal::faults_at_a_glance;
+use dataset::corpus::sealed::Sealed;
+use dataset::corpus::set_aside::SetAside;
+use dataset::corpus::splits::{Side, Splits};
 use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
-use dataset::detections::models_of;
 use dataset::error::Error;
-use dataset::file_name;
-use dataset::own_path::own_path;
+use dataset::files::file_name;
+use dataset::files::own_path::own_path;
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::scenario::ScenarioRecord;
-use dataset::seal::faults_at_a_glance;
-use dataset::sealed::Sealed;
-use dataset::set_aside::SetAside;
-use dataset::splits::{Side, Splits};
 use dataset::video::recorded_pictures;
 use serde::Serialize;
 
@@ -226,7 +226,7 @@ fn sealed(folder: &ScenarioFolder) -> dataset::Result<Row> {
     row.add_record(ScenarioRecord::read(&sealed.check("scenario.json")?)?);
     for model in models_of(folder)? {
         row.models
-            .push(dataset::detections::named(folder, &model).to_string());
+            .push(dataset::corpus::detections::named(folder, &model).to_string());
     }
     row.faults = faults_at_a_glance(folder.root())?;
     if !row.faults.is_empty() {

@@ -1,7 +1,7 @@
 //! The path of a flight about its touchdown target, in as few points as a small map can show.
 
-use dataset::frames::TickRow;
-use dataset::runway::RunwayCoordinates;
+use dataset::geometry::runway::RunwayCoordinates;
+use dataset::tables::frames::TickRow;
 use serde::Serialize;
 
 use crate::opened::Opened;

@@ -9,7 +9,7 @@ use std::path::Path;
 use axum::body::Bytes;
 use dataset::Result;
 use dataset::error::Error;
-use dataset::frame_rate::FrameRate;
+use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{BYTES_PER_PIXEL, VideoReader};
 use serde::Deserialize;
 

@@ -7,11 +7,11 @@ use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use dataset::columns::Table;
-use dataset::frames::TickRow;
-use dataset::json_file::read_json;
-use dataset::other_flight::OtherFlight;
-use dataset::sealed::Sealed;
+use dataset::corpus::other_flight::OtherFlight;
+use dataset::corpus::sealed::Sealed;
+use dataset::files::json_file::read_json;
+use dataset::tables::columns::Table;
+use dataset::tables::frames::TickRow;
 use serde::{Deserialize, Serialize};
 
 use crate::rounded::thousandths;

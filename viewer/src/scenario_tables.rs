@@ -3,12 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use dataset::detections::{self, Detections, models_of};
+use dataset::corpus::detections::{self, Detections, models_of};
+use dataset::corpus::scenario::ScenarioRecord;
 use dataset::error::Error;
-use dataset::frames::TickRow;
-use dataset::pixel_box::{PixelBox, TruthBox};
-use dataset::registrations::Registration;
-use dataset::scenario::ScenarioRecord;
+use dataset::tables::frames::TickRow;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
+use dataset::tables::registrations::Registration;
 use serde::Serialize;
 
 use crate::library::Library;

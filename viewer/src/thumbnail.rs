@@ -10,11 +10,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
 use axum::http::StatusCode;
-use dataset::detections::models_of;
-use dataset::frames::TickRow;
-use dataset::pixel_box::PixelBox;
-use dataset::seal::Seal;
-use dataset::sight::{CloudBase, Sight};
+use dataset::conditions::sight::{CloudBase, Sight};
+use dataset::corpus::detections::models_of;
+use dataset::corpus::seal::Seal;
+use dataset::tables::frames::TickRow;
+use dataset::tables::pixel_box::PixelBox;
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::thumbnail;
 use report_page::crop::Part;

@@ -10,7 +10,7 @@ use axum::body::{Body, Bytes};
 use axum::http::header::{ACCEPT_RANGES, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, RANGE};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use dataset::outside_file::{self, FileKind};
+use dataset::files::outside_file::{self, FileKind};
 use futures_util::stream;
 use tokio::task::spawn_blocking;
 

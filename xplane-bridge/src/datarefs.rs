@@ -10,7 +10,7 @@ mod version;
 mod weather;
 
 use dataset::conditions::{Clock, Conditions};
-use dataset::runway::Runway;
+use dataset::geometry::runway::Runway;
 
 use crate::error::BridgeError;
 

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use dataset::effective_weather::WeatherDifference;
+use dataset::corpus::effective_weather::WeatherDifference;
 
 use crate::datarefs::WeatherSource;
 use crate::link::LinkError;

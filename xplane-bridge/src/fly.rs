@@ -4,9 +4,9 @@
 //! stand-in with the model of `mock-xplane`), and answers with the states at its own rate. Wind and turbulence are not part of the
 //! request: they are the simulator's current weather.
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::geodesy::Geodetic;
-use dataset::runway::Runway;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::Runway;
 use serde::{Deserialize, Serialize};
 
 /// Where and how a flight begins.

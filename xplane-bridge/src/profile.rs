@@ -11,8 +11,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
-use dataset::effective_weather::EffectiveQuantity;
-use dataset::units::MPS_PER_KNOT;
+use dataset::corpus::effective_weather::EffectiveQuantity;
+use dataset::numbers::units::MPS_PER_KNOT;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

@@ -25,10 +25,10 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use dataset::conditions::{Clock, Conditions};
-use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather};
-use dataset::imaging::Imaging;
-use dataset::pose::FlightState;
-use dataset::runway::Runway;
+use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::pose::FlightState;
+use dataset::geometry::runway::Runway;
 use futures_util::future::{BoxFuture, LocalBoxFuture};
 use tokio::time::{Instant, timeout_at};
 

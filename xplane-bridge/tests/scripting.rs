@@ -4,10 +4,10 @@ mod fake_simulator;
 
 use std::time::Duration;
 
-use dataset::approach_profile::ApproachProfile;
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
-use dataset::geodesy::Geodetic;
-use dataset::runway::Runway;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::Runway;
 use fake_simulator::Fake;
 use testkit::changi_02l;
 use tokio::time::{Instant, sleep};

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use dataset::memory;
+use dataset::work::memory;
 use mcap::McapError;
 use mcap::read::parse_record;
 use mcap::records::{Record, op};

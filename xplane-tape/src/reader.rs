@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use dataset::outside_file::{self, FileKind};
+use dataset::files::outside_file::{self, FileKind};
 use mcap::MAGIC;
 use mcap::records::{MessageHeader, Record, op};
 

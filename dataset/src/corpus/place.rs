@@ -9,11 +9,11 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use super::{Corpus, SCENARIOS};
+use crate::corpus::seal;
+use crate::corpus::splits::Splits;
 use crate::error::{Error, Result};
-use crate::new_file::TEMPORARY_SUFFIX;
-use crate::outside_file::{self, FileKind};
-use crate::seal;
-use crate::splits::Splits;
+use crate::files::new_file::TEMPORARY_SUFFIX;
+use crate::files::outside_file::{self, FileKind};
 
 /// The mark of a stage, and the folder that a new disk comes with.
 const HARMLESS: [&str; 2] = ["stage.json", "lost+found"];

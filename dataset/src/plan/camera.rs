@@ -8,15 +8,15 @@
 use serde::{Deserialize, Serialize};
 
 use super::Picture;
-use crate::calibration::CameraEntry;
-use crate::camera::CameraPose;
-use crate::distortion::Distortion;
-use crate::geodesy::Geodetic;
-use crate::imaging::Imaging;
-use crate::limits::{self, Check};
-use crate::pose::Pose;
-use crate::runway::Runway;
-use crate::units::{Degrees, METERS_PER_NAUTICAL_MILE};
+use crate::corpus::calibration::CameraEntry;
+use crate::geometry::camera::CameraPose;
+use crate::geometry::distortion::Distortion;
+use crate::geometry::geodesy::Geodetic;
+use crate::geometry::imaging::Imaging;
+use crate::geometry::pose::Pose;
+use crate::geometry::runway::Runway;
+use crate::numbers::limits::{self, Check};
+use crate::numbers::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
 /// A camera on a mast beside the runway, as in the rig of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -250,8 +250,8 @@ fn clockwise_deg(inward_deg: f64, right_m: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera as Pinhole;
-    use crate::runway::tests::changi_02l;
+    use crate::geometry::camera::Camera as Pinhole;
+    use crate::geometry::runway::tests::changi_02l;
 
     fn mast(id: &str, right_m: f64) -> PlannedCamera {
         PlannedCamera {

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::{Common, Plan, PlannedScenario};
-use crate::file_name;
-use crate::limits::{self, Check};
+use crate::files::file_name;
+use crate::numbers::limits::{self, Check};
 
 /// The first impossible value of a plan, as text.
 pub(super) fn fault(plan: &Plan) -> Option<String> {

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::frame_rate::{self, FrameRate};
-use crate::limits::{self, Check};
+use crate::numbers::frame_rate::{self, FrameRate};
+use crate::numbers::limits::{self, Check};
 
 /// Size and rate of the pictures, the same for all scenarios and views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

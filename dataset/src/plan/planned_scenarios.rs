@@ -7,9 +7,9 @@ use serde::Deserialize;
 
 use crate::corpus::Corpus;
 use crate::error::{Error, Result};
-use crate::json_file::parse_json;
-use crate::outside_file::{self, FileKind};
-use crate::own_path::own_path;
+use crate::files::json_file::parse_json;
+use crate::files::outside_file::{self, FileKind};
+use crate::files::own_path::own_path;
 
 /// The hashes of the planned parameters, by scenario.
 #[derive(Debug, Clone, Default)]

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{Aim, Common, Jitter, PlannedCamera};
-use crate::approach_profile::ApproachProfile;
-use crate::calibration::CameraEntry;
 use crate::conditions::Conditions;
-use crate::imaging::Imaging;
-use crate::limits::{self, Check};
-use crate::scenario::Flight;
+use crate::corpus::calibration::CameraEntry;
+use crate::corpus::scenario::Flight;
+use crate::geometry::approach_profile::ApproachProfile;
+use crate::geometry::imaging::Imaging;
+use crate::numbers::limits::{self, Check};
 
 /// One scenario, fully specified.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -6,12 +6,12 @@ use std::fs;
 use super::plan_as_written::{PlanAsWritten, ScenarioAsWritten, Written};
 use super::planned_cameras::PlannedCameras;
 use super::{Faults, VerifyOptions};
-use crate::calibration::Calibration;
+use crate::corpus::calibration::Calibration;
+use crate::corpus::scenario::ScenarioRecord;
+use crate::corpus::seal;
+use crate::corpus::splits::Splits;
 use crate::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
-use crate::json_file::read_json;
-use crate::scenario::ScenarioRecord;
-use crate::seal;
-use crate::splits::Splits;
+use crate::files::json_file::read_json;
 
 const PLAN: &str = Corpus::PLAN;
 const SPLITS: &str = Corpus::SPLITS;

@@ -10,13 +10,13 @@ use serde_json::Value;
 
 use super::Faults;
 use crate::corpus::ScenarioFolder;
-use crate::detections::{self, Detection, Row, read_rows_with_faults};
-use crate::json_file::read_json;
-use crate::limits::{self, MOST_PICTURES};
-use crate::open_scenario::{OpenScenario, fault_of, fault_of_registration};
-use crate::own_path::own_path;
-use crate::registrations::{Registration, read_registrations_with_faults};
-use crate::scenario::ScenarioRecord;
+use crate::corpus::detections::{self, Detection, Row, read_rows_with_faults};
+use crate::corpus::open_scenario::{OpenScenario, fault_of, fault_of_registration};
+use crate::corpus::scenario::ScenarioRecord;
+use crate::files::json_file::read_json;
+use crate::files::own_path::own_path;
+use crate::numbers::limits::{self, MOST_PICTURES};
+use crate::tables::registrations::{Registration, read_registrations_with_faults};
 
 /// The rest of a record, besides the origin of its table. Other programs may write less.
 #[derive(Default, Deserialize)]

@@ -6,14 +6,14 @@ use std::collections::BTreeSet;
 use glam::DVec2;
 
 use super::{Faults, close};
-use crate::calibration::Calibration;
 use crate::conditions::transmission;
 use crate::corpus::ScenarioFolder;
-use crate::frames::{Frames, TickRow};
-use crate::limits;
-use crate::pixel_box::{TruthBox, read_truth_boxes_with_faults};
-use crate::runway::RunwayCoordinates;
-use crate::scenario::ScenarioRecord;
+use crate::corpus::calibration::Calibration;
+use crate::corpus::scenario::ScenarioRecord;
+use crate::geometry::runway::RunwayCoordinates;
+use crate::numbers::limits;
+use crate::tables::frames::{Frames, TickRow};
+use crate::tables::pixel_box::{TruthBox, read_truth_boxes_with_faults};
 
 /// Labels agree with a computation on another machine to far below this, metres.
 const LENGTH_TOLERANCE_M: f64 = 1e-4;
@@ -99,7 +99,8 @@ fn check_countdown(frames: &Frames, faults: &mut Faults) {
             (None, None) => {}
             (Some(earlier), Some(later)) => {
                 let step_s =
-                    crate::units::SimTime(after.time_ns.saturating_sub(before.time_ns)).seconds();
+                    crate::numbers::units::SimTime(after.time_ns.saturating_sub(before.time_ns))
+                        .seconds();
                 if !close(earlier - later, step_s, TIME_TOLERANCE_S) {
                     let message = format!(
                         "is {later}, expected {} from the row before",

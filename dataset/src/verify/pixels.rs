@@ -26,9 +26,9 @@ mod timing;
 use serde::Serialize;
 
 use super::Faults;
-use crate::frames::Frames;
-use crate::pixel_box::{PixelBox, TruthBox};
-use crate::scenario::ScenarioRecord;
+use crate::corpus::scenario::ScenarioRecord;
+use crate::tables::frames::Frames;
+use crate::tables::pixel_box::{PixelBox, TruthBox};
 use elsewhere::{Other, Suspect};
 use repeated::Reference;
 use scene::CoarsePicture;

@@ -9,10 +9,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
 use crate::conditions::Conditions;
-use crate::imaging::Imaging;
+use crate::corpus::scenario::Flight;
+use crate::geometry::imaging::Imaging;
+use crate::geometry::runway::Runway;
 use crate::plan::{Aim, Jitter, Picture, PlannedCamera, plan_hash};
-use crate::runway::Runway;
-use crate::scenario::Flight;
 
 /// What every scenario should be.
 #[derive(Default, Deserialize)]

@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 
 use super::plan_as_written::{CommonAsWritten, ParametersAsWritten, Unreadable};
 use super::{Faults, close};
-use crate::calibration::{Calibration, CameraEntry};
-use crate::imaging::Imaging;
+use crate::corpus::calibration::{Calibration, CameraEntry};
+use crate::geometry::imaging::Imaging;
+use crate::geometry::runway::Runway;
+use crate::numbers::units::Degrees;
 use crate::plan::{Aim, Jitter, Picture, PlannedCamera};
-use crate::runway::Runway;
-use crate::units::Degrees;
 
 const CALIBRATION: &str = "calibration.json";
 /// Trigonometry differs in its last digits between machines: nanometres on the earth's surface ...

@@ -3,13 +3,13 @@
 use glam::DMat3;
 
 use super::{Faults, close};
-use crate::calibration::{Calibration, CameraEntry};
 use crate::corpus::ScenarioFolder;
-use crate::runway::RunwayCoordinates;
-use crate::scenario::{
+use crate::corpus::calibration::{Calibration, CameraEntry};
+use crate::corpus::scenario::{
     MARKED_SCHEMA_VERSION, PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION, ScenarioRecord,
 };
-use crate::seal;
+use crate::corpus::seal;
+use crate::geometry::runway::RunwayCoordinates;
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";

@@ -2,22 +2,22 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::camera::{Camera, CameraPose};
 use crate::conditions::{Clock, Conditions, Weather};
-use crate::detections::{Detection, Detections, Miss, MissReason, NewTables, SearchMode};
-use crate::effective_weather::{EffectiveQuantity, EffectiveWeather};
-use crate::frame_rate::FrameRate;
-use crate::frames::{Frames, TickLabels, TickRow, ViewStamp};
-use crate::json_file::{read_json, write_json};
-use crate::model_identity::ModelIdentity;
-use crate::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
+use crate::corpus::detections::{Detection, Detections, Miss, MissReason, NewTables, SearchMode};
+use crate::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
+use crate::corpus::model_identity::ModelIdentity;
+use crate::corpus::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, Versions};
+use crate::corpus::splits::{Assignment, Side, Splits};
+use crate::files::json_file::{read_json, write_json};
+use crate::geometry::camera::{Camera, CameraPose};
+use crate::geometry::pose::{Controls, Pose};
+use crate::geometry::runway::RunwayCoordinates;
+use crate::geometry::runway::tests::changi_02l as runway;
+use crate::numbers::frame_rate::FrameRate;
 use crate::plan::PlannedCamera;
-use crate::pose::{Controls, Pose};
-use crate::registrations::{NoShift, Registration, write_registrations};
-use crate::runway::RunwayCoordinates;
-use crate::runway::tests::changi_02l as runway;
-use crate::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, Versions};
-use crate::splits::{Assignment, Side, Splits};
+use crate::tables::frames::{Frames, TickLabels, TickRow, ViewStamp};
+use crate::tables::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
+use crate::tables::registrations::{NoShift, Registration, write_registrations};
 use crate::video::{VideoSettings, VideoWriter, refine_time_base};
 
 const SIZE_PX: u32 = 64;
@@ -665,7 +665,7 @@ fn a_moved_camera_is_found() {
 #[test]
 fn a_missing_column_and_missing_boxes_are_found() {
     let findings = Example::with(|example| {
-        crate::columns::TableWriter::new()
+        crate::tables::columns::TableWriter::new()
             .u32("tick", [0])
             .write(&example.scenario().frames_path())
             .unwrap();
@@ -723,7 +723,7 @@ fn registered(rows: &[Registration], said: serde_json::Value) -> Example {
         registrations: Some(rows),
     };
     let detector = aaaa();
-    crate::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
+    crate::corpus::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
         let mut made = serde_json::to_value(provenance).unwrap();
         made["registration"] = said;
         made
@@ -779,7 +779,7 @@ fn damaged_missing_and_foreign_registrations_are_found() {
         "{findings}"
     );
     let example = registered(&[registration()], said);
-    let path = crate::detections::record_path(&example.scenario(), "aaaa");
+    let path = crate::corpus::detections::record_path(&example.scenario(), "aaaa");
     let mut record: serde_json::Value = read_json(&path, "record").unwrap();
     record
         .as_object_mut()
@@ -876,7 +876,7 @@ fn with_detections(found: &Detections, record: serde_json::Value) -> String {
     let claim = folder.claim().unwrap();
     let detector = aaaa();
     let tables = NewTables::unregistered(found);
-    crate::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
+    crate::corpus::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
         let mut made = serde_json::to_value(provenance).unwrap();
         let fields = record.as_object().unwrap().clone();
         made.as_object_mut().unwrap().extend(fields);

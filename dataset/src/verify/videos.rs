@@ -5,10 +5,10 @@ use std::thread;
 
 use super::Faults;
 use super::pixels::{Scenario, ViewProof, Watcher};
-use crate::calibration::Calibration;
 use crate::corpus::ScenarioFolder;
-use crate::scenario::ScenarioRecord;
-use crate::sealed::Sealed;
+use crate::corpus::calibration::Calibration;
+use crate::corpus::scenario::ScenarioRecord;
+use crate::corpus::sealed::Sealed;
 use crate::video::{TimeBase, VideoReader};
 
 /// Checks all videos of a scenario, in parallel; returns how many pictures were decoded, and the evidence.

@@ -4,7 +4,7 @@ use std::io::{BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::outside_file::{self, FileKind};
+use crate::files::outside_file::{self, FileKind};
 
 /// Size and type of a box of the file, bytes.
 const HEADER_BYTES: u32 = 8;

@@ -11,8 +11,8 @@ use ffmpeg_next::{Packet, codec, format, media};
 
 use super::{TimeBase, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
-use crate::frame_rate::FrameRate;
-use crate::outside_file::{self, FileKind};
+use crate::files::outside_file::{self, FileKind};
+use crate::numbers::frame_rate::FrameRate;
 
 const START_CODE: [u8; 4] = [0, 0, 0, 1];
 

@@ -8,10 +8,10 @@ use ffmpeg_next::{Packet, decoder, format, frame, media};
 use super::conversion::{self, Conversion, PicturePart};
 use super::{BYTES_PER_PIXEL, TimeBase, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
-use crate::frame_rate::FrameRate;
-use crate::limits::PICTURE_SIDE_PX;
-use crate::memory;
-use crate::outside_file::{self, FileKind};
+use crate::files::outside_file::{self, FileKind};
+use crate::numbers::frame_rate::FrameRate;
+use crate::numbers::limits::PICTURE_SIDE_PX;
+use crate::work::memory;
 
 /// Pictures that a decoder references, the one that it decodes, and those being converted to RGB.
 const FRAMES_HELD: u64 = 8;

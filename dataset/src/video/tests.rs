@@ -6,7 +6,7 @@ use std::process::Command;
 use ffmpeg_next::color;
 
 use super::*;
-use crate::frame_rate::FrameRate;
+use crate::numbers::frame_rate::FrameRate;
 
 const WIDTH: u32 = 256;
 const HEIGHT: u32 = 128;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::frame_rate::FrameRate;
+use crate::numbers::frame_rate::FrameRate;
 
 /// A unit of timestamps, as a fraction of a second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -12,7 +12,7 @@ use std::path::Path;
 use self::chart::Chart;
 use super::{TimeBase, VideoEncoder, VideoReader, VideoSettings, VideoWriter};
 use crate::error::{Error, Result};
-use crate::frame_rate::FrameRate;
+use crate::numbers::frame_rate::FrameRate;
 
 /// Pictures of a trial.
 pub const TRIAL_PICTURES: u32 = 100;

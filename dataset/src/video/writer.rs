@@ -17,7 +17,7 @@ use super::{
     start_ffmpeg,
 };
 use crate::error::{Error, Result};
-use crate::frame_rate::FrameRate;
+use crate::numbers::frame_rate::FrameRate;
 
 /// Maximum distance between keyframes, in frames: a jump in a player decodes at most this many.
 const GROUP_OF_PICTURES: u32 = 60;

@@ -6,8 +6,8 @@
 
 use std::path::Path;
 
-use dataset::calibration::CameraEntry;
-use dataset::pixel_box::PixelBox;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::tables::pixel_box::PixelBox;
 use serde::Serialize;
 
 use super::mixed_shards::{self, Stored, Unmixed};

@@ -15,7 +15,7 @@ use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use dataset::new_file::{NewFile, sync};
+use dataset::files::new_file::{NewFile, sync};
 use serde::{Deserialize, Serialize};
 
 use super::{archive, shard_name};
@@ -240,7 +240,11 @@ mod tests {
             let names = names_in(&folder.path().join(shard));
             for name in &names {
                 let number: u32 = name[..4].parse().unwrap();
-                assert_eq!(number.is_multiple_of(4), shard.starts_with("test"), "{name}");
+                assert_eq!(
+                    number.is_multiple_of(4),
+                    shard.starts_with("test"),
+                    "{name}"
+                );
             }
             let batches = names.chunks_exact(16);
             let scenarios = |batch: &[String]| {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use dataset::frames::TickRow;
-use dataset::pose::Pose;
+use dataset::geometry::pose::Pose;
+use dataset::tables::frames::TickRow;
 use serde::Serialize;
 
 use super::archive::{self, SampleFile};

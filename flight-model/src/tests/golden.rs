@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use dataset::approach_profile::ApproachProfile;
+use dataset::geometry::approach_profile::ApproachProfile;
 use serde_json::{Value, json};
 
 use super::{straight_in, weather};

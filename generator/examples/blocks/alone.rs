@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::camera::Camera;
 use dataset::corpus::Corpus;
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::camera::Camera;
+use dataset::geometry::pose::{Controls, Pose};
 use dataset::video::{VideoSettings, VideoWriter};
 use mock_xplane::server::{BuiltIn, Engine};
 use mock_xplane::window::DisplayWindow;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use dataset::pose::FlightState;
+use dataset::geometry::pose::FlightState;
 use tokio::time::timeout;
 use xplane_bridge::BridgeError;
 

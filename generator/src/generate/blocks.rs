@@ -4,11 +4,11 @@
 //! In a paused world a block is the whole flight. Where time runs, because rain falls only then, clouds drift meanwhile, and the views of
 //! a tick must not be far apart in time.
 
-use dataset::calibration::CameraEntry;
 use dataset::conditions::Weather;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::corpus::scenario::Blocks;
+use dataset::geometry::pose::FlightState;
 use dataset::plan::Picture;
-use dataset::pose::FlightState;
-use dataset::scenario::Blocks;
 use xplane_bridge::{BlockOfTicks, BlockTrial, Simulator};
 
 use super::attempt::Attempt;

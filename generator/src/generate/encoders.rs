@@ -162,7 +162,7 @@ fn encode(
 #[cfg(test)]
 mod tests {
     use dataset::corpus::Corpus;
-    use dataset::frame_rate::FrameRate;
+    use dataset::numbers::frame_rate::FrameRate;
 
     use super::*;
 

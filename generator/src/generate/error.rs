@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use dataset::effective_weather::WeatherDifference;
+use dataset::corpus::effective_weather::WeatherDifference;
 use dataset::video::{TRIAL_PICTURES, TrialFault};
 use flight_model::NotLanded;
 use store::StoreError;

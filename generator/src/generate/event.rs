@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use dataset::effective_weather::EffectiveQuantity;
+use dataset::corpus::effective_weather::EffectiveQuantity;
 use xplane_bridge::profile::KnownProfile;
 
 /// What a run is doing, for display.

@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather, WeatherDifference};
+use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather, WeatherDifference};
 
 /// Scenarios in which a quantity differs before it counts as not followed.
 const ALIKE: usize = 3;

@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use dataset::claim::{Claim, Claimed, WHOLE_CORPUS};
+use dataset::corpus::claim::{Claim, Claimed, WHOLE_CORPUS};
+use dataset::corpus::seal;
 use dataset::corpus::{Corpus, check_place};
-use dataset::json_file::write_atomically;
-use dataset::new_file::clear_leftovers;
-use dataset::outside_file::{self, FileKind};
+use dataset::files::json_file::write_atomically;
+use dataset::files::new_file::clear_leftovers;
+use dataset::files::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::seal;
 use tokio::time::sleep;
 
 use super::error::GenerateError;

@@ -5,13 +5,13 @@
 
 use std::fmt::Debug;
 
-use dataset::calibration::CameraEntry;
-use dataset::camera::CameraPose;
 use dataset::conditions::Weather;
-use dataset::echo::{aircraft_mismatch, camera_mismatch};
-use dataset::frame_rate::FrameRate;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::echo::{aircraft_mismatch, camera_mismatch};
+use dataset::geometry::pose::{FlightState, Pose};
+use dataset::numbers::frame_rate::FrameRate;
 use dataset::plan::Picture;
-use dataset::pose::{FlightState, Pose};
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
 
 use super::attempt::Attempt;
@@ -202,7 +202,7 @@ fn blank(rgb: &[u8], weather: &Weather) -> Option<[u8; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::pose::Controls;
+    use dataset::geometry::pose::Controls;
 
     fn asked() -> CaptureRequest {
         let pose = Pose {

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
+use dataset::corpus::claim::{Claim, Claimed};
 use dataset::plan::PlannedScenario;
 
 use super::freeze::is_whole;

@@ -3,18 +3,18 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::calibration::{Calibration, CameraEntry, Conventions};
-use dataset::claim::Claim;
 use dataset::conditions::Weather;
+use dataset::corpus::calibration::{Calibration, CameraEntry, Conventions};
+use dataset::corpus::claim::Claim;
+use dataset::corpus::effective_weather::{EffectiveWeather, WeatherDifference};
+use dataset::corpus::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::corpus::seal::{commit_folder, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::effective_weather::{EffectiveWeather, WeatherDifference};
-use dataset::frames::{Frames, TickRow, ViewStamp};
-use dataset::imaging::Imaging;
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::pose::FlightState;
+use dataset::numbers::units::Degrees;
 use dataset::plan::{Common, LiveStart, Picture, Plan, PlannedScenario};
-use dataset::pose::FlightState;
-use dataset::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
-use dataset::seal::{commit_folder, seal_folder};
-use dataset::units::Degrees;
+use dataset::tables::frames::{Frames, TickRow, ViewStamp};
 use dataset::video::VideoEncoder;
 use tokio::task::spawn_blocking;
 use xplane_bridge::fly::{FlightStart, FlyRequest};

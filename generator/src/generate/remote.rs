@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
-use dataset::outside_file::{self, FileKind};
+use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::seal::Seal;
+use dataset::corpus::set_aside::{FOLDER as FAILED, SetAside};
+use dataset::corpus::splits::Splits;
+use dataset::files::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::seal::Seal;
-use dataset::set_aside::{FOLDER as FAILED, SetAside};
-use dataset::splits::Splits;
 use store::{Committed, CorpusStore, Keep};
 
 use super::error::GenerateError;

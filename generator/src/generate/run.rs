@@ -12,10 +12,10 @@ mod away;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use dataset::claim::Claim;
-use dataset::effective_weather::WeatherDifference;
+use dataset::corpus::claim::Claim;
+use dataset::corpus::effective_weather::WeatherDifference;
+use dataset::corpus::set_aside::SetAside;
 use dataset::plan::PlannedScenario;
-use dataset::set_aside::SetAside;
 use futures_util::future::join_all;
 use indicatif::DecimalBytes;
 use store::Committed;

@@ -5,8 +5,8 @@ use std::fs;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use dataset::json_file::{read_json, write_json};
-use dataset::own_path::own_path;
+use dataset::files::json_file::{read_json, write_json};
+use dataset::files::own_path::own_path;
 use serde::{Deserialize, Serialize};
 
 use super::error::GenerateError;

@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
+use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::scenario::Flight;
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::scenario::Flight;
 use futures_util::future::LocalBoxFuture;
 
 use super::attempt::{Attempt, unless_cancelled};

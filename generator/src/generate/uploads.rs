@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use dataset::claim::{Claim, Claimed};
+use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::PlannedScenario;
 use store::{Objects, Pushed, StoreError, Watch};

@@ -3,9 +3,9 @@
 use std::fs;
 
 use dataset::Error;
-use dataset::claim::Claim;
+use dataset::corpus::claim::Claim;
+use dataset::corpus::seal;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::seal;
 
 /// A `<id>.partial/`, ours because we hold the claim.
 pub(super) struct Workplace {
@@ -61,7 +61,7 @@ impl Workplace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::claim::Claimed;
+    use dataset::corpus::claim::Claimed;
 
     #[test]
     fn what_is_no_folder_is_named_and_stays() {

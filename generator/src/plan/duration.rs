@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
+use dataset::corpus::scenario::Flight;
 use dataset::plan::{Common, PlannedScenario};
-use dataset::scenario::Flight;
 use serde::Serialize;
 use xplane_bridge::profile::Profile;
 

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use dataset::conditions::Conditions;
-use dataset::imaging::Imaging;
+use dataset::corpus::scenario::Flight;
+use dataset::geometry::imaging::Imaging;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::{Common, ConfigHasher, Jitter, LiveStart, Parameters, Plan, PlannedScenario};
-use dataset::scenario::Flight;
-use dataset::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::recording::Recording;
 use crate::seed;

@@ -3,8 +3,8 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
+use dataset::corpus::splits::{Assignment, Leak, Side, Splits};
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::splits::{Assignment, Leak, Side, Splits};
 
 use crate::seed;
 use crate::sweep::SplitFractions;

@@ -1,6 +1,6 @@
 //! `[aim]`: turns all cameras of a scenario, overriding the rig.
 
-use dataset::limits;
+use dataset::numbers::limits;
 use dataset::plan::Aim;
 use schemars::JsonSchema;
 use serde::Deserialize;

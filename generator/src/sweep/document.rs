@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataset::approach_profile::ApproachProfile;
+use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::video::VideoSettings;
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! Why a sweep cannot be used.
 
-use dataset::toml_file::TomlError;
+use dataset::files::toml_file::TomlError;
 
 /// A sweep that cannot be read, or an invalid one.
 #[derive(Debug, thiserror::Error)]

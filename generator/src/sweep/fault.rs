@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
-use dataset::file_name;
+use dataset::files::file_name;
 
 /// An invalid value.
 #[derive(Debug)]
 pub(super) struct Fault {
-    /// Dotted key of the value, for [`dataset::toml_file::TomlFile::rejected`].
+    /// Dotted key of the value, for [`dataset::files::toml_file::TomlFile::rejected`].
     pub(super) key: String,
     /// What was found and what was expected.
     pub(super) message: String,

@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataset::limits;
+use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

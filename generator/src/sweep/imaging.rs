@@ -1,7 +1,7 @@
 //! `[imaging]`: air and sensor between an ideal picture and a real one. X-Plane has none of it; the stand-in can draw it.
 
-use dataset::imaging::{Degradation, Imaging, Seeing, Sensor};
-use dataset::limits;
+use dataset::geometry::imaging::{Degradation, Imaging, Seeing, Sensor};
+use dataset::numbers::limits;
 use dataset::plan::PlannedCamera;
 use rand::Rng;
 use schemars::JsonSchema;

@@ -1,6 +1,6 @@
 //! `[jitter]`: placement errors of the cameras of each scenario relative to the rig. Each camera of each scenario draws its own.
 
-use dataset::limits;
+use dataset::numbers::limits;
 use dataset::plan::{Jitter, PlannedCamera};
 use schemars::JsonSchema;
 use serde::Deserialize;

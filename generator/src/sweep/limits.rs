@@ -1,6 +1,6 @@
-//! How the limits of [`dataset::limits`] are enforced in a sweep, where a number may be a spread and the schema includes them, too.
+//! How the limits of [`dataset::numbers::limits`] are enforced in a sweep, where a number may be a spread and the schema includes them, too.
 
-use dataset::limits::Limits;
+use dataset::numbers::limits::Limits;
 use schemars::Schema;
 use schemars::transform::Transform;
 use serde_json::Value;

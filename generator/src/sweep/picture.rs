@@ -1,7 +1,7 @@
 //! `[picture]`: size and rate of the pictures.
 
-use dataset::frame_rate::{self, FrameRate};
-use dataset::limits::PICTURE_SIDE_PX;
+use dataset::numbers::frame_rate::{self, FrameRate};
+use dataset::numbers::limits::PICTURE_SIDE_PX;
 use dataset::plan::Picture;
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::limits::{self, Limits};
-use dataset::runway::Runway;
-use dataset::units::METERS_PER_FOOT;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::runway::Runway;
+use dataset::numbers::limits::{self, Limits};
+use dataset::numbers::units::METERS_PER_FOOT;
 
 use super::fault::{Checked, legal_name};
 use super::limits::Enforce;

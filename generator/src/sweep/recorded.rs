@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use dataset::runway::Runway;
-use dataset::units::METERS_PER_NAUTICAL_MILE;
+use dataset::geometry::runway::Runway;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

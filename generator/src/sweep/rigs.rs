@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
-use dataset::distortion::Distortion;
-use dataset::limits;
+use dataset::geometry::distortion::Distortion;
+use dataset::numbers::limits;
 use dataset::plan::{Picture, PlannedCamera};
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use dataset::geodesy::Geodetic;
-use dataset::limits;
-use dataset::runway::Runway;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::Runway;
+use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -1,6 +1,6 @@
 //! `[split]`: shares of training, validation and test.
 
-use dataset::limits;
+use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::limits;
-use dataset::scenario::Flight;
+use dataset::corpus::scenario::Flight;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

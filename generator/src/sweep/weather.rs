@@ -1,7 +1,7 @@
 //! `[weather.NAME]`: the physical values of a weather. Each number may be a spread, from which every scenario draws its own.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
-use dataset::limits;
+use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use dataset::claim::{Claim, Claimed};
 use dataset::corpus::ScenarioFolder;
-use dataset::detections::{self, Detections, NewTables};
-use dataset::open_scenario::OpenScenario;
-use dataset::scenario::ScenarioRecord;
+use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::detections::{self, Detections, NewTables};
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::corpus::scenario::ScenarioRecord;
 
 use super::mode::ModeSettings;
 use super::pairs::Pairs;

@@ -7,9 +7,9 @@ use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use dataset::camera::Camera;
-use dataset::detections::Detections;
-use dataset::registrations::{NoShift, Registration};
+use dataset::corpus::detections::Detections;
+use dataset::geometry::camera::Camera;
+use dataset::tables::registrations::{NoShift, Registration};
 
 use crate::registration::{Expected, Patch, register};
 
@@ -110,7 +110,7 @@ impl Pairs {
         reference: &Look,
         view: usize,
         look: &Look,
-    ) -> Result<dataset::registrations::Shift, NoShift> {
+    ) -> Result<dataset::tables::registrations::Shift, NoShift> {
         let (from, to) = match (reference.as_ref(), look.as_ref()) {
             (Ok(from), Ok(to)) => (from, to),
             // No box says more than one that is cut off.

@@ -1,10 +1,10 @@
 //! The pictures of a view, one after another: decoded, and converted as far as they are looked at.
 
-use dataset::frames::Frames;
-use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::PixelBox;
-use dataset::registrations::NoShift;
-use dataset::units::SimTime;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::numbers::units::SimTime;
+use dataset::tables::frames::Frames;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::registrations::NoShift;
 use dataset::video::{PicturePart, VideoReader};
 
 use super::cpu_time::{CpuClock, Stage};

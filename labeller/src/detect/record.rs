@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::detections::{self, Provenance};
-use dataset::json_file::read_json;
-use dataset::open_scenario::OpenScenario;
+use dataset::corpus::detections::{self, Provenance};
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::files::json_file::read_json;
 use serde::{Deserialize, Serialize};
 
 use super::cpu_time::CpuTime;

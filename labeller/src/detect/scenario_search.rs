@@ -6,11 +6,11 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use dataset::detections::Detections;
-use dataset::model_identity::ModelIdentity;
-use dataset::open_scenario::OpenScenario;
-use dataset::registrations::Registration;
-use dataset::workers;
+use dataset::corpus::detections::Detections;
+use dataset::corpus::model_identity::ModelIdentity;
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::tables::registrations::Registration;
+use dataset::work::workers;
 
 use super::cpu_time::CpuTime;
 use super::job::{lock, pairs_of};
@@ -151,7 +151,7 @@ pub(super) fn search_scenario(
 
 #[cfg(test)]
 mod tests {
-    use dataset::pixel_box::PixelBox;
+    use dataset::tables::pixel_box::PixelBox;
     use testkit::files::contents;
     use testkit::short_corpus;
 

@@ -3,8 +3,8 @@
 //! Whole pictures are searched as [`crate::tiling`] says. Between them, an aircraft that is followed gets one window around the place
 //! where it is expected, and nothing else of the picture is converted or searched.
 
-use dataset::detections::{Detection, Detections, Miss, MissReason, SearchMode};
-use dataset::pixel_box::PixelBox;
+use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, SearchMode};
+use dataset::tables::pixel_box::PixelBox;
 
 use super::cpu_time::{CpuClock, Stage};
 use super::mode::{Mode, ModeSettings};

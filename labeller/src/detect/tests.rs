@@ -2,14 +2,14 @@ use std::fs;
 use std::sync::Mutex;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::detections::{
+use dataset::corpus::detections::{
     Detection, Detections, Miss, MissReason, NewTables, SearchMode, write_detections,
 };
 
-use dataset::json_file::read_json;
-use dataset::pixel_box::PixelBox;
-use dataset::registrations::{NoShift, Registration};
-use dataset::seal::seal_folder;
+use dataset::corpus::seal::seal_folder;
+use dataset::files::json_file::read_json;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::registrations::{NoShift, Registration};
 use testkit::short_corpus;
 
 use super::record::DetectionRecord;
@@ -218,7 +218,10 @@ fn the_same_model_with_other_settings_has_detections_of_its_own() {
     assert_eq!(record(&hash[..16]).profile, None);
     let mut all = [names[0].clone(), names[1].clone(), hash[..16].to_owned()];
     all.sort();
-    assert_eq!(dataset::detections::models_of(&folder).unwrap(), all);
+    assert_eq!(
+        dataset::corpus::detections::models_of(&folder).unwrap(),
+        all
+    );
 }
 
 #[test]
@@ -248,7 +251,8 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
         let claim = folder.claim().unwrap();
         let detector = &model().identity;
         let tables = NewTables::unregistered(&found);
-        dataset::detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
+        dataset::corpus::detections::replace(&claim, &scenario, detector, MODEL, tables, made)
+            .unwrap();
         drop(claim);
         let message = stored(&folder).unwrap_err();
         assert!(message.contains(words), "{message}");
@@ -272,7 +276,7 @@ fn a_record_whose_model_is_not_the_one_of_its_name_is_refused() {
         let path = DetectionRecord::path(&folder, MODEL);
         let mut record: DetectionRecord = read_json(&path, "record").unwrap();
         record.provenance.detector.model_blake3 = hash.into();
-        dataset::json_file::write_json(&path, &record).unwrap();
+        dataset::files::json_file::write_json(&path, &record).unwrap();
         let message = stored(&folder).unwrap_err();
         assert!(message.contains("begin with 0123456789abcdef"), "{message}");
         assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
@@ -310,7 +314,7 @@ fn detections_are_compared_with_labels_where_there_are_any() {
         .unwrap();
     assert_eq!((truth.found, truth.false_detections), (0, 6));
     assert_eq!(
-        dataset::seal::faults(corpus.scenario("0001-a").root()).unwrap(),
+        dataset::corpus::seal::faults(corpus.scenario("0001-a").root()).unwrap(),
         Vec::<String>::new()
     );
 }
@@ -500,7 +504,7 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
     let tables = NewTables::unregistered(&found);
     let (claim, scenario) = (folder.claim().unwrap(), folder.open().unwrap());
     let detector = &model().identity;
-    dataset::detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
+    dataset::corpus::detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
     drop(claim);
     assert_eq!(folder.open().unwrap().registrations(MODEL).unwrap(), None);
     let outcome = detect_without(&corpus);

@@ -3,9 +3,9 @@
 //! Input: the video of a view, its ticks and a detector. Output: boxes with their tracks, reasons for pictures without any, the
 //! surroundings of the best box of each picture for registration, and what the processor time was spent on. Nothing is written.
 
-use dataset::detections::{Detection, Detections};
-use dataset::open_scenario::OpenScenario;
-use dataset::registrations::NoShift;
+use dataset::corpus::detections::{Detection, Detections};
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::tables::registrations::NoShift;
 
 use super::cpu_time::{CpuClock, CpuTime};
 use super::mode::ModeSettings;

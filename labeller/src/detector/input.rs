@@ -1,6 +1,6 @@
 //! The input of a model: sizes and number of its windows, checked before memory is allocated for them.
 
-use dataset::memory::{self, TooMuchMemory};
+use dataset::work::memory::{self, TooMuchMemory};
 use ort::session::Session;
 use ort::value::{TensorElementType, ValueType};
 

@@ -25,7 +25,7 @@ use super::ScoredBox;
 use super::answer::{Answer, AnswerFault};
 use super::meaning::Meaning;
 use super::profile::{BoxForm, BoxOrigin, BoxUnit, ScoreForm};
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 const STRIDES: [usize; 3] = [8, 16, 32];
 /// Those of models for pictures of 1,280 pixels.

@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use dataset::model_identity::ModelIdentity;
-use dataset::outside_file::{self, FileKind};
+use dataset::corpus::model_identity::ModelIdentity;
+use dataset::files::outside_file::{self, FileKind};
 
 use super::profile::ModelProfile;
 use crate::error::{Error, Result};

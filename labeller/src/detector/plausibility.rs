@@ -49,7 +49,7 @@ impl Drop for Plausibility {
 
 #[cfg(test)]
 mod tests {
-    use dataset::pixel_box::PixelBox;
+    use dataset::tables::pixel_box::PixelBox;
 
     use super::*;
 

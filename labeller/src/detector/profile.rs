@@ -17,7 +17,7 @@
 
 use std::path::Path;
 
-use dataset::toml_file::TomlFile;
+use dataset::files::toml_file::TomlFile;
 use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;

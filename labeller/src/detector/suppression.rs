@@ -35,7 +35,7 @@ mod tests {
     use std::cell::Cell;
 
     use super::*;
-    use dataset::pixel_box::PixelBox;
+    use dataset::tables::pixel_box::PixelBox;
 
     fn scored(cx_px: f64, score: f64) -> ScoredBox {
         ScoredBox {

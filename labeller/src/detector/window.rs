@@ -1,6 +1,6 @@
 //! Pictures and the windows that are cut out of them.
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 use super::ScoredBox;
 use super::profile::ChannelOrder;

@@ -1,7 +1,7 @@
 //! How the aircraft in one view should differ from that in another, by the cameras: the part of the difference that is not shift.
 
-use dataset::camera::Camera;
-use dataset::rays::{self, Ray};
+use dataset::geometry::camera::Camera;
+use dataset::geometry::rays::{self, Ray};
 use glam::{DMat2, DVec2, DVec3};
 
 /// Rays that meet closer than this meet nowhere: the boxes are not of one aircraft.

@@ -1,6 +1,6 @@
 //! The shift that fits best, and how certain it is.
 
-use dataset::registrations::NoShift;
+use dataset::tables::registrations::NoShift;
 use glam::{DMat2, DVec2};
 
 use super::linear::{Normal, inverse, robust_sd};

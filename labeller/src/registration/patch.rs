@@ -2,8 +2,8 @@
 
 use std::iter::repeat_n;
 
-use dataset::pixel_box::PixelBox;
-use dataset::registrations::NoShift;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::registrations::NoShift;
 use dataset::video::PicturePart;
 use glam::DVec2;
 

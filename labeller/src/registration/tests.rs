@@ -1,7 +1,7 @@
 //! Drawn aircraft with known shifts: no renderer, so that the truth is exact.
 
-use dataset::pixel_box::PixelBox;
-use dataset::registrations::{NoShift, Shift};
+use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::registrations::{NoShift, Shift};
 use glam::{DMat2, DVec2};
 
 use super::patch::blurred;

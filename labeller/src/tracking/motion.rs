@@ -4,7 +4,7 @@
 //! picture: at 10 NM it drifts by fractions of a pixel a second, before touchdown by several of its lengths. So all noise is stated in
 //! lengths of the box, and its effect follows from the time between the pictures: 30 FPS and 0.3 FPS need no different settings.
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 /// Error of a box's centre: pixels, and a part of the box's length.
 const CENTRE_ERROR: (f64, f64) = (0.5, 0.03);

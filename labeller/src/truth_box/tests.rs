@@ -1,6 +1,6 @@
 use airframe::{Configuration, Material, Triangle, boeing_737_800};
-use dataset::camera::CameraPose;
-use dataset::geodesy::Geodetic;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::geodesy::Geodetic;
 use testkit::{approach, rig};
 
 use super::*;

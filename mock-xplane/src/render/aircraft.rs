@@ -1,7 +1,7 @@
 //! The aircraft in the picture: its mesh lit by sun, sky and ground, and its own lamps.
 
 use airframe::{Configuration, Mesh, boeing_737_800};
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::pose::{Controls, Pose};
 use glam::{DMat3, DVec2, DVec3, Vec3};
 
 use crate::render::air::Air;

@@ -12,7 +12,7 @@ use crate::render::noise::NoiseTile;
 use crate::render::ships::Ship;
 use crate::render::view::View;
 
-/// Length of the runway's pavement past the threshold, metres. A [`dataset::runway::Runway`] does not have it.
+/// Length of the runway's pavement past the threshold, metres. A [`dataset::geometry::runway::Runway`] does not have it.
 pub(crate) const RUNWAY_LENGTH_M: f64 = 4_000.0;
 /// Half the width of the runway, metres.
 pub(crate) const RUNWAY_HALF_WIDTH_M: f64 = 30.0;

@@ -6,7 +6,7 @@
 
 use chrono::{Days, NaiveDate, NaiveTime, TimeDelta};
 use dataset::conditions::{Clock, CloudKind, Weather};
-use dataset::geodesy::Geodetic;
+use dataset::geometry::geodesy::Geodetic;
 use glam::{DVec3, Vec3};
 use solar_positioning::{Location, RefractionCorrection, SolarPositions};
 

@@ -10,7 +10,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use dataset::imaging::Seeing;
+use dataset::geometry::imaging::Seeing;
 use glam::DVec2;
 
 use crate::render::noise::unit_hash;

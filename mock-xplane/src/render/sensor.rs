@@ -7,7 +7,7 @@
 
 use std::sync::LazyLock;
 
-use dataset::imaging::Sensor;
+use dataset::geometry::imaging::Sensor;
 use rayon::prelude::*;
 
 use crate::render::tone::{linear_from_srgb, srgb_from_linear};

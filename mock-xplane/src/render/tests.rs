@@ -1,9 +1,9 @@
 //! Invariants of every picture: positions, contrasts, sub-pixel centres and bytes.
 
-use dataset::camera::CameraPose;
 use dataset::conditions::{CloudKind, CloudLayer};
-use dataset::distortion::Distortion;
-use dataset::imaging::{Degradation, Imaging, Seeing, Sensor};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::distortion::Distortion;
+use dataset::geometry::imaging::{Degradation, Imaging, Seeing, Sensor};
 pub(crate) use testkit::changi_02l;
 
 use super::*;

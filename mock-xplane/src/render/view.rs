@@ -2,11 +2,11 @@
 //! positions in these coordinates, so that two cameras see the same world.
 //!
 //! With refraction, site coordinates are apparent positions, not true ones: rays stay straight, and distant objects are lifted
-//! (`dataset::refraction`). Heights above the sea account for it; nothing else needs to.
+//! (`dataset::geometry::refraction`). Heights above the sea account for it; nothing else needs to.
 
-use dataset::camera::Camera;
-use dataset::refraction::lift_m;
-use dataset::runway::Runway;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::refraction::lift_m;
+use dataset::geometry::runway::Runway;
 use glam::{DMat3, DVec2, DVec3};
 
 /// Radius of the earth for the drop of the ground below the tangent plane, metres. Off by less than 0.3 % in any direction, about
@@ -136,8 +136,8 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::distortion::Distortion;
-    use dataset::imaging::Imaging;
+    use dataset::geometry::distortion::Distortion;
+    use dataset::geometry::imaging::Imaging;
 
     use crate::render::tests::{changi_02l, small_camera};
 

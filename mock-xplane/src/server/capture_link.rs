@@ -8,9 +8,9 @@
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use dataset::camera::Camera;
-use dataset::limits::Check;
-use dataset::units::SimTime;
+use dataset::geometry::camera::Camera;
+use dataset::numbers::limits::Check;
+use dataset::numbers::units::SimTime;
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};

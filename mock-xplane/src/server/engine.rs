@@ -1,11 +1,11 @@
 //! What the server needs from a simulator: flying an approach and drawing pictures. The built-in engine is this crate's own; tests
 //! use a cheaper one.
 
-use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::imaging::Degradation;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
 use flight_model::NotLanded;
 use xplane_bridge::fly::FlyRequest;
 

@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
-use dataset::imaging::Imaging;
-use dataset::runway::Runway;
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::runway::Runway;
 
 use super::engine::{Engine, SceneRenderer};
 

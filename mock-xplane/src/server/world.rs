@@ -19,10 +19,10 @@ mod view;
 use std::collections::BTreeSet;
 
 use dataset::conditions::{Clock, Weather};
-use dataset::geodesy::LatLon;
-use dataset::imaging::Imaging;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::geodesy::LatLon;
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
 use xplane_bridge::datarefs::{self as names, Generation, Version};
 use xplane_bridge::packet::{PlaceAircraft, Position};
 

@@ -7,10 +7,10 @@ use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
+use dataset::corpus::seal::{DONE, MANIFEST};
 use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
-use dataset::json_file::{read_json, write_json};
+use dataset::files::json_file::{read_json, write_json};
 use dataset::plan::PlannedScenarios;
-use dataset::seal::{DONE, MANIFEST};
 use serde::{Deserialize, Serialize};
 use trainer::RunFolder;
 

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use dataset::corpus::scenario::Flight;
 use dataset::plan::PlannedScenario;
-use dataset::scenario::Flight;
 use generator::against::Standing;
 use generator::plan::Estimate;
 use indicatif::DecimalBytes;
@@ -51,7 +51,7 @@ impl Report<'_> {
 
     fn row(&self, scenario: &PlannedScenario) -> Vec<String> {
         let parameters = &scenario.parameters;
-        let start_nm = parameters.start_dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+        let start_nm = parameters.start_dtd_m / dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
         let visibility_km = parameters.conditions.weather.visibility_m / 1_000.0;
         vec![
             // It contains time and weather.

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use dataset::outside_file::{self, FileKind};
-use dataset::toml_file::TomlFile;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::toml_file::TomlFile;
 use serde::Deserialize;
 use toml::{Table, Value};
 use trainer::{Search, SearchTable, TrainConfig};

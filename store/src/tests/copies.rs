@@ -3,11 +3,11 @@
 use std::fs::{self, File};
 use std::time::{Duration, SystemTime};
 
-use dataset::camera::CameraPose;
+use dataset::corpus::seal::{DONE, Seal, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::frames::{Frames, TickLabels, TickRow, ViewStamp};
-use dataset::pose::{Controls, Pose};
-use dataset::seal::{DONE, Seal, seal_folder};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::tables::frames::{Frames, TickLabels, TickRow, ViewStamp};
 use tempfile::TempDir;
 
 use super::ID;

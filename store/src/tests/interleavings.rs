@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use dataset::corpus::Corpus;
-use dataset::seal::{Seal, SealedFile};
+use dataset::corpus::seal::{Seal, SealedFile};
 use tokio::task::yield_now;
 
 use super::copies::LocalCopy;

@@ -6,8 +6,8 @@
 //! whole motion, from blurred to sharp pictures, in which patches that contradict the others lose their weight. Stripes of grass tell
 //! about rows only, the hull of a ship about both: each patch counts in the directions in which it has structure.
 
-use dataset::camera::Camera;
-use dataset::least_squares::NormalEquations;
+use dataset::geometry::camera::Camera;
+use dataset::numbers::least_squares::NormalEquations;
 use glam::DVec2;
 use rayon::prelude::*;
 

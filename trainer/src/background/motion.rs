@@ -4,7 +4,7 @@
 //! depth z is drawn `focal H / z` below the horizon, so a camera that is higher by a part s of its height sees everything below the
 //! horizon stretched by s. The horizon itself, and an aircraft beyond it, stays.
 
-use dataset::camera::Camera;
+use dataset::geometry::camera::Camera;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Numbers of a motion.

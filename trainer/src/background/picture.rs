@@ -2,7 +2,7 @@
 //!
 //! Clouds are left out with the sky. The mean removes noise and rain; the aircraft covers few patches of it, and moves.
 
-use dataset::open_scenario::OpenScenario;
+use dataset::corpus::open_scenario::OpenScenario;
 use dataset::video::PicturePart;
 
 use crate::error::Result;

@@ -1,5 +1,5 @@
-use dataset::camera::CameraPose;
-use dataset::pose::Pose;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::Pose;
 use glam::{DVec2, DVec3};
 
 use super::motion::Motion;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 
 /// What the scenarios of a corpus must have in common.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,8 +4,8 @@ use std::io;
 use std::path::PathBuf;
 
 use burn::store::{RecordError, SafetensorsStoreError};
-use dataset::limits::FieldOutOfLimits;
-use dataset::seal::{DONE, MANIFEST};
+use dataset::corpus::seal::{DONE, MANIFEST};
+use dataset::numbers::limits::FieldOutOfLimits;
 
 /// What is wrong with a run's folder or with a file of it, and what to do.
 #[derive(Debug, thiserror::Error)]

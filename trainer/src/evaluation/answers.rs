@@ -6,7 +6,7 @@ use crate::evaluation::metrics::{Group, Outcome};
 use crate::evaluation::rules::EvaluationRules;
 use crate::run::estimator::{Estimator, Task};
 use crate::samples::{Observation, Sample, Samples};
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 
 /// The ticks that count, flight by flight.
 pub(crate) struct JudgedTicks<'a> {

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use dataset::corpus::Corpus;
-use dataset::json_file::read_json;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::files::json_file::read_json;
 use serde::{Deserialize, Serialize};
 
 use crate::evaluation::rules::EvaluationRules;

@@ -10,7 +10,7 @@ mod stated_intervals;
 
 use std::collections::BTreeMap;
 
-use dataset::effective_weather::ReportedWeather;
+use dataset::corpus::effective_weather::ReportedWeather;
 use serde::{Deserialize, Serialize};
 
 use crate::background::Alignment;
@@ -313,7 +313,8 @@ pub(crate) fn distance_bins<'a>(
     outcomes: &'a [Outcome<'a>],
     bin_nm: f64,
 ) -> Vec<([f64; 2], Vec<&'a Outcome<'a>>)> {
-    let distance_nm = |outcome: &Outcome| outcome.dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+    let distance_nm =
+        |outcome: &Outcome| outcome.dtd_m / dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
     let distances = || outcomes.iter().map(distance_nm);
     let (Some(nearest), Some(farthest)) =
         (distances().reduce(f64::min), distances().reduce(f64::max))
@@ -445,7 +446,7 @@ mod tests {
             let held: usize = bins.iter().map(|(_, inside)| inside.len()).sum();
             assert_eq!(held, 2);
             let ([from_nm, to_nm], inside) = bins.last().unwrap();
-            let distance_nm = inside[0].dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+            let distance_nm = inside[0].dtd_m / dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
             assert!((*from_nm..*to_nm).contains(&distance_nm));
         }
     }

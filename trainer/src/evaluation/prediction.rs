@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use dataset::columns::{TableParts, TableWriter};
 use dataset::corpus::Corpus;
-use dataset::progress::Progress;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::tables::columns::{TableParts, TableWriter};
+use dataset::work::progress::Progress;
 use serde::{Serialize, Serializer};
 
 use crate::error::{CorpusFault, Error, Result};

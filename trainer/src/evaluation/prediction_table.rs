@@ -1,6 +1,6 @@
 //! The columns of answers in `predictions.parquet` and in what `dtd predict` writes.
 
-use dataset::columns::TableWriter;
+use dataset::tables::columns::TableWriter;
 
 use crate::estimators::inverse_range::flight_filter::{Estimate, Estimated};
 use crate::evaluation::answers::Answered;

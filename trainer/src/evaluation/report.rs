@@ -9,8 +9,8 @@ mod plots;
 mod tables;
 
 use dataset::corpus::Corpus;
-use dataset::json_file::write_unsynced;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::files::json_file::write_unsynced;
 use minijinja::{Value, context};
 use report_page::chart::css_colour;
 use report_page::page::{drawn, render, value};

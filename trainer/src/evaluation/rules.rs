@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use dataset::toml_file::TomlFile;
+use dataset::files::toml_file::TomlFile;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{DistanceRange, Sample};
@@ -86,7 +86,7 @@ impl EvaluationRules {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::units::METERS_PER_NAUTICAL_MILE;
+    use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
     #[test]
     fn the_rules_are_those_that_the_documentation_names_and_each_is_sensible() {
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn fog_hides_an_aircraft_here_where_it_does_so_for_the_detector() {
         let hidden_below = EvaluationRules::current().hidden_below_transmission;
-        assert_eq!(hidden_below, dataset::sight::LEAST_TRANSMISSION);
+        assert_eq!(hidden_below, dataset::conditions::sight::LEAST_TRANSMISSION);
     }
 
     #[test]

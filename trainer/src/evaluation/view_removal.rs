@@ -131,7 +131,7 @@ mod tests {
     use super::*;
     use crate::evaluation::rules::EvaluationRules;
     use crate::samples::{DistanceRange, Samples};
-    use dataset::frame_rate::FrameRate;
+    use dataset::numbers::frame_rate::FrameRate;
     use testkit::synthetic::SyntheticCorpus;
 
     /// Two ticks a second of flights that both views see nearly throughout.

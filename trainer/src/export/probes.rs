@@ -1,7 +1,7 @@
 //! Ticks to hold a runtime against: boxes all over the range of the training side, views that miss the aircraft, boxes of something
 //! else, and registrations.
 
-use dataset::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -34,7 +34,7 @@ pub struct Probes {
 
 impl Probes {
     /// Errors at smaller distances count as at this one, a nautical mile: a network's rounding does not shrink with the distance.
-    pub const NEAREST_M: f64 = dataset::units::METERS_PER_NAUTICAL_MILE;
+    pub const NEAREST_M: f64 = dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 }
 
 /// Probes, and the same ticks as estimators see them.

@@ -16,9 +16,9 @@ use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleRecord, RecordError};
 use burn::tensor::Bytes;
-use dataset::json_file::write_json;
-use dataset::outside_file::{self, FileKind};
-use dataset::progress::Progress;
+use dataset::files::json_file::write_json;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::work::progress::Progress;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

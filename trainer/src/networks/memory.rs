@@ -47,7 +47,12 @@ struct TrainingStage {
 
 /// Rejects a training that needs more memory than available.
 pub(crate) fn check(config: &TrainConfig, views: usize, samples: SampleCounts) -> Result<()> {
-    check_against(config, views, samples, dataset::memory::available().bytes)
+    check_against(
+        config,
+        views,
+        samples,
+        dataset::work::memory::available().bytes,
+    )
 }
 
 fn check_against(
@@ -85,7 +90,7 @@ fn data(config: &TrainConfig, views: u64, samples: SampleCounts) -> Part {
         true => 2 * filled,
         false => training,
     };
-    let boxes = views * size_of::<Option<dataset::pixel_box::PixelBox>>() as u64;
+    let boxes = views * size_of::<Option<dataset::tables::pixel_box::PixelBox>>() as u64;
     let shifts = views * size_of::<Option<ViewShift>>() as u64;
     let encoded = views * (BOX_FEATURES as u64 * NUMBER + 1) + NUMBER;
     let bytes_each = size_of::<Sample>() as u64 + boxes + shifts + encoded;

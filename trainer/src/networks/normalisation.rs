@@ -6,9 +6,9 @@
 //! The training side also determines which boxes are outliers: far from any box that contains the aircraft there, or of a very different
 //! size. An estimator can ignore such a box without knowing the truth.
 
-use dataset::camera::Camera;
-use dataset::pixel_box::PixelBox;
-use dataset::units::METERS_PER_NAUTICAL_MILE;
+use dataset::geometry::camera::Camera;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 

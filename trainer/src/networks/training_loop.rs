@@ -9,7 +9,7 @@
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
-use dataset::progress::Progress;
+use dataset::work::progress::Progress;
 use rand_chacha::ChaCha12Rng;
 use serde::Serialize;
 use serde::de::DeserializeOwned;

@@ -18,7 +18,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dataset::seal::{DONE, MANIFEST};
+use dataset::corpus::seal::{DONE, MANIFEST};
 
 /// Paths within a run.
 #[derive(Debug, Clone, PartialEq, Eq)]

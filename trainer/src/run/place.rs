@@ -20,11 +20,11 @@ use std::io::ErrorKind;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-use dataset::claim::{Claim, Claimed};
+use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::own_folder_around;
-use dataset::json_file::{read_json, write_json_unsynced};
-use dataset::new_file::{clear_leftovers, sync};
-use dataset::seal;
+use dataset::corpus::seal;
+use dataset::files::json_file::{read_json, write_json_unsynced};
+use dataset::files::new_file::{clear_leftovers, sync};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result, RunFault};

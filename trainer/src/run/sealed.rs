@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use dataset::json_file::{parse_json, write_unsynced};
-use dataset::outside_file::{self, FileKind};
-use dataset::sealed::Sealed;
+use dataset::corpus::sealed::Sealed;
+use dataset::files::json_file::{parse_json, write_unsynced};
+use dataset::files::outside_file::{self, FileKind};
 use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Result, RunFault};

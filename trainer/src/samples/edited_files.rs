@@ -4,8 +4,8 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 
-use dataset::columns::TableWriter;
-use dataset::seal::seal_folder;
+use dataset::corpus::seal::seal_folder;
+use dataset::tables::columns::TableWriter;
 
 use super::*;
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus};
@@ -57,7 +57,7 @@ fn a_scenario_that_the_plan_does_not_have_or_has_otherwise_is_refused() {
             let planned = serde_json::json!({"id": id, "config_hash": config_hash});
             let plan = serde_json::json!({"scenarios": [planned]});
             let path = folder.root().join("../../plan.json");
-            dataset::json_file::write_json(&path, &plan).unwrap();
+            dataset::files::json_file::write_json(&path, &plan).unwrap();
         });
         assert!(
             message.contains("plan.json") && message.contains(words),
@@ -135,7 +135,7 @@ fn detections_of_another_scenario_are_refused() {
 #[test]
 fn detections_that_do_not_say_what_they_were_made_from_are_refused() {
     let message = said_after(|folder, _| {
-        let path = dataset::detections::record_path(folder, MODEL_HASH);
+        let path = dataset::corpus::detections::record_path(folder, MODEL_HASH);
         fs::write(path, r#"{"model": "aircraft.onnx"}"#).unwrap();
     });
     assert!(
@@ -164,12 +164,12 @@ fn a_box_that_is_no_number_is_an_error_with_its_row_and_column() {
             .u32("tile", found.iter().map(|d| d.tile))
             .write(&path)
             .unwrap();
-        let record = dataset::detections::record_path(folder, MODEL_HASH);
-        let mut provenance = dataset::detections::provenance(folder, MODEL_HASH)
+        let record = dataset::corpus::detections::record_path(folder, MODEL_HASH);
+        let mut provenance = dataset::corpus::detections::provenance(folder, MODEL_HASH)
             .unwrap()
             .unwrap();
-        provenance.table_blake3 = dataset::seal::hash_file(&path).unwrap();
-        dataset::json_file::write_json(&record, &provenance).unwrap();
+        provenance.table_blake3 = dataset::corpus::seal::hash_file(&path).unwrap();
+        dataset::files::json_file::write_json(&record, &provenance).unwrap();
     });
     assert!(
         message.contains(&format!("{MODEL_HASH}.parquet row 3: width_px")),

@@ -68,7 +68,7 @@ impl FlightParts {
 
 #[cfg(test)]
 mod tests {
-    use dataset::splits::Side;
+    use dataset::corpus::splits::Side;
     use testkit::synthetic::SyntheticCorpus;
 
     use super::*;

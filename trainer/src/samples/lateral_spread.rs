@@ -1,6 +1,6 @@
 //! How far training flights spread to either side of their common path.
 
-use dataset::units::METERS_PER_NAUTICAL_MILE;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::samples::Sample;
 

@@ -1,6 +1,6 @@
 //! Leaving a condition out of a training: how well do its estimators do in a weather, or at a time of day, that they never saw?
 
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 
 use crate::samples::{Samples, ScenarioSummary};
 

@@ -5,8 +5,8 @@
 
 use std::collections::BTreeMap;
 
-use dataset::effective_weather::ReportedWeather;
-use dataset::splits::Side;
+use dataset::corpus::effective_weather::ReportedWeather;
+use dataset::corpus::splits::Side;
 
 use crate::samples::Samples;
 
@@ -56,7 +56,7 @@ pub(crate) fn reported_on_test_side(samples: &Samples) -> BTreeMap<String, Repor
 
 #[cfg(test)]
 mod tests {
-    use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather};
+    use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
     use testkit::synthetic::SyntheticCorpus;
 
     use super::*;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataset::calibration::CameraEntry;
+use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::Plan;
 

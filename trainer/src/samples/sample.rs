@@ -2,8 +2,8 @@
 
 use std::ops::Deref;
 
-use dataset::geodesy::Geodetic;
-use dataset::pixel_box::PixelBox;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::tables::pixel_box::PixelBox;
 
 use crate::samples::view_shift::ViewShift;
 

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use dataset::detections::{self, NewTables};
-use dataset::frame_rate::FrameRate;
-use dataset::model_identity::ModelIdentity;
-use dataset::seal::seal_folder;
+use dataset::corpus::detections::{self, NewTables};
+use dataset::corpus::model_identity::ModelIdentity;
+use dataset::corpus::seal::seal_folder;
+use dataset::numbers::frame_rate::FrameRate;
 
 use super::*;
 use testkit::synthetic::{Changed, MODEL_FILE, MODEL_HASH, SyntheticCorpus};

@@ -12,9 +12,9 @@
 //!
 //! A tick without any box left gets no answer.
 
-use dataset::camera::Camera;
-use dataset::geodesy::Geodetic;
-use dataset::pixel_box::PixelBox;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 /// A box that ends this near the picture's edge touches it, pixels: a detector places an invisible edge within a pixel or two.

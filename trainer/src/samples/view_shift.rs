@@ -1,10 +1,10 @@
 //! Where the boxes of one aircraft are in several views, as precisely as the pictures tell.
 //!
 //! Each box has errors of its own, and distance follows from the differences between views. Where views are registered with each other
-//! ([`dataset::registrations`]), that difference is measured several times more precisely than by two boxes.
+//! ([`dataset::tables::registrations`]), that difference is measured several times more precisely than by two boxes.
 
-use dataset::pixel_box::PixelBox;
-use dataset::registrations::Shift;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::registrations::Shift;
 use glam::DVec2;
 
 use crate::samples::Observation;

@@ -1,8 +1,8 @@
 //! The flights that a training learns from and is judged by, as its settings choose them.
 
 use dataset::corpus::Corpus;
-use dataset::progress::Progress;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::work::progress::Progress;
 
 use crate::background::Backgrounds;
 use crate::config::TrainConfig;

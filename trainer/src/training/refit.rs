@@ -15,11 +15,11 @@ use std::path::Path;
 use std::time::Instant;
 
 use burn::tensor::Device;
-use dataset::camera::Camera;
 use dataset::corpus::Corpus;
-use dataset::progress::Progress;
-use dataset::seal;
-use dataset::splits::Side;
+use dataset::corpus::seal;
+use dataset::corpus::splits::Side;
+use dataset::geometry::camera::Camera;
+use dataset::work::progress::Progress;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 

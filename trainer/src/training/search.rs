@@ -9,8 +9,8 @@ use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
 use dataset::corpus::Corpus;
-use dataset::json_file::write_json;
-use dataset::progress::Progress;
+use dataset::files::json_file::write_json;
+use dataset::work::progress::Progress;
 use serde::{Deserialize, Serialize};
 
 use crate::config::TrainConfig;
@@ -134,7 +134,7 @@ impl Search {
             return invalid("variants", "empty".into(), "at least one table");
         }
         for (name, config) in &self.variants {
-            if dataset::file_name::check(name).is_err() || name == BEST {
+            if dataset::files::file_name::check(name).is_err() || name == BEST {
                 return invalid(
                     "variants",
                     format!("{name:?}"),

@@ -5,7 +5,7 @@
 //! ([`crate::training::refit`]). Formulas are fitted to the new flights alone. What the run has learned from, the new one knows, too.
 
 use dataset::corpus::Corpus;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 use serde_json::{Value, json};
 
 use crate::config::TrainConfig;
@@ -127,8 +127,8 @@ fn refuse_known_flights(run: &RunSummary, corpus: &Corpus, samples: &Samples) ->
 mod tests {
     use std::path::{Path, PathBuf};
 
-    use dataset::progress::Silent;
-    use dataset::splits::Splits;
+    use dataset::corpus::splits::Splits;
+    use dataset::work::progress::Silent;
     use testkit::synthetic::{Changed, SyntheticCorpus};
 
     use super::*;

@@ -1,7 +1,7 @@
 //! The datarefs of the weather at the aircraft, and their values in SI.
 
 use dataset::conditions::Weather;
-use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather, has_direction};
+use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather, has_direction};
 
 use super::{
     CLOUD_COVER_AT_AIRCRAFT, CLOUD_LAYERS, RAIN_AT_AIRCRAFT, VISIBILITY_EFFECTIVE_M,

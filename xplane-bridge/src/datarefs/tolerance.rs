@@ -4,7 +4,7 @@
 //! those that clients of a live X-Plane 12.4 use (`docs/x-plane.md` names them); none uses one in 10,000, which is rounding, for
 //! weather.
 
-use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 
 use super::*;
 

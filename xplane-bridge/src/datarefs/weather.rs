@@ -4,7 +4,7 @@
 //! (`docs/x-plane.md`): unused cloud layers as empty, the same wind at every height, since leftovers would remain as shear.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
-use dataset::units::MPS_PER_KNOT;
+use dataset::numbers::units::MPS_PER_KNOT;
 
 use super::*;
 

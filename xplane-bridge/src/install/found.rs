@@ -4,7 +4,7 @@ use std::fmt;
 use std::fs;
 use std::path::Path;
 
-use dataset::outside_file::{self, FileKind};
+use dataset::files::outside_file::{self, FileKind};
 
 use super::InstallError;
 

@@ -2,8 +2,8 @@
 
 use std::ops::RangeInclusive;
 
-use dataset::camera::CameraPose;
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
 use serde::{Deserialize, Serialize};
 
 use super::PictureBytes;

@@ -3,7 +3,7 @@
 //! Binary rather than JSON because a flight at the simulator's rate has some 10^4 states, and because a plugin
 //! packs it in one line (`struct` or `array`). The columns are named in the header and checked.
 
-use dataset::pose::{Controls, FlightState, Pose};
+use dataset::geometry::pose::{Controls, FlightState, Pose};
 
 /// Names of the columns, in order.
 pub const FLIGHT_COLUMNS: [&str; 14] = [

@@ -3,8 +3,8 @@
 use std::net::SocketAddr;
 
 use dataset::conditions::Clock;
-use dataset::imaging::Imaging;
-use dataset::runway::Runway;
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::runway::Runway;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
@@ -276,7 +276,7 @@ mod tests {
             runway: Runway {
                 airport: "WSSS".into(),
                 name: "02L".into(),
-                threshold: dataset::geodesy::Geodetic {
+                threshold: dataset::geometry::geodesy::Geodetic {
                     latitude_deg: 1.0,
                     longitude_deg: 104.0,
                     altitude_msl_m: 7.0,

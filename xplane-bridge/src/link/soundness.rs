@@ -1,9 +1,9 @@
 //! Range checks of requests: a server runs them before it flies or draws anything.
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::geodesy::Geodetic;
-use dataset::limits;
-use dataset::runway::Runway;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::Runway;
+use dataset::numbers::limits;
 
 use super::Request;
 use crate::fly::{FlightStart, FlyRequest};

@@ -15,9 +15,9 @@ mod trial;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
-use dataset::camera::CameraPose;
-use dataset::frame_rate::FrameRate;
-use dataset::pose::{FlightState, Pose};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{FlightState, Pose};
+use dataset::numbers::frame_rate::FrameRate;
 use futures_util::future::BoxFuture;
 use tokio::time::timeout;
 

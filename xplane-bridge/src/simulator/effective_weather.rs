@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use dataset::conditions::Weather;
-use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather};
+use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
 use tokio::time::{Instant, sleep};
 
 use super::Simulator;

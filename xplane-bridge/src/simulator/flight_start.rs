@@ -10,7 +10,7 @@ mod by_udp;
 use std::time::Duration;
 
 use dataset::conditions::Conditions;
-use dataset::geodesy::{Geodetic, LatLon};
+use dataset::geometry::geodesy::{Geodetic, LatLon};
 use futures_util::future::LocalBoxFuture;
 use tokio::time::{Instant, sleep};
 

@@ -9,7 +9,7 @@
 use std::time::Duration;
 
 use dataset::conditions::Weather;
-use dataset::effective_weather::EffectiveWeather;
+use dataset::corpus::effective_weather::EffectiveWeather;
 use tokio::time::{Instant, sleep};
 
 use super::Simulator;

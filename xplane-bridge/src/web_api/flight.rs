@@ -5,7 +5,7 @@
 //! feet, knots and kilometres.
 
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
-use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use serde_json::{Value, json};
 
 use crate::datarefs::{
@@ -143,7 +143,7 @@ fn without_number(value: &Value, path: &str) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use dataset::geodesy::Geodetic;
+    use dataset::geometry::geodesy::Geodetic;
 
     use super::*;
 

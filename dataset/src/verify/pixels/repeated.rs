@@ -1,7 +1,7 @@
 //! Pictures that repeat an earlier one though the aircraft moved.
 
 use super::sight::{DecodedPicture, Sight, change_between};
-use crate::pixel_box::PixelBox;
+use crate::tables::pixel_box::PixelBox;
 
 /// A picture equals an earlier one if the change where the aircraft is, is less than this part of its contrast ...
 const SAME: f64 = 0.15;

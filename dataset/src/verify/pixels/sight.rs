@@ -5,7 +5,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::pixel_box::PixelBox;
+use crate::tables::pixel_box::PixelBox;
 use crate::video::BYTES_PER_PIXEL;
 
 /// Smaller boxes have too few pixels, pixels.

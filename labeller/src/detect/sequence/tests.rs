@@ -1,5 +1,5 @@
 use dataset::corpus::Corpus;
-use dataset::frame_rate::FrameRate;
+use dataset::numbers::frame_rate::FrameRate;
 use testkit::short_corpus;
 
 use super::super::view_search::{Finder, ViewFindings, search_view};

@@ -1,6 +1,6 @@
 //! Videos that do not show what the tables say: named, and nothing is written.
 
-use dataset::frame_rate::FrameRate;
+use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{VideoSettings, VideoWriter};
 
 use super::*;

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use dataset::camera::CameraPose;
+use dataset::geometry::camera::CameraPose;
 
 use super::shot::Shot;
 
@@ -123,7 +123,7 @@ fn is_same(a: &CameraPose, b: &CameraPose) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use dataset::pose::Controls;
+    use dataset::geometry::pose::Controls;
 
     use super::*;
     use crate::server::world::airport::{ON_THRESHOLD, on_final};

@@ -1,10 +1,10 @@
 //! A live flight for the plugin: flown completely by the engine when the approach is engaged, then shown frame by frame.
 
-use dataset::approach_profile::ApproachProfile;
-use dataset::flight::state_at;
-use dataset::pose::FlightState;
-use dataset::runway::Runway;
-use dataset::units::METERS_PER_FOOT;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::flight::state_at;
+use dataset::geometry::pose::FlightState;
+use dataset::geometry::runway::Runway;
+use dataset::numbers::units::METERS_PER_FOOT;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 
 /// Longest flight, seconds. The plugin has its own limit.
@@ -51,8 +51,8 @@ pub(super) fn request(start: FlightStart, runway: Runway, altitude_dial_ft: f64)
 
 #[cfg(test)]
 mod tests {
-    use dataset::geodesy::Geodetic;
-    use dataset::pose::{Controls, Pose};
+    use dataset::geometry::geodesy::Geodetic;
+    use dataset::geometry::pose::{Controls, Pose};
 
     use super::*;
 

@@ -6,12 +6,12 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use dataset::camera::CameraPose;
-use dataset::geodesy::Geodetic;
-use dataset::imaging::Imaging;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
-use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::geometry::runway::Runway;
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use glam::{DMat3, DQuat, DVec3, EulerRot};
 use serde_json::{Value, json};
 use tokio::task::spawn_blocking;

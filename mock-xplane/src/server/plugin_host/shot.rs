@@ -1,8 +1,8 @@
 //! The content of a frame: subject and camera, and what else is in the picture.
 
-use dataset::camera::CameraPose;
-use dataset::geodesy::Geodetic;
-use dataset::pose::{Controls, Pose};
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::pose::{Controls, Pose};
 use glam::DVec3;
 
 use super::window_covers::{ShownWindow, WindowForm};

@@ -1,8 +1,8 @@
 //! The user's aircraft: its position, how it got there, and the datarefs for it.
 
-use dataset::geodesy::Geodetic;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::units::MPS_PER_KNOT;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::pose::{Controls, FlightState, Pose};
+use dataset::numbers::units::MPS_PER_KNOT;
 use glam::{DQuat, DVec3, EulerRot};
 use xplane_bridge::datarefs as names;
 use xplane_bridge::packet::Position;

@@ -1,8 +1,8 @@
 //! The only airport of the stand-in's world: WSSS, with runway 02L.
 
-use dataset::geodesy::LatLon;
-use dataset::pose::Pose;
-use dataset::units::METERS_PER_NAUTICAL_MILE;
+use dataset::geometry::geodesy::LatLon;
+use dataset::geometry::pose::Pose;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 /// Its code.
 pub(crate) const CODE: &str = "WSSS";

@@ -1,6 +1,6 @@
 //! Rows of X-Plane's data output table, out and in.
 
-use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use xplane_bridge::datarefs as names;
 use xplane_bridge::packet::{DataRow, LEAVE_ALONE};
 

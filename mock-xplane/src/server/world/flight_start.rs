@@ -1,6 +1,6 @@
 //! Starting a flight: by the UDP packet `PREL`, or by X-Plane 12's Web API with weather and time.
 
-use dataset::pose::Pose;
+use dataset::geometry::pose::Pose;
 use xplane_bridge::datarefs as names;
 use xplane_bridge::packet::PlaceAtStart;
 

@@ -1,6 +1,6 @@
 //! X-Plane's local coordinates: metres east, up and south of an origin that follows the scenery.
 
-use dataset::geodesy::Geodetic;
+use dataset::geometry::geodesy::Geodetic;
 use glam::DVec3;
 
 /// Local coordinates with one origin.

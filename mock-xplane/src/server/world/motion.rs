@@ -3,8 +3,8 @@
 //! This is not a flight model: approaches are flown by [`flight_model`]. It makes the values that clients read over UDP move as in
 //! a simulator, with rates consistent with the attitudes.
 
-use dataset::geodesy::Geodetic;
-use dataset::pose::FlightState;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::pose::FlightState;
 use glam::DVec3;
 
 const GRAVITY_MPS2: f64 = 9.81;

@@ -1,6 +1,6 @@
 //! Scenery: what is loaded around the aircraft, and the height of the ground there while it settles.
 
-use dataset::geodesy::LatLon;
+use dataset::geometry::geodesy::LatLon;
 
 use crate::quirks::{Quirk, Quirks};
 

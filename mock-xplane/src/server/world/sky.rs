@@ -11,7 +11,7 @@ mod samples;
 use std::collections::BTreeMap;
 
 use dataset::conditions::Weather;
-use dataset::units::MPS_PER_KNOT;
+use dataset::numbers::units::MPS_PER_KNOT;
 use xplane_bridge::datarefs::{self as names, Generation};
 
 use self::late_clouds::LateClouds;

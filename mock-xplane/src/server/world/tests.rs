@@ -1,4 +1,4 @@
-use dataset::geodesy::LatLon;
+use dataset::geometry::geodesy::LatLon;
 use testkit::changi_02l;
 use xplane_bridge::packet::PlaceAtStart;
 
@@ -79,7 +79,7 @@ fn written_attitude_turns_the_aircraft() {
 
 #[test]
 fn without_autopilot_or_tuned_receiver_nothing_flies() {
-    use dataset::approach_profile::ApproachProfile;
+    use dataset::geometry::approach_profile::ApproachProfile;
     use xplane_bridge::fly::{FlightStart, FlyRequest};
     let request = FlyRequest {
         start: FlightStart {
@@ -313,7 +313,7 @@ fn the_data_output_says_where_the_aircraft_is_and_sets_its_attitude() {
 
 #[test]
 fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
-    use dataset::camera::{Camera, CameraPose};
+    use dataset::geometry::camera::{Camera, CameraPose};
     use rand::seq::IndexedRandom;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;

@@ -1,8 +1,8 @@
 //! A camera of the rig as labelled flights show it: that of the plan, turned, zoomed and moved a little.
 
-use dataset::calibration::CameraEntry;
-use dataset::camera::Camera;
-use dataset::geodesy::Geodetic;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::geodesy::Geodetic;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 

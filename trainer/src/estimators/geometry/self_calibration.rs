@@ -13,13 +13,13 @@ mod measured;
 #[cfg(test)]
 mod tests;
 
-use dataset::calibration::CameraEntry;
-use dataset::camera::Camera;
-use dataset::geodesy::Geodetic;
-use dataset::least_squares::NormalEquations;
-use dataset::limits::{self, Check};
-use dataset::pixel_box::PixelBox;
-use dataset::rays::{Ray, meeting_point_m};
+use dataset::corpus::calibration::CameraEntry;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::rays::{Ray, meeting_point_m};
+use dataset::numbers::least_squares::NormalEquations;
+use dataset::numbers::limits::{self, Check};
+use dataset::tables::pixel_box::PixelBox;
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 

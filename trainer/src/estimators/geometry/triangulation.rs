@@ -7,10 +7,10 @@
 //! A detector also finds things other than aircraft: rays through boxes of different things do not meet. Then the largest group of rays
 //! that do meet gives the answer; with two views there is none.
 
-use dataset::camera::Camera;
-use dataset::geodesy::Geodetic;
-use dataset::pixel_box::PixelBox;
-use dataset::rays::{Ray, meeting_point_m};
+use dataset::geometry::camera::Camera;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::rays::{Ray, meeting_point_m};
+use dataset::tables::pixel_box::PixelBox;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -143,9 +143,9 @@ pub(crate) fn predict(
 mod tests {
     use super::*;
     use crate::samples::{DistanceRange, Samples};
-    use dataset::distortion::Distortion;
-    use dataset::imaging::Imaging;
-    use dataset::splits::Side;
+    use dataset::corpus::splits::Side;
+    use dataset::geometry::distortion::Distortion;
+    use dataset::geometry::imaging::Imaging;
     use testkit::synthetic::SyntheticCorpus;
 
     #[test]

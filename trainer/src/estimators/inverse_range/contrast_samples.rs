@@ -1,7 +1,7 @@
 //! Samples whose shifts follow another part of the aircraft where one view shows it with more contrast, as lamps do at night.
 
-use dataset::progress::Silent;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::work::progress::Silent;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;

@@ -1,7 +1,7 @@
 //! The formulas fitted to all flights, and again without each part of them: what is off on flights that a fit has not seen tells
 //! how far off it will be on new ones.
 
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 
 use super::InverseRange;
 use crate::samples::flight_parts::FlightParts;

@@ -22,7 +22,7 @@ mod motion;
 
 use std::borrow::Borrow;
 
-use dataset::spread::Spread;
+use dataset::numbers::spread::Spread;
 use serde::{Deserialize, Serialize};
 
 use crate::estimators::inverse_range::{CrossFitted, InverseRange};

@@ -9,7 +9,7 @@
 
 use std::fmt;
 
-use dataset::camera::Camera;
+use dataset::geometry::camera::Camera;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 

@@ -10,9 +10,9 @@
 //! The numbers are stored with the formulas.
 
 use burn::tensor::Device;
-use dataset::camera::Camera;
-use dataset::least_squares::NormalEquations;
-use dataset::spread::deviation_from_zero;
+use dataset::geometry::camera::Camera;
+use dataset::numbers::least_squares::NormalEquations;
+use dataset::numbers::spread::deviation_from_zero;
 use onnx_graph::proto::{AttributeProto, DOUBLE, FLOAT};
 use serde::{Deserialize, Serialize};
 

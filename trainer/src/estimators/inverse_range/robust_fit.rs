@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use dataset::least_squares::NormalEquations;
-use dataset::spread::deviation_from_zero;
+use dataset::numbers::least_squares::NormalEquations;
+use dataset::numbers::spread::deviation_from_zero;
 
 use crate::samples::view_shift::Places;
 

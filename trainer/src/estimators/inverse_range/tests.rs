@@ -1,7 +1,7 @@
 //! Fits to boxes from geometry.
 
-use dataset::progress::Silent;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::work::progress::Silent;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
@@ -222,7 +222,7 @@ fn a_view_by_itself_is_less_precise_far_from_the_flights_that_it_learned_from_an
     let sample = test.iter().find(|sample| sample.dtd_m < 6_000.0).unwrap();
     let moved = |right_px: f64| {
         let boxes = sample.boxes.iter().map(|seen| {
-            seen.map(|seen| dataset::pixel_box::PixelBox {
+            seen.map(|seen| dataset::tables::pixel_box::PixelBox {
                 cx_px: seen.cx_px + right_px,
                 ..seen
             })

@@ -149,7 +149,7 @@ pub(crate) fn to_onnx(pinholes: &[Option<Pinhole>], graph: &mut EstimatorGraph) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::pixel_box::PixelBox;
+    use dataset::tables::pixel_box::PixelBox;
 
     fn sample(dtd_m: f64) -> Sample {
         let width_px = 390_000.0 / (dtd_m + 1_500.0);

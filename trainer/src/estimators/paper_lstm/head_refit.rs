@@ -7,7 +7,7 @@
 use burn::module::Param;
 use burn::nn::Linear;
 use burn::tensor::{Device, TensorData};
-use dataset::least_squares::NormalEquations;
+use dataset::numbers::least_squares::NormalEquations;
 
 /// Strength of the ridge, relative to the mean square of the hidden values: enough to keep the solution small where they are
 /// redundant, too little to affect the result.

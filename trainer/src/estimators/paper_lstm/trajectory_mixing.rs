@@ -9,10 +9,10 @@
 //! This needs the calibration of the cameras, and networks that learn from mixed samples learn it with them. Mixed samples never come
 //! from, and never enter, the validation or the test side.
 
-use dataset::camera::Camera;
-use dataset::geodesy::Geodetic;
-use dataset::pixel_box::PixelBox;
-use dataset::runway::RunwayCoordinates;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::RunwayCoordinates;
+use dataset::tables::pixel_box::PixelBox;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
@@ -178,7 +178,7 @@ fn moved_box(seen: &PixelBox, camera: &Camera, from: Geodetic, to: Geodetic) -> 
 mod tests {
     use super::*;
     use crate::samples::{DistanceRange, Samples};
-    use dataset::splits::Side;
+    use dataset::corpus::splits::Side;
     use rand::SeedableRng;
     use testkit::synthetic::SyntheticCorpus;
 

@@ -1,8 +1,8 @@
 //! What an estimator saw at its best, a typical and its worst tick: the pictures around the boxes.
 
 use dataset::corpus::Corpus;
-use dataset::pixel_box::PixelBox;
-use dataset::units::METERS_PER_NAUTICAL_MILE;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+use dataset::tables::pixel_box::PixelBox;
 use report_page::crop::Crop;
 use report_page::{decimal, signed};
 use serde::Serialize;

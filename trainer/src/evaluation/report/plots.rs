@@ -297,7 +297,7 @@ pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -
         .collect();
     let ticks = || two_view.iter().take(1).flat_map(|(.., ticks)| ticks);
     let time_s = |sample: &Sample| sample.time_ns as f64 / 1e9;
-    let nm = |metres: f64| metres / dataset::units::METERS_PER_NAUTICAL_MILE;
+    let nm = |metres: f64| metres / dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
     let times = || ticks().map(|(sample, _)| time_s(sample));
     let times_s = axis(
         times().reduce(f64::min).unwrap_or(0.0),

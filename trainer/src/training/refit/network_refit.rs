@@ -7,7 +7,7 @@
 use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
-use dataset::progress::Progress;
+use dataset::work::progress::Progress;
 use rand_chacha::ChaCha12Rng;
 
 use crate::config::{Optimisation, TrainConfig};

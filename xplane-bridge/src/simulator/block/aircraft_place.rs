@@ -1,8 +1,8 @@
 //! Where the aircraft is in a picture, and where else it can be shown for a probe.
 
-use dataset::camera::{Camera, CameraPose};
-use dataset::geodesy::Geodetic;
-use dataset::pose::{FlightState, Pose};
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::pose::{FlightState, Pose};
 use glam::{DVec2, DVec3};
 
 use crate::pixels::Rectangle;
@@ -137,7 +137,7 @@ pub(super) fn aircraft_place(
 
 #[cfg(test)]
 mod tests {
-    use dataset::pose::Controls;
+    use dataset::geometry::pose::Controls;
 
     use super::*;
 

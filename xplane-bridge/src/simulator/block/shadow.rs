@@ -2,10 +2,10 @@
 //!
 //! The sun's direction by Spencer's series (1971), which is right to half a degree; the ground is level, as around a runway.
 
-use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::Clock;
-use dataset::geodesy::Geodetic;
-use dataset::pose::Pose;
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::pose::Pose;
 use glam::{DVec2, DVec3};
 
 use super::aircraft_place::HALF_SIZE_M;

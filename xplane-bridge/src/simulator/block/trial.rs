@@ -1,6 +1,6 @@
 //! A trial before blocks are trusted: pictures of a block beside settled ones of the same ticks, far away and near.
 
-use dataset::pose::FlightState;
+use dataset::geometry::pose::FlightState;
 use futures_util::future::BoxFuture;
 
 use super::super::Simulator;

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
-use dataset::effective_weather::{EffectiveQuantity, EffectiveWeather};
+use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
 
 use super::Check;
 use crate::Simulator;

@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use dataset::camera::CameraPose;
 use dataset::conditions::Clock;
-use dataset::echo::{aircraft_mismatch, camera_mismatch};
-use dataset::pose::{Controls, Pose};
-use dataset::runway::Runway;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::echo::{aircraft_mismatch, camera_mismatch};
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::runway::Runway;
 
 use super::Check;
 use super::talk::PlaceOnGround;

@@ -2,7 +2,7 @@
 
 use chrono::{SecondsFormat, Utc};
 use dataset::conditions::Clock;
-use dataset::pose::Pose;
+use dataset::geometry::pose::Pose;
 use futures_util::future::LocalBoxFuture;
 use serde_json::json;
 

@@ -6,9 +6,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use dataset::camera::CameraPose;
-use dataset::frame_rate::FrameRate;
-use dataset::pose::FlightState;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::FlightState;
+use dataset::numbers::frame_rate::FrameRate;
 
 use super::eyes::{Eyes, Shot};
 use super::lockstep;

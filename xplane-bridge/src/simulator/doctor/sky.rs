@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
-use dataset::effective_weather::EffectiveQuantity;
-use dataset::units::MPS_PER_KNOT;
+use dataset::corpus::effective_weather::EffectiveQuantity;
+use dataset::numbers::units::MPS_PER_KNOT;
 use tokio::time::{Instant, sleep};
 
 use super::Check;

@@ -1,8 +1,8 @@
 use std::sync::Mutex;
 
-use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
-use dataset::imaging::Degradation;
+use dataset::geometry::camera::Camera;
+use dataset::geometry::imaging::Degradation;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::fly::FlyRequest;
 

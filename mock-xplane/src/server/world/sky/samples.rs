@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use dataset::conditions::Weather;
-use dataset::units::MPS_PER_KNOT;
+use dataset::numbers::units::MPS_PER_KNOT;
 use xplane_bridge::datarefs::{self as names, Generation, METERS_PER_STATUTE_MILE};
 
 use crate::datarefs::Datarefs;

@@ -7,8 +7,8 @@
 
 use std::ops::Range;
 
-use dataset::camera::Camera;
-use dataset::least_squares::NormalEquations;
+use dataset::geometry::camera::Camera;
+use dataset::numbers::least_squares::NormalEquations;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::measured::{Deviations, Measured};

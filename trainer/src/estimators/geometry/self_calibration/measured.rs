@@ -3,7 +3,7 @@
 //! A shift is measured several times more precisely than two boxes, and its error has nothing to do with theirs, so both count, each by its
 //! own standard deviation.
 
-use dataset::spread::deviation_from_zero;
+use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 

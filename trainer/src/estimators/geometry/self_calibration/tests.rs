@@ -1,9 +1,9 @@
 //! Cameras fitted to boxes and shifts from geometry.
 
-use dataset::calibration::CameraEntry;
-use dataset::distortion::Distortion;
-use dataset::imaging::Imaging;
-use dataset::splits::Side;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::corpus::splits::Side;
+use dataset::geometry::distortion::Distortion;
+use dataset::geometry::imaging::Imaging;
 use testkit::synthetic::{Changed, SyntheticCorpus};
 
 use super::*;

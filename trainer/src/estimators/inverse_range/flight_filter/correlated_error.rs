@@ -4,7 +4,7 @@
 //! rest is a smooth process (Matérn's with 3/2, a second-order Gauss-Markov process), because it comes from flying beside or above the
 //! usual path, or from the side from which the aircraft is seen.
 
-use dataset::spread::deviation_from_zero;
+use dataset::numbers::spread::deviation_from_zero;
 use serde::{Deserialize, Serialize};
 
 use super::gaussian::{Block, Gaussian, Step, log_likelihood};

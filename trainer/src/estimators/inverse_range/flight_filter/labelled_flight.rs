@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 
 use crate::estimators::inverse_range::{CrossFitted, InverseRange, scale_m};
 use crate::samples::{Observation, Sample, Samples};

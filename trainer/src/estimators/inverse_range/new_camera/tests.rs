@@ -1,7 +1,7 @@
 //! New cameras of a rig whose shifts follow the contrast.
 
-use dataset::progress::Silent;
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
+use dataset::work::progress::Silent;
 use rand::SeedableRng;
 use testkit::rig::placed;
 

@@ -1,6 +1,6 @@
 //! What networks learn of shifts that follow the contrast.
 
-use dataset::splits::Side;
+use dataset::corpus::splits::Side;
 
 use super::super::InverseRange;
 use super::super::contrast_samples::{error, learned, samples, without_network};

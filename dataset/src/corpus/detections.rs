@@ -1,0 +1,324 @@
+//! `detections/` and `registrations/`: what a model detected in the videos of a scenario, and where the same aircraft is in two views.
+//!
+//! They are not sealed: each model with its settings has its own. `detections/<model>.json`, where `<model>` is the start of the hash of
+//! both ([`ModelIdentity`]), records what made the table next to it, from which videos, and the hashes of that table and of
+//! `registrations/<model>.parquet`, if there is one, so a reader can check that they belong together ([`Provenance`]). They change
+//! together like the files of a seal: each table is written as `<model>.parquet.new`, the record takes effect, and readers look for the
+//! tables by their hashes under both names.
+
+mod choice;
+mod table;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::corpus::ScenarioFolder;
+use crate::corpus::claim::Claim;
+use crate::corpus::model_identity::{ModelIdentity, NamedDetections};
+use crate::corpus::open_scenario::OpenScenario;
+use crate::corpus::seal::{SealedFile, hash_file, with_new_suffix};
+use crate::corpus::sealed::{ATTEMPTS, Found, find};
+use crate::error::{Error, Result};
+use crate::files::json_file::write_json;
+use crate::files::new_file::{clear_leftovers, sync};
+use crate::files::outside_file::{self, FileKind};
+use crate::files::own_path::own_path;
+use crate::tables::registrations::{Registration, write_registrations};
+
+pub use choice::{NoChoice, choose};
+pub use table::{
+    Detection, Detections, Miss, MissReason, SearchMode, parse_detections, write_detections,
+};
+pub(crate) use table::{Row, parse_rows, read_rows_with_faults};
+
+/// Folder of the detections within a scenario.
+pub const FOLDER: &str = "detections";
+/// Folder of the registrations that belong to them.
+pub const REGISTRATIONS: &str = "registrations";
+
+/// The part of the record of detections that every reader needs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// What made them.
+    #[serde(flatten)]
+    pub detector: ModelIdentity,
+    /// Hash of the scenario's parameters, as in its seal.
+    pub config_hash: String,
+    /// BLAKE3 hashes of the searched videos, by view, as in the manifest.
+    pub videos_blake3: BTreeMap<String, String>,
+    /// BLAKE3 hash of the table.
+    pub table_blake3: String,
+    /// BLAKE3 hash of the table of registrations; missing if there is none: one view, or an earlier version of this software.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub registrations_blake3: Option<String>,
+}
+
+impl Provenance {
+    /// The tables that belong to it, named within the scenario, with their hashes.
+    pub fn tables(&self, model: &str) -> Vec<SealedFile> {
+        let file = |folder: &str, blake3: &String| SealedFile {
+            name: table_name(folder, model),
+            blake3: blake3.clone(),
+        };
+        let registrations = self.registrations_blake3.iter();
+        [file(FOLDER, &self.table_blake3)]
+            .into_iter()
+            .chain(registrations.map(|blake3| file(REGISTRATIONS, blake3)))
+            .collect()
+    }
+}
+
+fn table_name(folder: &str, model: &str) -> String {
+    format!("{folder}/{model}.parquet")
+}
+
+/// A table that a model's record names, as a reader found it: its current path and its content.
+pub(crate) type FoundTable = (PathBuf, Vec<u8>);
+
+/// Path of the record of a model's detections.
+pub fn record_path(folder: &ScenarioFolder, model: &str) -> PathBuf {
+    folder.detections_folder().join(format!("{model}.json"))
+}
+
+/// The models with detections in this scenario, by the names of their files; sorted.
+pub fn models_of(folder: &ScenarioFolder) -> Result<Vec<String>> {
+    let path = own_path(folder.root(), FOLDER)?;
+    let entries = match fs::read_dir(&path) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(Error::io("list", &path)(error)),
+    };
+    let mut models = Vec::new();
+    for entry in entries {
+        let name = PathBuf::from(entry.map_err(Error::io("list", &path))?.file_name());
+        let ending = name.extension().and_then(|ending| ending.to_str());
+        if let (Some("parquet" | "json"), Some(model)) = (ending, name.file_stem()) {
+            models.push(model.to_string_lossy().into_owned());
+        }
+    }
+    models.sort();
+    models.dedup();
+    Ok(models)
+}
+
+/// Reads the provenance of a model's detections, if there are any.
+///
+/// # Errors
+/// The record lacks something that a reader needs.
+pub fn provenance(folder: &ScenarioFolder, model: &str) -> Result<Option<Provenance>> {
+    let record = record(folder, model)?;
+    record.map(|bytes| parse(&bytes, folder, model)).transpose()
+}
+
+/// The detections of this name as people tell them apart. The model is missing if the record cannot be read.
+pub fn named(folder: &ScenarioFolder, name: &str) -> NamedDetections {
+    let provenance = provenance(folder, name).ok().flatten();
+    NamedDetections {
+        model: provenance.and_then(|provenance| provenance.detector.model),
+        hash: name.to_owned(),
+    }
+}
+
+/// The table of a model's detections. `is_source` checks whether they were made from the current files.
+///
+/// # Errors
+/// There is none, it was made from something else, or it does not match its record.
+pub(crate) fn table(
+    folder: &ScenarioFolder,
+    model: &str,
+    is_source: impl Fn(&Provenance) -> bool,
+) -> Result<FoundTable> {
+    let hash = |provenance: &Provenance| Some(provenance.table_blake3.clone());
+    named_table(folder, model, FOLDER, is_source, hash)?.ok_or_else(|| {
+        Error::corpus(
+            &record_path(folder, model),
+            "is missing: run `dtd detect` on the corpus with that model first",
+        )
+    })
+}
+
+/// The table of the registrations that belong to a model's detections; `None` if these have none.
+///
+/// # Errors
+/// Those of [`table`].
+pub(crate) fn registrations_table(
+    folder: &ScenarioFolder,
+    model: &str,
+    is_source: impl Fn(&Provenance) -> bool,
+) -> Result<Option<FoundTable>> {
+    let hash = |provenance: &Provenance| provenance.registrations_blake3.clone();
+    named_table(folder, model, REGISTRATIONS, is_source, hash)
+}
+
+/// The table with the hash that a model's record names; `None` if there is no record or it names none.
+fn named_table(
+    folder: &ScenarioFolder,
+    model: &str,
+    parent: &str,
+    is_source: impl Fn(&Provenance) -> bool,
+    hash: impl Fn(&Provenance) -> Option<String>,
+) -> Result<Option<FoundTable>> {
+    let name = table_name(parent, model);
+    let table = folder.root().join(&name);
+    let again = "run `dtd detect` on the corpus with that model again";
+    for _ in 0..ATTEMPTS {
+        let Some(bytes) = record(folder, model)? else {
+            return Ok(None);
+        };
+        let provenance = parse(&bytes, folder, model)?;
+        let Some(hash) = hash(&provenance) else {
+            return Ok(None);
+        };
+        if !is_source(&provenance) {
+            return Err(Error::corpus(
+                &table,
+                format!("was made from other videos than the scenario has now; {again}"),
+            ));
+        }
+        let found = find(folder.root(), &name, &hash, |path| {
+            let bytes = outside_file::read(path, FileKind::TABLE.unlinked())?;
+            Ok((blake3::hash(&bytes).to_string(), (path.to_owned(), bytes)))
+        })?;
+        let fault = match found {
+            Found::Whole(table) => return Ok(Some(table)),
+            // Another process replaced them in the meantime.
+            _ if record(folder, model)?.as_ref() != Some(&bytes) => continue,
+            Found::Missing => "is missing, though there is a record of it",
+            Found::Other => "is not what its record says: its hash differs",
+        };
+        return Err(Error::corpus(&table, format!("{fault}; {again}")));
+    }
+    Err(Error::Changing {
+        path: folder.root().to_owned(),
+    })
+}
+
+/// What [`replace`] writes next to the record.
+#[derive(Debug, Clone, Copy)]
+pub struct NewTables<'a> {
+    /// What the model detected.
+    pub detections: &'a Detections,
+    /// Where the same aircraft is in two views; `None` if that was not measured.
+    pub registrations: Option<&'a [Registration]>,
+}
+
+impl<'a> NewTables<'a> {
+    /// Detections whose views were not registered.
+    pub fn unregistered(detections: &'a Detections) -> Self {
+        Self {
+            detections,
+            registrations: None,
+        }
+    }
+}
+
+/// Replaces the detections that a model made from `source`, and their registrations. `record` produces the file written next to the
+/// tables, which must contain the given provenance.
+pub fn replace<R: Serialize>(
+    _claim: &Claim,
+    source: &OpenScenario,
+    detector: &ModelIdentity,
+    model: &str,
+    tables: NewTables<'_>,
+    record: impl FnOnce(Provenance) -> R,
+) -> Result<()> {
+    let folder = source.folder();
+    let mut parents = vec![own_path(folder.root(), FOLDER)?];
+    let registrations = own_path(folder.root(), REGISTRATIONS)?;
+    if tables.registrations.is_some() || registrations.exists() {
+        parents.push(registrations);
+    }
+    for parent in &parents {
+        fs::create_dir_all(parent).map_err(Error::io("create", parent))?;
+        clear_leftovers(parent);
+    }
+    // Readers may still need the tables of a committed change that a killed process left.
+    settle(folder, model)?;
+    let path = |parent| folder.root().join(table_name(parent, model));
+    let (table, beside) = (path(FOLDER), path(REGISTRATIONS));
+    let new = with_new_suffix(&table);
+    write_detections(&new, tables.detections)?;
+    let mut renames = vec![(new, table)];
+    if let Some(registrations) = tables.registrations {
+        let new = with_new_suffix(&beside);
+        write_registrations(&new, registrations)?;
+        renames.push((new, beside.clone()));
+    }
+    let provenance = Provenance {
+        detector: detector.clone(),
+        config_hash: source.seal().config_hash.clone(),
+        videos_blake3: source.videos_blake3(),
+        table_blake3: hash_file(&renames[0].0)?,
+        registrations_blake3: renames.get(1).map(|(new, _)| hash_file(new)).transpose()?,
+    };
+    // This file commits the change.
+    write_json(&record_path(folder, model), &record(provenance))?;
+    for (new, table) in &renames {
+        fs::rename(new, table).map_err(Error::io("rename into place", table))?;
+    }
+    if tables.registrations.is_none() && beside.exists() {
+        fs::remove_file(&beside).map_err(Error::io("remove", &beside))?;
+    }
+    parents.iter().try_for_each(|parent| sync(parent))
+}
+
+/// Renames the tables that the record refers to.
+fn settle(folder: &ScenarioFolder, model: &str) -> Result<()> {
+    let provenance = match provenance(folder, model) {
+        Ok(Some(provenance)) => provenance,
+        Ok(None) => return Ok(()),
+        // Nobody can read the tables of a damaged record, so they may be replaced. If it cannot be read for now, they may not.
+        Err(error) if error.is_bad_content() => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    for SealedFile { name, blake3 } in provenance.tables(model) {
+        let table = own_path(folder.root(), &name)?;
+        let new = with_new_suffix(&table);
+        if new.exists() && hash_file(&new)? == blake3 {
+            fs::rename(&new, &table).map_err(Error::io("rename into place", &table))?;
+        }
+    }
+    Ok(())
+}
+
+fn record(folder: &ScenarioFolder, model: &str) -> Result<Option<Vec<u8>>> {
+    let path = own_path(
+        folder.root(),
+        Path::new(FOLDER).join(format!("{model}.json")),
+    )?;
+    match outside_file::read(&path, FileKind::json("record of detections").unlinked()) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(error) if error.is_not_found() => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn parse(bytes: &[u8], folder: &ScenarioFolder, model: &str) -> Result<Provenance> {
+    let provenance: Provenance = serde_json::from_slice(bytes).map_err(|error| {
+        Error::corpus(
+            &record_path(folder, model),
+            format!("does not say what its table was made from ({error}); run `dtd detect` on the corpus with that model again"),
+        )
+    })?;
+    let detector = &provenance.detector;
+    if !detector.has_name(model) {
+        let hash = &detector.model_blake3;
+        let found = match &detector.profile_blake3 {
+            None => {
+                format!("has the model_blake3 {hash:?}, expected 64 hexadecimal digits that begin")
+            }
+            Some(profile) => format!(
+                "has the model_blake3 {hash:?} and the profile_blake3 {profile:?}, expected 64 hexadecimal digits each, whose hash begins"
+            ),
+        };
+        let advice = "remove it and run `dtd detect` on the corpus with that model again";
+        return Err(Error::corpus(
+            &record_path(folder, model),
+            format!("{found} with {model}, its name; {advice}"),
+        ));
+    }
+    Ok(provenance)
+}

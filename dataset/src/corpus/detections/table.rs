@@ -1,0 +1,539 @@
+//! `detections/<model>.parquet`: the boxes that a model found, and why pictures without a box have none.
+//!
+//! Input: what `dtd detect` found in each picture, one view at one tick. Output: a typed row for each box, and one with a reason for each
+//! picture without one. Tables of earlier versions have boxes only: these read as found in the whole picture, confirmed and of no track.
+
+use std::path::Path;
+
+use crate::error::Result;
+use crate::numbers::limits;
+use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::pixel_box::{BOX_FIELDS, PixelBox};
+use crate::work::memory;
+
+/// What a model found in the pictures of a scenario.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Detections {
+    /// The boxes, by tick.
+    pub boxes: Vec<Detection>,
+    /// Pictures without a box, by tick; none in tables of earlier versions.
+    pub misses: Vec<Miss>,
+}
+
+/// A detected aircraft in one view at one tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detection {
+    /// Tick.
+    pub tick: u32,
+    /// Identifier of the view.
+    pub view: String,
+    /// The box in the original frame.
+    pub pixel_box: PixelBox,
+    /// Confidence of the model, 0 to 1.
+    pub score: f64,
+    /// Number of the window in which the first pass over the picture saw it: row by row, from 0; in pictures that were searched in
+    /// [`SearchMode::Tracked`], number of the crop.
+    pub tile: u32,
+    /// Number of the track that it belongs to: of one aircraft in one view. `None` if nothing was tracked.
+    pub track: Option<u32>,
+    /// How its picture was searched.
+    pub mode: SearchMode,
+    /// Whether its track has enough boxes to be an aircraft; always, if nothing was tracked.
+    pub confirmed: bool,
+}
+
+/// A picture without a box.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Miss {
+    /// Tick.
+    pub tick: u32,
+    /// Identifier of the view.
+    pub view: String,
+    /// How it was searched.
+    pub mode: SearchMode,
+    /// Why it has none.
+    pub reason: MissReason,
+}
+
+/// How a picture was searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum SearchMode {
+    /// The whole picture, pixel by pixel.
+    Full,
+    /// Only where known tracks were expected.
+    Tracked,
+    /// The whole picture, made smaller.
+    Scaled,
+}
+
+/// Why a picture has no box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum MissReason {
+    /// The search of the picture saw nothing.
+    Nothing,
+    /// The first pass saw something that the second did not confirm.
+    Refuted,
+    /// Nothing was seen where the known tracks were expected, and nowhere else was searched.
+    Lost,
+    /// There was no track to follow, and the next search of a whole picture was not due.
+    NotSearched,
+}
+
+impl SearchMode {
+    /// All modes.
+    pub const ALL: [Self; 3] = [Self::Full, Self::Tracked, Self::Scaled];
+
+    /// The word for it in the table.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Tracked => "tracked",
+            Self::Scaled => "scaled",
+        }
+    }
+}
+
+impl MissReason {
+    /// All reasons.
+    pub const ALL: [Self; 4] = [Self::Nothing, Self::Refuted, Self::Lost, Self::NotSearched];
+
+    /// The word for it in the table.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing",
+            Self::Refuted => "refuted",
+            Self::Lost => "lost",
+            Self::NotSearched => "not-searched",
+        }
+    }
+}
+
+impl Detection {
+    /// A box of a picture that was searched whole, by itself: confirmed, since there is nothing else to go by.
+    pub fn untracked(
+        tick: u32,
+        view: impl Into<String>,
+        pixel_box: PixelBox,
+        score: f64,
+        tile: u32,
+    ) -> Self {
+        Self {
+            tick,
+            view: view.into(),
+            pixel_box,
+            score,
+            tile,
+            track: None,
+            mode: SearchMode::Full,
+            confirmed: true,
+        }
+    }
+}
+
+impl Detections {
+    /// The boxes that count.
+    pub fn into_confirmed(self) -> impl Iterator<Item = Detection> {
+        self.boxes.into_iter().filter(|found| found.confirmed)
+    }
+}
+
+impl From<Vec<Detection>> for Detections {
+    fn from(boxes: Vec<Detection>) -> Self {
+        Self {
+            boxes,
+            misses: Vec::new(),
+        }
+    }
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Row {
+    Box(Detection),
+    Miss(Miss),
+}
+
+impl Row {
+    pub(crate) fn tick(&self) -> u32 {
+        match self {
+            Self::Box(Detection { tick, .. }) | Self::Miss(Miss { tick, .. }) => *tick,
+        }
+    }
+
+    pub(crate) fn view(&self) -> &String {
+        match self {
+            Self::Box(Detection { view, .. }) | Self::Miss(Miss { view, .. }) => view,
+        }
+    }
+
+    fn mode(&self) -> SearchMode {
+        match self {
+            Self::Box(Detection { mode, .. }) | Self::Miss(Miss { mode, .. }) => *mode,
+        }
+    }
+
+    fn found(&self) -> Option<&Detection> {
+        match self {
+            Self::Box(found) => Some(found),
+            Self::Miss(_) => None,
+        }
+    }
+
+    fn reason(&self) -> Option<MissReason> {
+        match self {
+            Self::Box(_) => None,
+            Self::Miss(miss) => Some(miss.reason),
+        }
+    }
+}
+
+impl From<Vec<Row>> for Detections {
+    /// Another program may have written the rows in another order.
+    fn from(mut rows: Vec<Row>) -> Self {
+        rows.sort_by_key(Row::tick);
+        let mut detections = Self::default();
+        for row in rows {
+            match row {
+                Row::Box(found) => detections.boxes.push(found),
+                Row::Miss(miss) => detections.misses.push(miss),
+            }
+        }
+        detections
+    }
+}
+
+/// Writes `detections/<model>.parquet`, by tick.
+pub fn write_detections(path: &Path, detections: &Detections) -> Result<()> {
+    let boxes = detections.boxes.iter().cloned().map(Row::Box);
+    let mut rows: Vec<_> = boxes
+        .chain(detections.misses.iter().cloned().map(Row::Miss))
+        .collect();
+    rows.sort_by_key(Row::tick);
+    let table = TableWriter::new()
+        .u32("tick", rows.iter().map(Row::tick))
+        .text("view", rows.iter().map(Row::view));
+    let found = rows.iter().map(Row::found);
+    BOX_FIELDS
+        .into_iter()
+        .fold(table, |table, (name, limits, get)| {
+            let values = found.clone().map(|found| Some(get(&found?.pixel_box)));
+            table.optional_f64_within(name, limits, values)
+        })
+        .optional_f64_within(
+            "score",
+            limits::SCORE,
+            found.clone().map(|found| Some(found?.score)),
+        )
+        .optional_u32("tile", found.clone().map(|found| Some(found?.tile)))
+        .optional_u32("track", found.clone().map(|found| found?.track))
+        .text("mode", rows.iter().map(|row| row.mode().word()))
+        .bool(
+            "confirmed",
+            found.map(|found| found.is_some_and(|found| found.confirmed)),
+        )
+        .optional_text(
+            "reason",
+            rows.iter().map(|row| row.reason().map(MissReason::word)),
+        )
+        .write(path)
+}
+
+/// Reads the content of `detections/<model>.parquet` of a scenario with this many pictures; messages name it as `path`.
+///
+/// # Errors
+/// A number is outside its limits, or a row has neither a whole box nor a known reason.
+pub fn parse_detections(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Detections> {
+    Ok(parse_rows(content, path, pictures)?.into())
+}
+
+/// The same as rows, for messages that number them.
+pub(crate) fn parse_rows(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<Row>> {
+    rows_of(&mut Table::parse(content, path, most_rows(pictures))?)
+}
+
+/// The same from a file, but collecting numbers outside their limits.
+pub(crate) fn read_rows_with_faults(
+    path: &Path,
+    pictures: u64,
+) -> Result<(Vec<Row>, Vec<ColumnOutOfLimits>)> {
+    let mut table = Table::read(path, most_rows(pictures))?.collecting();
+    let rows = rows_of(&mut table)?;
+    Ok((rows, table.into_collected()))
+}
+
+fn most_rows(pictures: u64) -> u64 {
+    pictures.saturating_mul(limits::MOST_DETECTIONS_PER_PICTURE)
+}
+
+/// Columns that tables of earlier versions lack.
+struct LaterColumns {
+    track: Vec<Option<u32>>,
+    mode: Vec<SearchMode>,
+    confirmed: Vec<bool>,
+    reason: Vec<Option<MissReason>>,
+}
+
+impl LaterColumns {
+    fn of(table: &Table) -> Result<Self> {
+        let rows = table.rows();
+        Ok(Self {
+            track: match table.has("track") {
+                true => table.optional_u32("track")?,
+                false => vec![None; rows],
+            },
+            mode: match table.has("mode") {
+                true => modes_of(table)?,
+                false => vec![SearchMode::Full; rows],
+            },
+            confirmed: match table.has("confirmed") {
+                true => table.bool("confirmed")?,
+                false => vec![true; rows],
+            },
+            reason: match table.has("reason") {
+                true => reasons_of(table)?,
+                false => vec![None; rows],
+            },
+        })
+    }
+}
+
+fn modes_of(table: &Table) -> Result<Vec<SearchMode>> {
+    let words = table.text("mode")?.into_iter().enumerate();
+    words
+        .map(|(row, word)| {
+            let known = SearchMode::ALL.into_iter();
+            known
+                .clone()
+                .find(|mode| mode.word() == word)
+                .ok_or_else(|| {
+                    let known = known.map(SearchMode::word).collect::<Vec<_>>().join(", ");
+                    table.fault(format!(
+                        "row {row}: mode is {word:?}, expected one of {known}"
+                    ))
+                })
+        })
+        .collect()
+}
+
+fn reasons_of(table: &Table) -> Result<Vec<Option<MissReason>>> {
+    let words = table.optional_text("reason")?.into_iter().enumerate();
+    words
+        .map(|(row, word)| {
+            let Some(word) = word else {
+                return Ok(None);
+            };
+            let known = MissReason::ALL.into_iter();
+            let found = known.clone().find(|reason| reason.word() == word);
+            found.map(Some).ok_or_else(|| {
+                let known = known.map(MissReason::word).collect::<Vec<_>>().join(", ");
+                table.fault(format!(
+                    "row {row}: reason is {word:?}, expected one of {known}"
+                ))
+            })
+        })
+        .collect()
+}
+
+fn rows_of(table: &mut Table) -> Result<Vec<Row>> {
+    let row_bytes = 2 * size_of::<Row>() + 96;
+    memory::check("table of detections", (table.rows() * row_bytes) as u64)?;
+    let ticks = table.u32("tick")?;
+    let mut columns = Vec::with_capacity(BOX_FIELDS.len() + 1);
+    for (name, limits, _) in BOX_FIELDS {
+        columns.push(table.optional_f64_within(name, limits)?);
+    }
+    columns.push(table.optional_f64_within("score", limits::SCORE)?);
+    let tiles = table.optional_u32("tile")?;
+    let later = LaterColumns::of(table)?;
+    let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
+    keys.map(|(row, (tick, view))| {
+        let numbers: Vec<_> = columns.iter().filter_map(|column| column[row]).collect();
+        let mode = later.mode[row];
+        match (numbers.as_slice(), tiles[row], later.reason[row]) {
+            (&[cx_px, cy_px, width_px, height_px, score], Some(tile), None) => {
+                Ok(Row::Box(Detection {
+                    tick,
+                    view,
+                    pixel_box: PixelBox {
+                        cx_px,
+                        cy_px,
+                        width_px,
+                        height_px,
+                    },
+                    score,
+                    tile,
+                    track: later.track[row],
+                    mode,
+                    confirmed: later.confirmed[row],
+                }))
+            }
+            (&[], None, Some(reason)) => Ok(Row::Miss(Miss {
+                tick,
+                view,
+                mode,
+                reason,
+            })),
+            (numbers, tile, reason) => {
+                let reason = reason.map_or("no reason".into(), |found| {
+                    format!("reason {:?}", found.word())
+                });
+                Err(table.fault(format!(
+                    "row {row} has {} of {} numbers and {reason}, expected all numbers, or none and a reason",
+                    numbers.len() + usize::from(tile.is_some()),
+                    columns.len() + 1
+                )))
+            }
+        }
+    })
+    .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(tick: u32, track: Option<u32>) -> Detection {
+        let pixel_box = PixelBox::from_edges(10.0, 20.0, 30.0, 26.0);
+        Detection {
+            track,
+            ..Detection::untracked(tick, "left", pixel_box, 0.75, 2)
+        }
+    }
+
+    fn sample() -> Detections {
+        let miss = |tick, mode, reason| Miss {
+            tick,
+            view: "left".into(),
+            mode,
+            reason,
+        };
+        Detections {
+            boxes: vec![
+                found(0, None),
+                Detection {
+                    mode: SearchMode::Tracked,
+                    confirmed: false,
+                    ..found(2, Some(7))
+                },
+                Detection {
+                    mode: SearchMode::Scaled,
+                    ..found(6, Some(0))
+                },
+            ],
+            misses: vec![
+                miss(1, SearchMode::Full, MissReason::Nothing),
+                miss(3, SearchMode::Tracked, MissReason::Lost),
+                miss(4, SearchMode::Tracked, MissReason::NotSearched),
+                miss(5, SearchMode::Scaled, MissReason::Refuted),
+            ],
+        }
+    }
+
+    fn read(path: &Path) -> Result<Detections> {
+        parse_detections(std::fs::read(path).unwrap(), path, 7)
+    }
+
+    #[test]
+    fn boxes_and_misses_are_read_back_as_written_and_lie_in_the_order_of_ticks() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("abc.parquet");
+        for detections in [sample(), Detections::default()] {
+            write_detections(&path, &detections).unwrap();
+            assert_eq!(read(&path).unwrap(), detections);
+        }
+        write_detections(&path, &sample()).unwrap();
+        let ticks = Table::read(&path, 7).unwrap().u32("tick").unwrap();
+        assert_eq!(ticks, [0, 1, 2, 3, 4, 5, 6]);
+    }
+
+    /// The columns that every version has written.
+    fn early_columns(numbers: [Option<f64>; 5], tile: Option<u32>) -> TableWriter {
+        let table = TableWriter::new().u32("tick", [0]).text("view", ["left"]);
+        ["cx_px", "cy_px", "width_px", "height_px", "score"]
+            .into_iter()
+            .zip(numbers)
+            .fold(table, |table, (name, number)| {
+                table.optional_f64(name, [number])
+            })
+            .optional_u32("tile", [tile])
+    }
+
+    const WHOLE: [Option<f64>; 5] = [Some(20.0), Some(23.0), Some(20.0), Some(6.0), Some(0.75)];
+
+    #[test]
+    fn a_table_of_an_earlier_version_has_confirmed_boxes_of_whole_pictures_and_no_misses() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("abc.parquet");
+        early_columns(WHOLE, Some(2)).write(&path).unwrap();
+        assert_eq!(read(&path).unwrap(), vec![found(0, None)].into());
+    }
+
+    #[test]
+    fn a_row_with_half_a_box_an_unknown_word_or_neither_box_nor_reason_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("abc.parquet");
+        let mut half = WHOLE;
+        half[3] = None;
+        for (numbers, tile, mode, reason, words) in [
+            (
+                half,
+                Some(2),
+                "full",
+                None,
+                "row 0 has 5 of 6 numbers and no reason",
+            ),
+            (
+                WHOLE,
+                None,
+                "full",
+                None,
+                "row 0 has 5 of 6 numbers and no reason",
+            ),
+            (
+                WHOLE,
+                Some(2),
+                "full",
+                Some("lost"),
+                "row 0 has 6 of 6 numbers and reason \"lost\"",
+            ),
+            (
+                [None; 5],
+                None,
+                "full",
+                None,
+                "row 0 has 0 of 6 numbers and no reason",
+            ),
+            (
+                [None; 5],
+                None,
+                "full",
+                Some("odd"),
+                "reason is \"odd\", expected one of nothing, refuted",
+            ),
+            (
+                WHOLE,
+                Some(2),
+                "half",
+                None,
+                "mode is \"half\", expected one of full, tracked",
+            ),
+        ] {
+            early_columns(numbers, tile)
+                .text("mode", [mode])
+                .optional_text("reason", [reason])
+                .write(&path)
+                .unwrap();
+            let message = read(&path).unwrap_err().to_string();
+            assert!(message.contains(words), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_box_beyond_the_limits_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut detections = sample();
+        detections.boxes[1].pixel_box.width_px = f64::NAN;
+        let path = folder.path().join("abc.parquet");
+        assert!(write_detections(&path, &detections).is_err());
+    }
+}

@@ -1,0 +1,395 @@
+//! The only place that opens the files of a sealed scenario.
+//!
+//! Records and tables are read completely, checked against the sealed hash, and decoded from those very bytes, all in one state of
+//! the folder: a concurrent change is seen completely or not at all. A video is hashed before it is opened for decoding. Only
+//! `dtd verify`, which must name every fault, reads files unchecked.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::corpus::calibration::Calibration;
+use crate::corpus::detections::{self, Detections, FoundTable, Provenance, Row, parse_rows};
+use crate::corpus::scenario::ScenarioRecord;
+use crate::corpus::seal::{DONE, Seal, hash_file, view_of};
+use crate::corpus::sealed::{ATTEMPTS, Sealed};
+use crate::corpus::{PARTIAL_SUFFIX, ScenarioFolder};
+use crate::error::{Error, Result};
+use crate::files::json_file::parse_json;
+use crate::files::outside_file::FileKind;
+use crate::tables::frames::Frames;
+use crate::tables::pixel_box::{TruthBox, parse_truth_boxes};
+use crate::tables::registrations::{Registration, parse_registrations};
+use crate::video::{PacketReader, RgbPicture, VideoReader};
+
+const RECORD: &str = "scenario.json";
+const CALIBRATION: &str = "calibration.json";
+
+/// The identity in a scenario's record.
+#[derive(Deserialize)]
+struct Identity {
+    id: String,
+    config_hash: String,
+}
+
+/// Rejects another scenario's files, or a copy under another name: `content` is the sealed `scenario.json`.
+///
+/// # Errors
+/// Its identifier or parameters differ from the seal's, or it is not a record.
+pub fn check_identity(id: &str, seal: &Seal, content: &[u8], path: &Path) -> Result<()> {
+    let said: Identity = parse_json(content, path, "scenario record")?;
+    let fault = if said.id != id {
+        format!(
+            "has the id {:?}, expected {id:?}, the name of its folder",
+            said.id
+        )
+    } else if said.config_hash != seal.config_hash {
+        format!(
+            "has the config_hash {:?}, expected {:?}, that of {DONE}",
+            said.config_hash, seal.config_hash
+        )
+    } else {
+        return Ok(());
+    };
+    Err(Error::corpus(
+        path,
+        format!("{fault}: it is another scenario's; put the right one there, or generate it again"),
+    ))
+}
+
+/// A scenario in one state of its folder.
+#[derive(Debug)]
+pub struct OpenScenario {
+    folder: ScenarioFolder,
+    sealed: Sealed,
+    /// Records and tables by name.
+    contents: BTreeMap<&'static str, Vec<u8>>,
+}
+
+impl ScenarioFolder {
+    /// Rejects a sealed folder with another scenario's files, or a copy under another name.
+    ///
+    /// # Errors
+    /// Those of [`check_identity`], and a record that does not match the seal.
+    pub fn check_identity(&self, sealed: &Sealed) -> Result<()> {
+        match sealed.content(RECORD, kind_of(RECORD))? {
+            Some(record) => self.check_record(sealed, &record),
+            None => Ok(()),
+        }
+    }
+
+    fn check_record(&self, sealed: &Sealed, record: &[u8]) -> Result<()> {
+        // A scenario is opened before it is renamed to its final name.
+        let folder = self.id();
+        let id = folder.strip_suffix(PARTIAL_SUFFIX).unwrap_or(&folder);
+        check_identity(id, sealed.seal(), record, &self.record_path())
+    }
+
+    /// Opens the scenario as it was sealed.
+    ///
+    /// # Errors
+    /// It has no seal, a record or table does not match the seal, or a part of it is a symbolic link.
+    pub fn open(&self) -> Result<OpenScenario> {
+        for _ in 0..ATTEMPTS {
+            match self.open_at_once() {
+                // A writer was faster.
+                Err(Error::Changing { .. }) => {}
+                opened => return opened,
+            }
+        }
+        Err(Error::Changing {
+            path: self.root().to_owned(),
+        })
+    }
+
+    fn open_at_once(&self) -> Result<OpenScenario> {
+        let sealed = Sealed::read(self.root())?.ok_or_else(|| {
+            Error::corpus(
+                self.root(),
+                format!("has no {DONE}: it was never finished; make it with `dtd generate`"),
+            )
+        })?;
+        let mut contents = BTreeMap::new();
+        for name in [RECORD, CALIBRATION, Self::FRAMES, Self::TRUTH_BOXES] {
+            if let Some(content) = sealed.content(name, kind_of(name))? {
+                contents.insert(name, content);
+            }
+        }
+        if let Some(record) = contents.get(RECORD) {
+            self.check_record(&sealed, record)?;
+        }
+        Ok(OpenScenario {
+            folder: self.clone(),
+            sealed,
+            contents,
+        })
+    }
+}
+
+impl OpenScenario {
+    /// Its folder.
+    pub fn folder(&self) -> &ScenarioFolder {
+        &self.folder
+    }
+
+    /// Identifier of the scenario.
+    pub fn id(&self) -> String {
+        self.folder.id()
+    }
+
+    /// The seal of the opened state.
+    pub fn seal(&self) -> &Seal {
+        self.sealed.seal()
+    }
+
+    /// `scenario.json`.
+    pub fn record(&self) -> Result<ScenarioRecord> {
+        ScenarioRecord::parse(self.content(RECORD)?, &self.folder.record_path())
+    }
+
+    /// `calibration.json`.
+    pub fn calibration(&self) -> Result<Calibration> {
+        Calibration::parse(self.content(CALIBRATION)?, &self.folder.calibration_path())
+    }
+
+    /// `frames.parquet`.
+    pub fn frames(&self) -> Result<Frames> {
+        let content = self.content(ScenarioFolder::FRAMES)?;
+        Frames::parse(content.to_vec(), &self.folder.frames_path())
+    }
+
+    /// `boxes_truth.parquet`, if the scenario was labelled.
+    pub fn truth_boxes_if_labelled(&self) -> Result<Option<Vec<TruthBox>>> {
+        let pictures = self.record()?.pictures();
+        let path = self.folder.truth_boxes_path();
+        let content = self.contents.get(ScenarioFolder::TRUTH_BOXES);
+        content
+            .map(|content| parse_truth_boxes(content.clone(), &path, pictures))
+            .transpose()
+    }
+
+    /// `boxes_truth.parquet`.
+    pub fn truth_boxes(&self) -> Result<Vec<TruthBox>> {
+        self.truth_boxes_if_labelled()?.ok_or_else(|| {
+            Error::corpus(
+                &self.folder.truth_boxes_path(),
+                "is missing: run `dtd label` on the corpus first",
+            )
+        })
+    }
+
+    /// The detections of one model, made from the videos that this scenario has.
+    ///
+    /// # Errors
+    /// There are none, they were made from other videos or do not record which, or the table is not the one that was written.
+    pub fn detections(&self, model: &str) -> Result<Detections> {
+        let (path, content) = self.detections_table(model)?;
+        let record = self.record()?;
+        let found = parse_rows(content, &path, record.pictures())?;
+        let mut rows = found.iter().enumerate();
+        match rows.find_map(|(number, row)| Some((number, fault_of(row, &record)?))) {
+            None => Ok(found.into()),
+            Some((row, (column, fault))) => Err(Error::corpus(
+                &path,
+                format!(
+                    "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
+                ),
+            )),
+        }
+    }
+
+    /// Where the aircraft of each view is in the reference view, tick by tick, for the detections of one model; `None` if these have no
+    /// registrations: the scenario has one view, or `dtd detect` was run before it registered.
+    ///
+    /// # Errors
+    /// They were made from other videos, or the table is not the one that was written.
+    pub fn registrations(&self, model: &str) -> Result<Option<Vec<Registration>>> {
+        let Some((path, content)) = self.registrations_table(model)? else {
+            return Ok(None);
+        };
+        let record = self.record()?;
+        let registrations = parse_registrations(content, &path, record.pictures())?;
+        let mut rows = registrations.iter().enumerate();
+        match rows.find_map(|(row, found)| Some((row, fault_of_registration(found, &record)?))) {
+            None => Ok(Some(registrations)),
+            Some((row, (column, fault))) => Err(Error::corpus(
+                &path,
+                format!(
+                    "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
+                ),
+            )),
+        }
+    }
+
+    /// The current path of the table of a model's registrations, and its content.
+    pub(crate) fn registrations_table(&self, model: &str) -> Result<Option<FoundTable>> {
+        detections::registrations_table(&self.folder, model, |provenance| {
+            self.is_source_of(provenance)
+        })
+    }
+
+    /// The current path of the table of a model's detections, and its content.
+    pub(crate) fn detections_table(&self, model: &str) -> Result<FoundTable> {
+        detections::table(&self.folder, model, |provenance| {
+            self.is_source_of(provenance)
+        })
+    }
+
+    /// Whether detections were made from the sealed state of this scenario.
+    fn is_source_of(&self, provenance: &Provenance) -> bool {
+        provenance.config_hash == self.seal().config_hash
+            && provenance.videos_blake3 == self.videos_blake3()
+    }
+
+    /// The sealed hashes of the videos, by view.
+    pub fn videos_blake3(&self) -> BTreeMap<String, String> {
+        let files = self.sealed.files().iter();
+        files
+            .filter_map(|file| Some((view_of(&file.name)?.to_owned(), file.blake3.clone())))
+            .collect()
+    }
+
+    /// Opens a view's video after reading all of it and checking it against the seal. Timestamps are in the unit of the tables' `pts`.
+    ///
+    /// # Errors
+    /// There is none, it does not match the seal, it cannot be decoded, or its pictures have another size than the calibrated camera's.
+    pub fn open_video(&self, view: &str) -> Result<VideoReader> {
+        let path = self.video_path(view)?;
+        let reader = VideoReader::open_ticks(&path, self.record()?.frame_rate)?;
+        let found = [reader.width(), reader.height()];
+        let calibration = self.calibration()?;
+        let camera = calibration.cameras.get(view).ok_or_else(|| {
+            Error::corpus(
+                &self.folder.calibration_path(),
+                format!("has no camera {view}"),
+            )
+        })?;
+        let expected = [camera.width_px, camera.height_px];
+        if found == expected {
+            return Ok(reader);
+        }
+        let size = |[width_px, height_px]: [u32; 2]| format!("{width_px} x {height_px}");
+        Err(Error::corpus(
+            &path,
+            format!(
+                "has pictures of {} px, expected {} px as in {CALIBRATION}; generate the scenario again",
+                size(found),
+                size(expected)
+            ),
+        ))
+    }
+
+    /// The picture of a view at a tick, from its sealed video.
+    ///
+    /// # Errors
+    /// The video cannot be opened or decoded, or has no such picture.
+    pub fn picture(&self, view: &str, tick: u32) -> Result<RgbPicture> {
+        let pts = self.record()?.frame_rate.pts_of_tick(tick);
+        self.open_video(view)?.picture_at(pts)?.ok_or_else(|| {
+            Error::corpus(
+                self.folder.root(),
+                format!("the video of view {view} has no picture of tick {tick}"),
+            )
+        })
+    }
+
+    /// The file of a view's video, after reading all of it and checking it against the seal.
+    ///
+    /// # Errors
+    /// There is none, or it does not match the seal.
+    pub fn video_path(&self, view: &str) -> Result<PathBuf> {
+        self.sealed.check(self.video_name(view)?)
+    }
+
+    /// Opens a view's video for its packets, after checking it against the seal; `None` if its codec has none that stand alone.
+    ///
+    /// # Errors
+    /// There is none, it does not match the seal, or it cannot be read.
+    pub fn open_packets(&self, view: &str) -> Result<Option<PacketReader>> {
+        PacketReader::open(&self.video_path(view)?, self.record()?.frame_rate)
+    }
+
+    /// Copies a view's video, and checks the copy against the seal.
+    ///
+    /// # Errors
+    /// There is none, it does not match the seal, or the copy cannot be written.
+    pub fn copy_video(&self, view: &str, to: &Path) -> Result<()> {
+        let name = self.video_name(view)?;
+        let from = self.sealed.check(name)?;
+        fs::copy(&from, to).map_err(Error::io("copy to", to))?;
+        if self.sealed.hash_of(name) == Some(&hash_file(to)?) {
+            return Ok(());
+        }
+        Err(Error::corpus(&from, "changed while it was copied"))
+    }
+
+    /// The name of a view's video within the scenario.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn video_name(&self, view: &str) -> Result<&str> {
+        self.sealed.video_of(view).ok_or_else(|| {
+            Error::corpus(
+                self.folder.root(),
+                format!("has no sealed video of view {view}; generate the scenario again"),
+            )
+        })
+    }
+
+    fn content(&self, name: &'static str) -> Result<&[u8]> {
+        self.contents.get(name).map(Vec::as_slice).ok_or_else(|| {
+            Error::corpus(
+                self.folder.root(),
+                format!("has no sealed {name}; generate the scenario again"),
+            )
+        })
+    }
+}
+
+fn kind_of(name: &'static str) -> FileKind {
+    match name.ends_with(".json") {
+        true => FileKind::json(name),
+        false => FileKind::TABLE,
+    }
+    .unlinked()
+}
+
+/// The column that shows that a row of detections belongs to no picture of the scenario, and why.
+pub(crate) fn fault_of(row: &Row, record: &ScenarioRecord) -> Option<(&'static str, String)> {
+    fault_of_picture(row.tick(), "view", row.view(), record)
+}
+
+/// The same for a registration: also if it compares a view with itself.
+pub(crate) fn fault_of_registration(
+    registration: &Registration,
+    record: &ScenarioRecord,
+) -> Option<(&'static str, String)> {
+    let Registration {
+        tick,
+        view,
+        reference,
+        ..
+    } = registration;
+    fault_of_picture(*tick, "view", view, record)
+        .or_else(|| fault_of_picture(*tick, "reference", reference, record))
+        .or_else(|| {
+            let message = || format!("{reference} is the view itself, expected another one");
+            (view == reference).then(|| ("reference", message()))
+        })
+}
+
+fn fault_of_picture(
+    tick: u32,
+    column: &'static str,
+    view: &String,
+    record: &ScenarioRecord,
+) -> Option<(&'static str, String)> {
+    if tick >= record.ticks {
+        let message = format!("is {tick}, expected below {}", record.ticks);
+        return Some(("tick", message));
+    }
+    (!record.views.contains(view))
+        .then(|| (column, format!("{view} is not a view of the scenario")))
+}

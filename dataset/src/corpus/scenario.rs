@@ -1,0 +1,259 @@
+//! `scenario.json`: all parameters of one scenario, and the versions that made it.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::conditions::Conditions;
+use crate::corpus::effective_weather::{EffectiveWeather, WeatherDifference};
+use crate::error::{Error, Result};
+use crate::files::file_name;
+use crate::files::json_file::{parse_json, read_json, write_json};
+use crate::geometry::geodesy::Geodetic;
+use crate::geometry::runway::Runway;
+use crate::numbers::frame_rate::FrameRate;
+use crate::numbers::limits::{self, Check, FieldOutOfLimits};
+
+/// Latest version of the file format. Readers reject a larger one.
+pub(crate) const SCHEMA_VERSION: u32 = MARKED_SCHEMA_VERSION;
+/// The version of scenarios whose cameras are pinholes with straight light, which version 1 readers support.
+/// [`crate::corpus::calibration::Calibration::schema_version`] returns the version of a scenario.
+pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
+/// The version of scenarios with lens distortion or refraction, which readers of version 1 would overlook.
+pub(crate) const LENS_SCHEMA_VERSION: u32 = 2;
+/// The version of scenarios that were drawn under another weather than planned, which readers of version 2 would overlook.
+pub(crate) const MARKED_SCHEMA_VERSION: u32 = 3;
+
+/// Source of a flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "source", rename_all = "lowercase")]
+pub enum Flight {
+    /// The simulator's own flight model under its autopilot.
+    Live,
+    /// Our own flight model, ahead of the recording; the simulator shows the flight as it shows recorded ones.
+    Computed {
+        /// Version of the flight model.
+        model: u32,
+    },
+    /// A recorded flight, replayed.
+    Recorded {
+        /// File name of the recording, without folders.
+        file: String,
+        /// BLAKE3 hash of the recording.
+        blake3: String,
+    },
+}
+
+impl Flight {
+    /// A short name: `live`, `computed`, or the file name of the recording.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Live => "live",
+            Self::Computed { .. } => "computed",
+            Self::Recorded { file, .. } => file,
+        }
+    }
+}
+
+/// The record of one scenario.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScenarioRecord {
+    /// Version of the file format; see [`Self::required_version`].
+    pub schema_version: u32,
+    /// Identifier and folder name, e.g. `1700-foggy-r3`.
+    pub id: String,
+    /// Identifier of the trajectory. Scenarios that fly the same trajectory share it, and a split must not separate them.
+    pub trajectory: String,
+    /// Seed of everything random in this scenario.
+    pub seed: u64,
+    /// Hash of the plan that this scenario belongs to.
+    pub plan_hash: String,
+    /// Hash of this scenario's own parameters: if it changes, the scenario must be recorded again.
+    pub config_hash: String,
+    /// Aircraft type.
+    pub aircraft: String,
+    /// Rate of the ticks.
+    pub frame_rate: FrameRate,
+    /// Number of ticks, which is also the number of frames in each video.
+    pub ticks: u32,
+    /// The runway.
+    pub runway: Runway,
+    /// The touchdown target: distances are to this point.
+    pub touchdown: Geodetic,
+    /// Where this flight's wheels first touched the ground, if within the recording.
+    pub flight_touchdown: Option<Geodetic>,
+    /// Name of the geoid that heights refer to; `null` if heights above mean sea level are taken as heights above the ellipsoid.
+    pub geoid: Option<String>,
+    /// Weather and time, as planned and written.
+    pub conditions: Conditions,
+    /// The weather that the simulator reported at the aircraft; missing in older records, and of simulators that report none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effective_weather: Option<EffectiveWeather>,
+    /// Source of the flight.
+    pub flight: Flight,
+    /// Name of the camera rig.
+    pub rig: String,
+    /// Identifiers of the views, in the order of the tables.
+    pub views: Vec<String>,
+    /// How the pictures were taken, if the camera rested for blocks of ticks; missing if every picture was settled by itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blocks: Option<Blocks>,
+    /// What made it.
+    pub versions: Versions,
+}
+
+/// A recording in blocks: the camera of a view rests for a block of ticks, while the aircraft moves from drawn frame to drawn frame; then
+/// the next view shows the same ticks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Blocks {
+    /// Ticks in a block; the last one may be shorter.
+    pub ticks: u32,
+    /// By how many drawn frames the scene was behind the number of its frame: every value that occurred.
+    pub frames_behind: Vec<u32>,
+    /// Blocks of all views.
+    pub count: u32,
+    /// Blocks in which a probe measured that. In the others the aircraft could not be seen, and the last value was kept.
+    pub measured: u32,
+    /// Ticks that were held until their picture had settled, because no value was known.
+    pub held_ticks: u32,
+    /// Ticks that were shown again, because their frame was lost or in doubt.
+    pub repeated_ticks: u32,
+}
+
+/// Versions of everything involved in a recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Versions {
+    /// This software.
+    pub dtd: String,
+    /// Name and version of the simulator, as it reports itself.
+    pub simulator: String,
+    /// Version of the capture link in use.
+    pub capture_link: u32,
+    /// Where the pixels came from: `link`, `gl`, `screen` or `screenshot`; missing in older records.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixels: Option<String>,
+    /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`; missing in older records.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub encoder: Option<String>,
+}
+
+impl ScenarioRecord {
+    /// Number of pictures of all views.
+    pub fn pictures(&self) -> u64 {
+        u64::from(self.ticks) * self.views.len() as u64
+    }
+
+    /// How the weather at the aircraft differs from the planned one; empty unless the scenario is marked.
+    pub fn weather_marks(&self) -> Vec<WeatherDifference> {
+        let effective = self.effective_weather.as_ref();
+        effective.map_or_else(Vec::new, |effective| {
+            effective.marks(&self.conditions.weather)
+        })
+    }
+
+    /// Whether the weather at the aircraft differs from the planned one.
+    pub fn is_marked(&self) -> bool {
+        let effective = self.effective_weather.as_ref();
+        effective.is_some_and(EffectiveWeather::is_marked)
+    }
+
+    /// The version of the file format that this record needs: `of_cameras` is what its cameras need.
+    pub fn required_version(&self, of_cameras: u32) -> u32 {
+        if self.is_marked() {
+            MARKED_SCHEMA_VERSION
+        } else {
+            of_cameras
+        }
+    }
+
+    /// Reads `scenario.json`. A number outside its limits is an error, and so is everything that [`Self::read_with_faults`]
+    /// rejects.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::sound(read_json(path, "scenario record")?, path)
+    }
+
+    /// Reads the content of `scenario.json`; messages name it as `path`.
+    pub fn parse(content: &[u8], path: &Path) -> Result<Self> {
+        Self::sound(parse_json(content, path, "scenario record")?, path)
+    }
+
+    fn sound(self, path: &Path) -> Result<Self> {
+        let (record, faults) = self.readable(path)?;
+        match faults.into_iter().next() {
+            None => Ok(record),
+            Some(fault) => Err(Error::out_of_limits(path, None, fault)),
+        }
+    }
+
+    /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a
+    /// view whose name is not a file name are errors, because then nothing else can be checked.
+    pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+        let record: Self = read_json(path, "scenario record")?;
+        record.readable(path)
+    }
+
+    fn readable(self, path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+        match self.unreadable() {
+            Some(message) => Err(Error::corpus(path, message)),
+            None => {
+                let faults = self.out_of_limits();
+                Ok((self, faults))
+            }
+        }
+    }
+
+    /// Writes `scenario.json` if all its numbers are within their limits.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let faults = [
+            self.unreadable(),
+            self.out_of_limits().first().map(ToString::to_string),
+        ];
+        match faults.into_iter().flatten().next() {
+            None => write_json(path, self),
+            Some(fault) => Err(Error::corpus(path, format!("is not written: {fault}"))),
+        }
+    }
+
+    fn out_of_limits(&self) -> Vec<FieldOutOfLimits> {
+        let mut check = Check::default();
+        check.part("runway", |check| self.runway.check(check));
+        check.part("touchdown", |check| {
+            self.touchdown.check(limits::ELEVATION_MSL_M, check);
+        });
+        if let Some(touchdown) = self.flight_touchdown {
+            check.part("flight_touchdown", |check| {
+                touchdown.check(limits::ALTITUDE_MSL_M, check);
+            });
+        }
+        check.part("conditions", |check| self.conditions.check(check));
+        if let Some(effective) = &self.effective_weather {
+            check.part("effective_weather", |check| effective.check(check));
+        }
+        check.into_found()
+    }
+
+    /// Why this record cannot be used, as text: its meaning is unknown, or the names of its files are invalid.
+    fn unreadable(&self) -> Option<String> {
+        if self.schema_version > SCHEMA_VERSION {
+            return Some(format!(
+                "has schema version {}, this program knows versions up to {SCHEMA_VERSION}; use a newer dtd",
+                self.schema_version
+            ));
+        }
+        if let Err(found) = limits::TICKS.check(self.ticks.into()) {
+            return Some(format!("ticks {found}"));
+        }
+        let views = self.views.len();
+        if !(1..=limits::MOST_VIEWS).contains(&views) {
+            return Some(format!(
+                "has {views} views, expected 1 to {}",
+                limits::MOST_VIEWS
+            ));
+        }
+        let bad = self
+            .views
+            .iter()
+            .find_map(|view| file_name::check(view).err());
+        bad.map(|bad| format!("view {bad}"))
+    }
+}

@@ -1,0 +1,528 @@
+//! How a scenario folder is committed, and changed atomically.
+//!
+//! A folder is filled under another name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of
+//! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through
+//! [`replace_files`], holding the scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last.
+//! `DONE.json.new` commits the change; all that remains is renaming. Readers ([`crate::corpus::sealed`]) see the complete old state before
+//! that moment and the complete new one after it, and never write. If a process is killed or the disk fails, the next writer
+//! completes a committed change and drops an uncommitted one. An error after the commit, e.g. of a sync, undoes nothing: the files
+//! alone determine the state, and removing what the new seal names would destroy the scenario.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File};
+use std::io;
+use std::path::{Component, Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::corpus::ScenarioFolder;
+use crate::corpus::claim::Claim;
+use crate::corpus::detections;
+use crate::corpus::sealed::{self, Found, Sealed};
+use crate::error::{Error, Result};
+use crate::files::file_name;
+use crate::files::json_file::{read_json, write_atomically, write_json};
+use crate::files::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
+use crate::files::outside_file::{self, FileKind};
+use crate::files::own_path::{own_path, refuse_link};
+use crate::video::VideoCodec;
+
+/// Hashes of all files of a folder.
+pub const MANIFEST: &str = "MANIFEST.b3";
+/// The seal itself.
+pub const DONE: &str = "DONE.json";
+const NEW_SUFFIX: &str = ".new";
+const NEVER_FINISHED: &str = "DONE.json is missing: the folder was never finished";
+/// Written by later steps, versioned separately and not part of the seal.
+const UNSEALED_FOLDERS: [&str; 2] = [detections::FOLDER, detections::REGISTRATIONS];
+/// Folder of the videos.
+const VIDEOS: &str = "views/";
+
+/// Content of `DONE.json`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Seal {
+    /// Hash of the scenario's parameters, as in `scenario.json`.
+    pub config_hash: String,
+    /// BLAKE3 hash of `MANIFEST.b3`.
+    pub manifest_blake3: String,
+    /// Sizes of the videos by name, in bytes: a check that does not read them still detects a truncated one. Empty in seals of
+    /// earlier versions, and if there are no videos.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub video_bytes: BTreeMap<String, u64>,
+}
+
+/// A file that a manifest lists.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SealedFile {
+    /// Name relative to the folder, with forward slashes.
+    pub name: String,
+    /// BLAKE3 hash in hexadecimal digits.
+    pub blake3: String,
+}
+
+/// Why a manifest cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum BadManifest {
+    /// Not the one that was sealed.
+    #[error("{MANIFEST} does not match the hash in {DONE}")]
+    OtherHash,
+    /// It becomes a path under the folder, and may come from anyone.
+    #[error("{MANIFEST} names a file outside of the folder: {name}")]
+    Outside {
+        /// The name.
+        name: String,
+    },
+    /// Not in the format of `b3sum`.
+    #[error("{MANIFEST} has a line that is not `hash  name`: {line}")]
+    BadLine {
+        /// The line.
+        line: String,
+    },
+    /// One file with two hashes.
+    #[error("{MANIFEST} has two lines for {name}, expected one")]
+    TwoLines {
+        /// The file.
+        name: String,
+    },
+    /// Something else among the videos.
+    #[error("{MANIFEST} names {name}, expected only videos there: {VIDEOS}VIEW.mp4 or .mov")]
+    NoVideo {
+        /// The file.
+        name: String,
+    },
+    /// Two videos of one view.
+    #[error("{MANIFEST} names two videos of view {view}, {one} and {other}; expected one")]
+    TwoVideos {
+        /// The view.
+        view: String,
+        /// A video.
+        one: String,
+        /// Another one.
+        other: String,
+    },
+}
+
+/// The files that a manifest lists, if it matches `seal`.
+pub fn sealed_files(
+    manifest: &str,
+    seal: &Seal,
+) -> std::result::Result<Vec<SealedFile>, BadManifest> {
+    if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
+        return Err(BadManifest::OtherHash);
+    }
+    files_in(manifest)
+}
+
+/// The files that a manifest lists. Each has one line, and each view one video; the folder of the videos contains nothing else.
+fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, BadManifest> {
+    let file = |line: &str| match line.split_once("  ") {
+        Some((blake3, name)) if is_within(Path::new(name)) => Ok(SealedFile {
+            name: name.into(),
+            blake3: blake3.into(),
+        }),
+        Some((_, name)) => Err(BadManifest::Outside { name: name.into() }),
+        None => Err(BadManifest::BadLine { line: line.into() }),
+    };
+    let files: Vec<SealedFile> = manifest
+        .lines()
+        .map(file)
+        .collect::<std::result::Result<_, _>>()?;
+    let mut names = BTreeSet::new();
+    let mut views = BTreeMap::new();
+    for SealedFile { name, .. } in &files {
+        if !names.insert(name) {
+            return Err(BadManifest::TwoLines { name: name.clone() });
+        }
+        if !name.starts_with(VIDEOS) {
+            continue;
+        }
+        let Some(view) = view_of(name) else {
+            return Err(BadManifest::NoVideo { name: name.clone() });
+        };
+        if let Some(other) = views.insert(view, name) {
+            return Err(BadManifest::TwoVideos {
+                view: view.to_owned(),
+                one: other.clone(),
+                other: name.clone(),
+            });
+        }
+    }
+    Ok(files)
+}
+
+/// The view of a video, by its name within the folder.
+pub(crate) fn view_of(name: &str) -> Option<&str> {
+    let (view, ending) = name.strip_prefix(VIDEOS)?.rsplit_once('.')?;
+    let is_video = VideoCodec::ALL
+        .iter()
+        .any(|codec| codec.extension() == ending);
+    (is_video && file_name::check(view).is_ok()).then_some(view)
+}
+
+/// Whether a name within the folder has the form of a scenario's file.
+pub fn is_scenario_file(name: &str) -> bool {
+    ScenarioFolder::FILES.contains(&name) || view_of(name).is_some()
+}
+
+/// Whether a relative name stays within its folder.
+pub fn is_within(name: &Path) -> bool {
+    let mut parts = name.components().peekable();
+    parts.peek().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
+}
+
+/// BLAKE3 hash of the content of a file, in hexadecimal.
+pub fn hash_bytes(content: &[u8]) -> String {
+    blake3::hash(content).to_string()
+}
+
+/// BLAKE3 hash of a file, in hexadecimal digits.
+pub fn hash_file(path: &Path) -> Result<String> {
+    hash_opened(outside_file::open(path, FileKind::VIDEO)?, path)
+}
+
+/// The same for the current content of a sealed file: a file that is far too large is rejected unread.
+pub(crate) fn hash_sealed(name: &str, path: &Path) -> Result<String> {
+    let kind = match name.starts_with(VIDEOS) {
+        true => FileKind::VIDEO,
+        false => FileKind::TABLE,
+    };
+    hash_opened(outside_file::open(path, kind)?, path)
+}
+
+fn hash_opened(mut file: File, path: &Path) -> Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    io::copy(&mut file, &mut hasher).map_err(Error::io("read", path))?;
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// Seals a folder whose files are all written.
+pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
+    // Nothing may be sealed that a power failure could still undo.
+    let mut folders = BTreeSet::new();
+    for name in files_of(folder)? {
+        let path = folder.join(name);
+        sync(&path)?;
+        folders.extend(path.parent().map(Path::to_owned));
+    }
+    for folder in folders {
+        sync(&folder)?;
+    }
+    let manifest = manifest_of(folder)?;
+    files_in(&manifest).map_err(|bad| {
+        Error::corpus(
+            folder,
+            format!("is not sealed, nobody could read it: {bad}"),
+        )
+    })?;
+    write_atomically(&folder.join(MANIFEST), manifest.as_bytes())?;
+    let seal = Seal {
+        config_hash: config_hash.into(),
+        manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+        video_bytes: video_bytes(folder)?,
+    };
+    write_json(&folder.join(DONE), &seal)?;
+    Ok(seal)
+}
+
+/// Sizes of the videos of a folder, by name.
+fn video_bytes(folder: &Path) -> Result<BTreeMap<String, u64>> {
+    let videos = files_of(folder)?
+        .into_iter()
+        .filter(|name| name.starts_with(VIDEOS));
+    videos
+        .map(|name| {
+            let path = folder.join(&name);
+            let about = fs::metadata(&path).map_err(Error::io("read the size of", &path))?;
+            Ok((name, about.len()))
+        })
+        .collect()
+}
+
+/// Renames a sealed folder to its final name, durably.
+pub fn commit_folder(partial: &Path, committed: &Path) -> Result<()> {
+    fs::rename(partial, committed).map_err(Error::io("rename into place", committed))?;
+    sync(committed.parent().unwrap_or(committed))
+}
+
+/// The seal of a folder, if it has one: that of a committed change, if any.
+pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
+    // In this order: the first is renamed to the second.
+    for path in [decision(folder), folder.join(DONE)] {
+        refuse_link(&path)?;
+        match read_json(&path, "seal") {
+            Ok(seal) => return Ok(Some(seal)),
+            Err(error) if error.is_not_found() => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(None)
+}
+
+/// Returns true for a sealed folder, intact or damaged.
+pub fn is_at(folder: &Path) -> bool {
+    [DONE, MANIFEST]
+        .iter()
+        .all(|name| folder.join(name).is_file())
+}
+
+/// Everything in a sealed folder that does not match its seal, as text; empty if it is intact.
+pub fn faults(folder: &Path) -> Result<Vec<String>> {
+    while_it_stays(folder, || {
+        let sealed = match Sealed::read(folder) {
+            Ok(sealed) => sealed,
+            Err(error) if error.is_bad_content() => return Ok(vec![error.to_string()]),
+            Err(error) => return Err(error),
+        };
+        let Some(sealed) = sealed else {
+            return Ok(vec![NEVER_FINISHED.into()]);
+        };
+        let mut faults = faults_of_listed(&sealed, |_| true);
+        for name in files_of(folder)? {
+            if sealed.hash_of(&name).is_none() {
+                faults.push(format!("{name} is not listed in {MANIFEST}"));
+            }
+        }
+        Ok(faults)
+    })
+}
+
+/// Missing or changed files, without reading the videos, of which only the sizes are compared: fast enough to run before every run.
+pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
+    while_it_stays(folder, || {
+        let Some(sealed) = Sealed::read(folder)? else {
+            return Ok(vec![NEVER_FINISHED.into()]);
+        };
+        Ok(faults_of_listed(&sealed, |name| !name.starts_with(VIDEOS)))
+    })
+}
+
+/// Missing files and videos of another size: what shows without reading any file but the seal.
+pub fn faults_at_a_glance(folder: &Path) -> Result<Vec<String>> {
+    while_it_stays(folder, || {
+        let Some(sealed) = Sealed::read(folder)? else {
+            return Ok(vec![NEVER_FINISHED.into()]);
+        };
+        // Until a committed change is completed, a file may only have its new name, and is found by its hash.
+        let is_unsettled = is_unsettled(folder);
+        Ok(faults_of_listed(&sealed, |name| {
+            is_unsettled && !name.starts_with(VIDEOS)
+        }))
+    })
+}
+
+/// The result of `look`, once the folder did not change during the check.
+fn while_it_stays(folder: &Path, look: impl Fn() -> Result<Vec<String>>) -> Result<Vec<String>> {
+    for _ in 0..sealed::ATTEMPTS {
+        let before = read_seal(folder).ok();
+        let found = look();
+        let is_settled = matches!(&found, Ok(faults) if faults.is_empty());
+        if is_settled || read_seal(folder).ok() == before {
+            return found;
+        }
+    }
+    Err(Error::Changing {
+        path: folder.to_owned(),
+    })
+}
+
+/// Faults of the files that the manifest lists.
+fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<String> {
+    let fault = |file: &SealedFile| {
+        let name = &file.name;
+        if let Ok(Some((bytes, sealed_bytes))) = sealed.other_size(name) {
+            return Some(format!(
+                "{name} does not match its seal: it has {bytes} bytes, expected {sealed_bytes}"
+            ));
+        }
+        let found = if is_hashed(name) {
+            sealed.find(name, &file.blake3)
+        } else {
+            sealed.find_unread(name)
+        };
+        match found {
+            Ok(Found::Whole(_)) => None,
+            Ok(Found::Missing) => Some(format!("{name} is missing")),
+            Ok(Found::Other) => Some(format!(
+                "{name} does not match its seal: its hash differs from {MANIFEST}"
+            )),
+            Err(error) => Some(error.to_string()),
+        }
+    };
+    sealed.files().iter().filter_map(fault).collect()
+}
+
+/// Replaces or adds files of a sealed folder as one change: `write` receives the path for each file.
+pub fn replace_files(
+    claim: &Claim,
+    folder: &Path,
+    names: &[&str],
+    mut write: impl FnMut(&str, &Path) -> Result<()>,
+) -> Result<()> {
+    settle(claim, folder)?;
+    let sealed = Sealed::read(folder)?.ok_or_else(|| {
+        Error::corpus(
+            folder,
+            format!("has no {DONE}; generate the scenario first"),
+        )
+    })?;
+    let change = || {
+        for name in names {
+            let path = with_new_suffix(&folder.join(name));
+            write(name, &path)?;
+            sync(&path)?;
+        }
+        let manifest = manifest_with(&sealed, names)?;
+        write_atomically(
+            &with_new_suffix(&folder.join(MANIFEST)),
+            manifest.as_bytes(),
+        )?;
+        let seal = Seal {
+            manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+            ..sealed.seal().clone()
+        };
+        // This file commits the change.
+        write_json(&decision(folder), &seal)
+    };
+    let decided = { change }();
+    // An error may also come after the rename that commits the change, from the sync of the folder. Where even that is unknown,
+    // everything stays.
+    if decided.is_err() && matches!(decision(folder).try_exists(), Ok(false)) {
+        drop_undecided(folder, names.iter().copied());
+    }
+    decided?;
+    complete(folder)
+}
+
+/// Completes a committed change, drops the remains of an uncommitted one.
+pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
+    clear_leftovers(folder);
+    if decision(folder)
+        .try_exists()
+        .map_err(Error::io("look for", &decision(folder)))?
+    {
+        // The commit may not be durable yet, and must be before the files that it replaces are gone.
+        sync(folder)?;
+    }
+    complete(folder)
+}
+
+/// Renames the files of a committed change, drops the remains of an uncommitted one.
+fn complete(folder: &Path) -> Result<()> {
+    let Some(sealed) = Sealed::read(folder)? else {
+        return Ok(());
+    };
+    let decided = decision(folder);
+    if decided.exists() {
+        let manifest = [(MANIFEST, sealed.seal().manifest_blake3.as_str())];
+        let files = sealed.files().iter();
+        let listed = files.map(|file| (file.name.as_str(), file.blake3.as_str()));
+        for (name, blake3) in listed.chain(manifest) {
+            let path = folder.join(name);
+            let new = with_new_suffix(&path);
+            if new.exists() && hash_sealed(name, &new)? == blake3 {
+                fs::rename(&new, &path).map_err(Error::io("rename into place", &path))?;
+            }
+        }
+        sync(folder)?;
+        // The seal is renamed last: until then, this can be repeated.
+        let path = folder.join(DONE);
+        fs::rename(&decided, &path).map_err(Error::io("rename into place", &path))?;
+        sync(folder)?;
+    }
+    drop_undecided(folder, sealed.files().iter().map(|file| file.name.as_str()));
+    Ok(())
+}
+
+/// Removes `.new` files that a change would have created, and no others: a user's notes may end in `.new`, too.
+fn drop_undecided<'a>(folder: &Path, names: impl Iterator<Item = &'a str>) {
+    for name in names.chain([MANIFEST]) {
+        // Leftovers do no harm: readers go by the hash, and the next change overwrites them.
+        let _ = fs::remove_file(with_new_suffix(&folder.join(name)));
+    }
+}
+
+/// The current path of a file of the folder: `<name>.new` if a change is committed but not renamed yet.
+///
+/// # Errors
+/// It is a symbolic link.
+pub fn current_path(folder: &Path, name: &str) -> Result<PathBuf> {
+    let path = own_path(folder, name)?;
+    let new = with_new_suffix(&path);
+    let is_pending = is_unsettled(folder) && new.exists() && refuse_link(&new).is_ok();
+    Ok(if is_pending { new } else { path })
+}
+
+/// Whether a committed change still has to be completed.
+pub fn is_unsettled(folder: &Path) -> bool {
+    decision(folder).exists()
+}
+
+/// The file that commits a change.
+fn decision(folder: &Path) -> PathBuf {
+    with_new_suffix(&folder.join(DONE))
+}
+
+/// The temporary name of a file that will replace another.
+pub(crate) fn with_new_suffix(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(NEW_SUFFIX);
+    name.into()
+}
+
+/// Manifest of all files of a folder.
+fn manifest_of(folder: &Path) -> Result<String> {
+    let mut manifest = String::new();
+    for name in files_of(folder)? {
+        let hash = hash_file(&folder.join(&name))?;
+        manifest.push_str(&format!("{hash}  {name}\n"));
+    }
+    Ok(manifest)
+}
+
+/// The sealed manifest with the `.new` form of `replaced` files instead of the old. All other lines stay as sealed: hashing those
+/// files again would accept any damage since.
+fn manifest_with(sealed: &Sealed, replaced: &[&str]) -> Result<String> {
+    let mut lines: Vec<(String, String)> = sealed
+        .files()
+        .iter()
+        .filter(|file| !replaced.contains(&file.name.as_str()))
+        .map(|file| (file.name.clone(), file.blake3.clone()))
+        .collect();
+    for name in replaced {
+        let hash = hash_file(&with_new_suffix(&sealed.folder().join(name)))?;
+        lines.push(((*name).to_owned(), hash));
+    }
+    lines.sort();
+    Ok(lines
+        .iter()
+        .map(|(name, hash)| format!("{hash}  {name}\n"))
+        .collect())
+}
+
+/// Files that the seal covers, relative, with forward slashes, sorted.
+fn files_of(folder: &Path) -> Result<Vec<String>> {
+    fn walk(folder: &Path, prefix: &str, names: &mut Vec<String>) -> Result<()> {
+        for entry in fs::read_dir(folder).map_err(Error::io("list", folder))? {
+            let entry = entry.map_err(Error::io("list", folder))?;
+            let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+            if entry.path().is_dir() {
+                if !UNSEALED_FOLDERS.contains(&name.as_str()) {
+                    walk(&entry.path(), &format!("{name}/"), names)?;
+                }
+            } else if ![MANIFEST, DONE].contains(&name.as_str())
+                && !name.ends_with(NEW_SUFFIX)
+                && !name.ends_with(TEMPORARY_SUFFIX)
+            {
+                names.push(name);
+            }
+        }
+        Ok(())
+    }
+    let mut names = Vec::new();
+    walk(folder, "", &mut names)?;
+    names.sort();
+    Ok(names)
+}
+
+#[cfg(test)]
+mod tests;

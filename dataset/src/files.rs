@@ -1,0 +1,9 @@
+//! Files: reading what others wrote, within limits, and writing atomically.
+
+pub mod file_name;
+pub mod json_file;
+pub mod new_file;
+pub(crate) mod others_decoder;
+pub mod outside_file;
+pub mod own_path;
+pub mod toml_file;

@@ -1,0 +1,7 @@
+//! Numbers: units, exact frame rates, the limits of what comes from outside, fits and distributions.
+
+pub mod frame_rate;
+pub mod least_squares;
+pub mod limits;
+pub mod spread;
+pub mod units;

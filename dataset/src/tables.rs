@@ -1,0 +1,6 @@
+//! The Parquet tables of a scenario.
+
+pub mod columns;
+pub mod frames;
+pub mod pixel_box;
+pub mod registrations;

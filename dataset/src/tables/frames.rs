@@ -1,0 +1,427 @@
+//! `frames.parquet`: one row per tick, with the evidence that every view shows that tick.
+
+use std::path::Path;
+
+use crate::error::Result;
+use crate::geometry::camera::CameraPose;
+use crate::geometry::pose::{Controls, Pose};
+use crate::numbers::limits::{self, Limits};
+use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::work::memory;
+
+/// What the simulator reported about the picture of one view at one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewStamp {
+    /// The simulator's frame counter when the picture was taken, counted from the scenario's first picture.
+    pub sim_frame: u64,
+    /// Presentation timestamp of the picture in the view's video, in units of 1 / the frame rate's numerator seconds.
+    pub pts: i64,
+    /// The pose of the aircraft that the simulator reports as drawn.
+    pub echoed_pose: Pose,
+    /// The camera that the simulator reports as used.
+    pub echoed_camera: CameraPose,
+}
+
+/// Labels of one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TickLabels {
+    /// Geodesic distance to touchdown, metres.
+    pub dtd_m: f64,
+    /// Remaining distance along the course, metres; negative past the target.
+    pub along_track_m: f64,
+    /// Offset right of the extended centreline, metres.
+    pub cross_track_m: f64,
+    /// Height over the touchdown target, metres.
+    pub height_over_target_m: f64,
+    /// Time until the aircraft passes the target, seconds; missing if the flight ends before.
+    pub time_to_touchdown_s: Option<f64>,
+}
+
+/// One tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TickRow {
+    /// Number of the tick, from 0.
+    pub tick: u32,
+    /// Time since tick 0, nanoseconds.
+    pub time_ns: i64,
+    /// Pose of the aircraft's centre of gravity.
+    pub pose: Pose,
+    /// Velocity over ground (north, east, down), metres per second.
+    pub velocity_ned_mps: [f64; 3],
+    /// True airspeed, metres per second.
+    pub true_airspeed_mps: f64,
+    /// Flaps and gear.
+    pub controls: Controls,
+    /// Whether a wheel touches the ground.
+    pub on_ground: bool,
+    /// One stamp per view, in the order of [`Frames::views`].
+    pub views: Vec<ViewStamp>,
+    /// Labels, once `dtd label` has run.
+    pub labels: Option<TickLabels>,
+}
+
+/// The whole table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frames {
+    /// Identifiers of the views.
+    pub views: Vec<String>,
+    /// All ticks, in order.
+    pub rows: Vec<TickRow>,
+}
+
+/// Name of a value of a pose, its limits, and its accessor.
+type PoseField = (&'static str, Limits, fn(&Pose) -> f64);
+
+/// The pose of an aircraft.
+const POSE_FIELDS: [PoseField; 6] = pose_fields(limits::PITCH_DEG, limits::ROLL_DEG);
+/// The pose of a camera.
+const CAMERA_FIELDS: [PoseField; 6] =
+    pose_fields(limits::CAMERA_PITCH_DEG, limits::CAMERA_ROLL_DEG);
+
+const fn pose_fields(pitch: Limits, roll: Limits) -> [PoseField; 6] {
+    [
+        ("latitude_deg", limits::LATITUDE_DEG, |p| p.latitude_deg),
+        ("longitude_deg", limits::LONGITUDE_DEG, |p| p.longitude_deg),
+        ("altitude_msl_m", limits::ALTITUDE_MSL_M, |p| {
+            p.altitude_msl_m
+        }),
+        ("heading_true_deg", limits::HEADING_TRUE_DEG, |p| {
+            p.heading_true_deg
+        }),
+        ("pitch_deg", pitch, |p| p.pitch_deg),
+        ("roll_deg", roll, |p| p.roll_deg),
+    ]
+}
+
+const VELOCITY_FIELDS: [(&str, Limits); 3] = [
+    ("velocity_north_mps", limits::VELOCITY_MPS),
+    ("velocity_east_mps", limits::VELOCITY_MPS),
+    ("velocity_down_mps", limits::VELOCITY_DOWN_MPS),
+];
+
+impl Frames {
+    /// Writes the table if all numbers are within their limits. It has label columns if every row has labels.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        self.columns().write(path)
+    }
+
+    pub(crate) fn columns(&self) -> TableWriter {
+        let rows = &self.rows;
+        let mut table = TableWriter::new()
+            .u32("tick", rows.iter().map(|r| r.tick))
+            .i64("time_ns", rows.iter().map(|r| r.time_ns));
+        for (name, limits, get) in POSE_FIELDS {
+            table = table.f64_within(name, limits, rows.iter().map(|r| get(&r.pose)));
+        }
+        for (axis, (name, limits)) in VELOCITY_FIELDS.into_iter().enumerate() {
+            table = table.f64_within(name, limits, rows.iter().map(|r| r.velocity_ned_mps[axis]));
+        }
+        table = table
+            .f64_within(
+                "true_airspeed_mps",
+                limits::TRUE_AIRSPEED_MPS,
+                rows.iter().map(|r| r.true_airspeed_mps),
+            )
+            .f64_within(
+                "flap_ratio",
+                limits::RATIO,
+                rows.iter().map(|r| r.controls.flap_ratio),
+            )
+            .f64_within(
+                "gear_ratio",
+                limits::RATIO,
+                rows.iter().map(|r| r.controls.gear_ratio),
+            )
+            .bool("on_ground", rows.iter().map(|r| r.on_ground));
+        for (v, id) in self.views.iter().enumerate() {
+            table = table
+                .u64(
+                    &format!("sim_frame_{id}"),
+                    rows.iter().map(|r| r.views[v].sim_frame),
+                )
+                .i64(&format!("pts_{id}"), rows.iter().map(|r| r.views[v].pts));
+            for (name, limits, get) in POSE_FIELDS {
+                table = table.f64_within(
+                    &format!("echo_{name}_{id}"),
+                    limits,
+                    rows.iter().map(|r| get(&r.views[v].echoed_pose)),
+                );
+            }
+            for (name, limits, get) in CAMERA_FIELDS {
+                table = table.f64_within(
+                    &format!("camera_{name}_{id}"),
+                    limits,
+                    rows.iter().map(|r| get(&r.views[v].echoed_camera.pose)),
+                );
+            }
+            table = table.f64_within(
+                &format!("camera_hfov_deg_{id}"),
+                limits::HFOV_DEG,
+                rows.iter().map(|r| r.views[v].echoed_camera.hfov_deg),
+            );
+        }
+        if let Some(labels) = rows.iter().map(|r| r.labels).collect::<Option<Vec<_>>>() {
+            table = table
+                .f64_within("dtd_m", limits::DTD_M, labels.iter().map(|l| l.dtd_m))
+                .f64_within(
+                    "along_track_m",
+                    limits::TRACK_M,
+                    labels.iter().map(|l| l.along_track_m),
+                )
+                .f64_within(
+                    "cross_track_m",
+                    limits::TRACK_M,
+                    labels.iter().map(|l| l.cross_track_m),
+                )
+                .f64_within(
+                    "height_over_target_m",
+                    limits::HEIGHT_OVER_TARGET_M,
+                    labels.iter().map(|l| l.height_over_target_m),
+                )
+                .optional_f64_within(
+                    "time_to_touchdown_s",
+                    limits::TIME_TO_TOUCHDOWN_S,
+                    labels.iter().map(|l| l.time_to_touchdown_s),
+                );
+        }
+        table
+    }
+
+    /// Reads the table. A number outside its limits is an error.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::of_table(&mut Table::read(path, limits::MOST_TICKS.into())?)
+    }
+
+    /// Like [`Self::read`], but collects numbers outside their limits.
+    pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<ColumnOutOfLimits>)> {
+        let mut table = Table::read(path, limits::MOST_TICKS.into())?.collecting();
+        let frames = Self::of_table(&mut table)?;
+        Ok((frames, table.into_collected()))
+    }
+
+    /// Reads the content of the table's file; messages name it as `path`.
+    pub fn parse(content: Vec<u8>, path: &Path) -> Result<Self> {
+        Self::of_table(&mut Table::parse(content, path, limits::MOST_TICKS.into())?)
+    }
+
+    fn of_table(table: &mut Table) -> Result<Self> {
+        let views: Vec<String> = table
+            .column_names()
+            .filter_map(|name| name.strip_prefix("sim_frame_"))
+            .map(str::to_owned)
+            .collect();
+        if views.len() > limits::MOST_VIEWS {
+            let (found, most) = (views.len(), limits::MOST_VIEWS);
+            return Err(table.fault(format!("has {found} views, expected at most {most}")));
+        }
+        let row_bytes = size_of::<TickRow>() + 2 * views.len() * size_of::<ViewStamp>();
+        memory::check("table of frames", (table.rows() * row_bytes) as u64)?;
+        let pose = read_poses(table, "", "", POSE_FIELDS)?;
+        let tick = table.u32("tick")?;
+        let time_ns = table.i64("time_ns")?;
+        let mut velocity = Vec::with_capacity(VELOCITY_FIELDS.len());
+        for (name, limits) in VELOCITY_FIELDS {
+            velocity.push(table.f64_within(name, limits)?);
+        }
+        let true_airspeed_mps = table.f64_within("true_airspeed_mps", limits::TRUE_AIRSPEED_MPS)?;
+        let flap_ratio = table.f64_within("flap_ratio", limits::RATIO)?;
+        let gear_ratio = table.f64_within("gear_ratio", limits::RATIO)?;
+        let on_ground = table.bool("on_ground")?;
+        let stamps = views
+            .iter()
+            .map(|id| read_stamps(table, id))
+            .collect::<Result<Vec<_>>>()?;
+        let labels = read_labels(table)?;
+        let rows = (0..table.rows())
+            .map(|row| TickRow {
+                tick: tick[row],
+                time_ns: time_ns[row],
+                pose: pose[row],
+                velocity_ned_mps: [velocity[0][row], velocity[1][row], velocity[2][row]],
+                true_airspeed_mps: true_airspeed_mps[row],
+                controls: Controls {
+                    flap_ratio: flap_ratio[row],
+                    gear_ratio: gear_ratio[row],
+                },
+                on_ground: on_ground[row],
+                views: stamps.iter().map(|stamps| stamps[row]).collect(),
+                labels: labels.as_ref().map(|labels| labels[row]),
+            })
+            .collect();
+        Ok(Self { views, rows })
+    }
+}
+
+fn read_poses(
+    table: &mut Table,
+    prefix: &str,
+    suffix: &str,
+    fields: [PoseField; 6],
+) -> Result<Vec<Pose>> {
+    let mut columns = Vec::with_capacity(fields.len());
+    for (name, limits, _) in fields {
+        columns.push(table.f64_within(&format!("{prefix}{name}{suffix}"), limits)?);
+    }
+    let [latitude, longitude, altitude, heading, pitch, roll] = columns.as_slice() else {
+        unreachable!("as many columns as fields");
+    };
+    Ok((0..table.rows())
+        .map(|row| Pose {
+            latitude_deg: latitude[row],
+            longitude_deg: longitude[row],
+            altitude_msl_m: altitude[row],
+            heading_true_deg: heading[row],
+            pitch_deg: pitch[row],
+            roll_deg: roll[row],
+        })
+        .collect())
+}
+
+fn read_stamps(table: &mut Table, id: &str) -> Result<Vec<ViewStamp>> {
+    let sim_frame = table.u64(&format!("sim_frame_{id}"))?;
+    let pts = table.i64(&format!("pts_{id}"))?;
+    let suffix = format!("_{id}");
+    let pose = read_poses(table, "echo_", &suffix, POSE_FIELDS)?;
+    let camera = read_poses(table, "camera_", &suffix, CAMERA_FIELDS)?;
+    let hfov_deg = table.f64_within(&format!("camera_hfov_deg_{id}"), limits::HFOV_DEG)?;
+    Ok((0..table.rows())
+        .map(|row| ViewStamp {
+            sim_frame: sim_frame[row],
+            pts: pts[row],
+            echoed_pose: pose[row],
+            echoed_camera: CameraPose {
+                pose: camera[row],
+                hfov_deg: hfov_deg[row],
+            },
+        })
+        .collect())
+}
+
+fn read_labels(table: &mut Table) -> Result<Option<Vec<TickLabels>>> {
+    if !table.has("dtd_m") {
+        return Ok(None);
+    }
+    let dtd_m = table.f64_within("dtd_m", limits::DTD_M)?;
+    let along_track_m = table.f64_within("along_track_m", limits::TRACK_M)?;
+    let cross_track_m = table.f64_within("cross_track_m", limits::TRACK_M)?;
+    let height_over_target_m =
+        table.f64_within("height_over_target_m", limits::HEIGHT_OVER_TARGET_M)?;
+    let time_to_touchdown_s =
+        table.optional_f64_within("time_to_touchdown_s", limits::TIME_TO_TOUCHDOWN_S)?;
+    let labels = (0..table.rows()).map(|row| TickLabels {
+        dtd_m: dtd_m[row],
+        along_track_m: along_track_m[row],
+        cross_track_m: cross_track_m[row],
+        height_over_target_m: height_over_target_m[row],
+        time_to_touchdown_s: time_to_touchdown_s[row],
+    });
+    Ok(Some(labels.collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose(offset: f64) -> Pose {
+        Pose {
+            latitude_deg: 1.3 + offset,
+            longitude_deg: 103.9,
+            altitude_msl_m: 700.0,
+            heading_true_deg: 23.0,
+            pitch_deg: 2.5,
+            roll_deg: -0.5,
+        }
+    }
+
+    fn frames(labels: Option<TickLabels>) -> Frames {
+        let stamp = |view: f64| ViewStamp {
+            sim_frame: 812,
+            pts: 1,
+            echoed_pose: pose(0.25),
+            echoed_camera: CameraPose {
+                pose: pose(view),
+                hfov_deg: 10.0,
+            },
+        };
+        let row = TickRow {
+            tick: 0,
+            time_ns: 0,
+            pose: pose(0.25),
+            velocity_ned_mps: [60.0, 25.0, 3.5],
+            true_airspeed_mps: 70.0,
+            controls: Controls {
+                flap_ratio: 0.75,
+                gear_ratio: 1.0,
+            },
+            on_ground: false,
+            views: vec![stamp(1.0), stamp(2.0)],
+            labels,
+        };
+        Frames {
+            views: vec!["left".into(), "right".into()],
+            rows: vec![row],
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_back_with_and_without_labels() {
+        let labels = TickLabels {
+            dtd_m: 18_000.0,
+            along_track_m: 17_999.0,
+            cross_track_m: -3.0,
+            height_over_target_m: 693.0,
+            time_to_touchdown_s: None,
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames.parquet");
+        for table in [frames(None), frames(Some(labels))] {
+            table.write(&path).unwrap();
+            assert_eq!(Frames::read(&path).unwrap(), table);
+        }
+    }
+
+    #[test]
+    fn a_number_that_no_airliner_has_is_neither_written_nor_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames.parquet");
+        type Change = fn(&mut TickRow);
+        let changes: [(&str, Change); 6] = [
+            ("pitch_deg 1e17", |f| f.pose.pitch_deg = 1e17),
+            ("roll_deg 179", |f| f.pose.roll_deg = 179.0),
+            ("true_airspeed_mps 1e308", |f| f.true_airspeed_mps = 1e308),
+            ("gear_ratio -5", |f| f.controls.gear_ratio = -5.0),
+            ("echo_latitude_deg_right NaN", |f| {
+                f.views[1].echoed_pose.latitude_deg = f64::NAN;
+            }),
+            ("camera_hfov_deg_left inf", |f| {
+                f.views[0].echoed_camera.hfov_deg = f64::INFINITY;
+            }),
+        ];
+        for (words, change) in changes {
+            let mut table = frames(None);
+            let mut odd = table.rows[0].clone();
+            change(&mut odd);
+            table.rows.push(odd);
+            let words = format!("frames.parquet row 1: {words} is out of range; expected ");
+            let message = table.write(&path).unwrap_err().to_string();
+            assert!(message.contains(&words), "{message}");
+            table.columns().unchecked().write(&path).unwrap();
+            let message = Frames::read(&path).unwrap_err().to_string();
+            assert!(message.contains(&words), "{message}");
+            let (read, faults) = Frames::read_with_faults(&path).unwrap();
+            assert_eq!((read.rows.len(), faults.len()), (2, 1));
+        }
+    }
+
+    #[test]
+    fn a_missing_column_is_named_with_the_columns_that_are_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames.parquet");
+        TableWriter::new().u32("tick", [0]).write(&path).unwrap();
+        let message = Frames::read(&path).unwrap_err().to_string();
+        assert!(
+            message.contains("latitude_deg") && message.contains("its columns are tick"),
+            "{message}"
+        );
+    }
+}

@@ -1,0 +1,295 @@
+//! Boxes in pictures, and the table of the true ones (`boxes_truth.parquet`); that of the detected ones is in [`crate::corpus::detections`].
+//!
+//! Pixel (0, 0) is the centre of the top-left pixel, so a box that covers exactly that pixel has its centre at (0, 0) and is
+//! one pixel wide.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::Result;
+use crate::numbers::limits::{self, Limits};
+use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::work::memory;
+
+/// A detector is expected to find the aircraft if more than this part of it is in the picture.
+const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
+
+/// An axis-parallel box, pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PixelBox {
+    /// Centre, right.
+    pub cx_px: f64,
+    /// Centre, down.
+    pub cy_px: f64,
+    /// Width.
+    pub width_px: f64,
+    /// Height.
+    pub height_px: f64,
+}
+
+impl PixelBox {
+    /// The box with these edges.
+    pub fn from_edges(left: f64, top: f64, right: f64, bottom: f64) -> Self {
+        Self {
+            cx_px: (left + right) / 2.0,
+            cy_px: (top + bottom) / 2.0,
+            width_px: right - left,
+            height_px: bottom - top,
+        }
+    }
+
+    /// Left, top, right and bottom edge.
+    pub fn edges(&self) -> [f64; 4] {
+        let (half_width, half_height) = (self.width_px / 2.0, self.height_px / 2.0);
+        [
+            self.cx_px - half_width,
+            self.cy_px - half_height,
+            self.cx_px + half_width,
+            self.cy_px + half_height,
+        ]
+    }
+
+    /// Area, square pixels.
+    pub fn area(&self) -> f64 {
+        self.width_px.max(0.0) * self.height_px.max(0.0)
+    }
+
+    /// The part inside a picture of this size, or `None` if it is entirely outside.
+    pub fn clipped_to(&self, picture_width_px: u32, picture_height_px: u32) -> Option<Self> {
+        let [left, top, right, bottom] = self.edges();
+        let clipped = Self::from_edges(
+            left.max(-0.5),
+            top.max(-0.5),
+            right.min(f64::from(picture_width_px) - 0.5),
+            bottom.min(f64::from(picture_height_px) - 0.5),
+        );
+        (clipped.width_px > 0.0 && clipped.height_px > 0.0).then_some(clipped)
+    }
+
+    /// Area of the part that another box covers, square pixels.
+    pub fn intersection(&self, other: &Self) -> f64 {
+        let [a, b] = [self.edges(), other.edges()];
+        let width = (a[2].min(b[2]) - a[0].max(b[0])).max(0.0);
+        let height = (a[3].min(b[3]) - a[1].max(b[1])).max(0.0);
+        width * height
+    }
+
+    /// Intersection over union with another box, 0 to 1.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let intersection = self.intersection(other);
+        let union = self.area() + other.area() - intersection;
+        if union > 0.0 {
+            intersection / union
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The true box of the aircraft in one view at one tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TruthBox {
+    /// Tick.
+    pub tick: u32,
+    /// Identifier of the view.
+    pub view: String,
+    /// Class name: always `aircraft`.
+    pub class: String,
+    /// Box of the projected mesh, clipped to the picture.
+    pub pixel_box: PixelBox,
+    /// Part of the aircraft's silhouette that is inside the picture and above the ground, 0 to 1.
+    pub visible_fraction: f64,
+    /// Part of the unclipped box that is outside the picture, 0 to 1.
+    pub truncation: f64,
+    /// Share of contrast that remains at this distance, `exp(-3.912 * range / visibility)`, 0 to 1.
+    pub transmission: f64,
+}
+
+impl TruthBox {
+    /// Whether a detector is expected to find this aircraft: most of it is in the picture.
+    pub fn is_expected(&self) -> bool {
+        self.visible_fraction > EXPECTED_VISIBLE_FRACTION
+    }
+}
+
+/// Writes `boxes_truth.parquet`.
+pub fn write_truth_boxes(path: &Path, boxes: &[TruthBox]) -> Result<()> {
+    truth_box_columns(boxes).write(path)
+}
+
+pub(crate) fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
+    let table = TableWriter::new()
+        .u32("tick", boxes.iter().map(|b| b.tick))
+        .text("view", boxes.iter().map(|b| &b.view))
+        .text("class", boxes.iter().map(|b| &b.class));
+    box_columns(table, boxes.iter().map(|b| &b.pixel_box))
+        .f64_within(
+            "visible_fraction",
+            limits::RATIO,
+            boxes.iter().map(|b| b.visible_fraction),
+        )
+        .f64_within(
+            "truncation",
+            limits::RATIO,
+            boxes.iter().map(|b| b.truncation),
+        )
+        .f64_within(
+            "transmission",
+            limits::RATIO,
+            boxes.iter().map(|b| b.transmission),
+        )
+}
+
+/// Reads `boxes_truth.parquet` of a scenario with this many pictures, each with at most one box. A number outside its limits is an
+/// error.
+pub fn read_truth_boxes(path: &Path, pictures: u64) -> Result<Vec<TruthBox>> {
+    truth_boxes_of(&mut Table::read(path, pictures)?)
+}
+
+/// The same, but collecting numbers outside their limits.
+pub(crate) fn read_truth_boxes_with_faults(
+    path: &Path,
+    pictures: u64,
+) -> Result<(Vec<TruthBox>, Vec<ColumnOutOfLimits>)> {
+    let mut table = Table::read(path, pictures)?.collecting();
+    let boxes = truth_boxes_of(&mut table)?;
+    Ok((boxes, table.into_collected()))
+}
+
+/// Reads the content of `boxes_truth.parquet` as [`read_truth_boxes`] does; messages name it as `path`.
+pub fn parse_truth_boxes(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<TruthBox>> {
+    truth_boxes_of(&mut Table::parse(content, path, pictures)?)
+}
+
+fn truth_boxes_of(table: &mut Table) -> Result<Vec<TruthBox>> {
+    check_memory(table)?;
+    let tick = table.u32("tick")?;
+    let boxes = read_boxes(table)?;
+    let visible_fraction = table.f64_within("visible_fraction", limits::RATIO)?;
+    let truncation = table.f64_within("truncation", limits::RATIO)?;
+    let transmission = table.f64_within("transmission", limits::RATIO)?;
+    let words = table.text("view")?.into_iter().zip(table.text("class")?);
+    Ok(words
+        .enumerate()
+        .map(|(row, (view, class))| TruthBox {
+            tick: tick[row],
+            view,
+            class,
+            pixel_box: boxes[row],
+            visible_fraction: visible_fraction[row],
+            truncation: truncation[row],
+            transmission: transmission[row],
+        })
+        .collect())
+}
+
+fn box_columns<'a>(
+    table: TableWriter,
+    boxes: impl Iterator<Item = &'a PixelBox> + Clone,
+) -> TableWriter {
+    BOX_FIELDS
+        .into_iter()
+        .fold(table, |table, (name, limits, get)| {
+            table.f64_within(name, limits, boxes.clone().map(get))
+        })
+}
+
+/// Name of a value of a box, its limits, and its accessor.
+pub(crate) type BoxField = (&'static str, Limits, fn(&PixelBox) -> f64);
+
+pub(crate) const BOX_FIELDS: [BoxField; 4] = [
+    ("cx_px", limits::BOX_PLACE_PX, |b| b.cx_px),
+    ("cy_px", limits::BOX_PLACE_PX, |b| b.cy_px),
+    ("width_px", limits::BOX_SIZE_PX, |b| b.width_px),
+    ("height_px", limits::BOX_SIZE_PX, |b| b.height_px),
+];
+
+/// A table's columns before they become a list of boxes with the names of their views.
+fn check_memory(table: &Table) -> Result<()> {
+    let row_bytes = 2 * size_of::<TruthBox>() + 32;
+    memory::check("table of boxes", (table.rows() * row_bytes) as u64)?;
+    Ok(())
+}
+
+fn read_boxes(table: &mut Table) -> Result<Vec<PixelBox>> {
+    let mut columns = Vec::with_capacity(BOX_FIELDS.len());
+    for (name, limits, _) in BOX_FIELDS {
+        columns.push(table.f64_within(name, limits)?);
+    }
+    let [cx, cy, width, height] = columns.as_slice() else {
+        unreachable!("as many columns as fields");
+    };
+    Ok((0..table.rows())
+        .map(|row| PixelBox {
+            cx_px: cx[row],
+            cy_px: cy[row],
+            width_px: width[row],
+            height_px: height[row],
+        })
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> PixelBox {
+        PixelBox {
+            cx_px: 0.0,
+            cy_px: 0.0,
+            width_px: 2.0,
+            height_px: 4.0,
+        }
+    }
+
+    #[test]
+    fn a_box_half_outside_the_picture_keeps_the_inner_part() {
+        let inner = sample().clipped_to(100, 100).unwrap();
+        assert_eq!(inner.edges(), [-0.5, -0.5, 1.0, 2.0]);
+        assert_eq!(
+            PixelBox {
+                cx_px: -9.0,
+                ..sample()
+            }
+            .clipped_to(100, 100),
+            None
+        );
+    }
+
+    #[test]
+    fn iou_of_a_box_with_itself_is_one_and_with_its_half_is_a_half() {
+        assert_eq!(sample().iou(&sample()), 1.0);
+        assert_eq!(
+            sample().iou(&PixelBox {
+                height_px: 2.0,
+                ..sample()
+            }),
+            0.5
+        );
+        assert_eq!(
+            sample().iou(&PixelBox {
+                cx_px: 50.0,
+                ..sample()
+            }),
+            0.0
+        );
+    }
+
+    #[test]
+    fn truth_boxes_are_read_back_as_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("boxes.parquet");
+        let truth = vec![TruthBox {
+            tick: 3,
+            view: "left".into(),
+            class: "aircraft".into(),
+            pixel_box: sample(),
+            visible_fraction: 0.5,
+            truncation: 0.25,
+            transmission: 0.9,
+        }];
+        write_truth_boxes(&path, &truth).unwrap();
+        assert_eq!(read_truth_boxes(&path, 1).unwrap(), truth);
+    }
+}
