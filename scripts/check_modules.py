@@ -14,7 +14,7 @@ from pathlib import Path
 # For each crate: modules whose children are rooms, the most modules in a circle, and the most levels of rooms.
 CRATES = {
     "trainer": ({"estimators"}, 3, 9),
-    "dataset": (set(), 6, 9),
+    "crates/dataset": (set(), 6, 9),
 }
 
 MODULE = re.compile(r"^\s*(?:pub(?:\([a-z]+\))? )?mod (\w+);", re.M)

@@ -150,7 +150,7 @@ fn awkward_habits_at_random_give_the_pictures_of_a_well_behaved_simulator() {
 }
 
 /// All that a client handles without preparation. For those that reports disagree on it checks pictures itself; the weather needs
-/// `dtd doctor` first (mock-xplane/tests/profile.rs).
+/// `dtd doctor` first (crates/mock-xplane/tests/profile.rs).
 fn habits() -> impl Iterator<Item = &'static Facts> {
     const LOOKED_AT: [&str; 2] = ["pause_keeps_pose", "slow_exposure"];
     FACTS

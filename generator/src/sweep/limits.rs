@@ -1,4 +1,5 @@
-//! How the limits of [`dataset::numbers::limits`] are enforced in a sweep, where a number may be a spread and the schema includes them, too.
+//! How the limits of [`dataset::numbers::limits`] are enforced in a sweep, where a number may be a spread and the schema includes them,
+//! too.
 
 use dataset::numbers::limits::Limits;
 use schemars::Schema;

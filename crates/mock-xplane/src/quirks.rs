@@ -592,7 +592,7 @@ mod tests {
 
     #[test]
     fn the_documents_table_has_the_same_lines() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/simulator.md");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/simulator.md");
         let document = std::fs::read_to_string(path).unwrap();
         for facts in &FACTS {
             let yes = |which| if which { "yes" } else { "" };

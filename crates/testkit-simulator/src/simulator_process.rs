@@ -14,7 +14,10 @@ use xplane_bridge::LINK_TOKEN_VARIABLE;
 use crate::Xvfb;
 
 /// The sweep that fits its window.
-pub const SWEEP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/awkward/sweep.toml");
+pub const SWEEP: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../tests/awkward/sweep.toml"
+);
 /// Size of its pictures.
 const WINDOW: &str = "96x64";
 /// How much faster than real time the simulator's clock runs: a minute of waiting takes three seconds.

@@ -7,7 +7,9 @@ use std::sync::LazyLock;
 /// Its root.
 pub fn repository() -> &'static Path {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    here.parent().expect("this crate lies in the repository")
+    here.ancestors()
+        .nth(2)
+        .expect("this crate lies in crates/ of the repository")
 }
 
 /// A program of the virtual environment in `.venv`.

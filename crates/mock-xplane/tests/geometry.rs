@@ -167,7 +167,7 @@ fn draw_scenes(folder: &Path) {
 
 #[test]
 fn wheels_wing_tips_and_nose_lie_where_an_independent_camera_model_puts_them() {
-    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let python = repository.join(".venv/bin/python");
     assert!(
         python.exists(),

@@ -2,7 +2,7 @@
 //! can compare ONNX Runtime's output with it:
 //!
 //!     cargo run --release -p detector-training --example compare_onnx -- FOLDER
-//!     python detector-training/examples/compare_onnx.py FOLDER
+//!     python crates/detector-training/examples/compare_onnx.py FOLDER
 //!
 //! All files are raw little-endian 32-bit floats: `picture.f32` `[416, 640, 3]`, `cells.f32` `[4160, 5]` (the network's raw output).
 //! `peaks.json` holds the decoded peaks.
