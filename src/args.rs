@@ -522,7 +522,7 @@ pub(crate) struct TrainDetectorArgs {
     /// A detector of this verb to start from instead of random weights
     #[arg(long, value_name = "M.onnx")]
     pub(crate) start_from: Option<PathBuf>,
-    /// TOML file with settings that differ from the defaults (docs/detector-training.md)
+    /// TOML file with settings that differ from the defaults
     ///
     /// All resulting settings are saved in the report.
     #[arg(long, value_name = "DETECTOR.toml")]

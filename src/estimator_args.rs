@@ -21,7 +21,7 @@ pub(crate) struct TrainArgs {
     /// Takes about a minute of processor time for a small corpus.
     #[arg(long, conflicts_with = "config")]
     pub(crate) quick: bool,
-    /// TOML file with settings that differ from the defaults (docs/training-settings.md)
+    /// TOML file with settings that differ from the defaults
     ///
     /// All resulting settings are saved in RUN/config.json, which this option also accepts.
     #[arg(long, value_name = "TRAIN.toml")]

@@ -10,7 +10,7 @@ use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::process;
 
-use dataset::plain::{plain, plain_lines};
+use dataset::plain::plain;
 
 use crate::failure::FAILED;
 use crate::repeats;
@@ -44,7 +44,7 @@ macro_rules! eprint_error {
 /// Writes a line of a result for a person, possibly through a pager or into a file. If the result cannot be written to its
 /// destination, e.g. a full disk, the process ends.
 pub(crate) fn to_stdout(line: Arguments<'_>) {
-    write_to_stdout(&plain_lines(&line.to_string()));
+    write_to_stdout(&plain(&line.to_string()));
 }
 
 /// Writes a document for a program, exactly. On a terminal it is sanitised like any other text.

@@ -794,17 +794,6 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     assert!(said(&refused).contains(words), "{}", said(&refused));
     assert!(!path("lerobot").exists() && !path("lerobot.partial").exists());
     let resampled = export("lerobot", &["--rate", "10"]);
-    let again = DTD
-        .command(&["export", "corpus", "--to", "lerobot", "--out", "lerobot"])
-        .args(["--rate", "10"])
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    let printed = said(&again);
-    assert!(
-        printed.contains("already complete") && !printed.contains("box"),
-        "{printed}"
-    );
     let (fps, frames, furthest_s) = judge_lerobot(&path("lerobot"), &path("corpus"), 5, false);
     assert_eq!(
         (fps, resampled["pictures"].as_u64()),

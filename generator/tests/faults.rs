@@ -446,14 +446,17 @@ async fn a_whole_scenario_whose_table_was_damaged_is_refused_by_name() {
     make_corpus(corpus.path()).await;
     let table = format!("scenarios/{}/frames.parquet", IDS[1]);
     fs::write(corpus.path().join(&table), "not a table").unwrap();
-    let error = run(small_sweep(), corpus.path(), stand_in().await, &[])
+    let outcome = run(small_sweep(), corpus.path(), stand_in().await, &[])
         .await
-        .unwrap_err();
-    assert!(error.is_bad_input());
-    let message = error.to_string();
+        .unwrap();
+    let [failed] = &outcome.failed[..] else {
+        panic!("{outcome:?}");
+    };
+    assert_eq!(failed.id, IDS[1]);
     assert!(
-        message.contains(IDS[1]) && message.contains("frames.parquet"),
-        "{message}"
+        failed.reason.contains("frames.parquet"),
+        "{}",
+        failed.reason
     );
 }
 

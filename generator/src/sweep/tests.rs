@@ -438,7 +438,7 @@ fn a_missing_file_is_reported_by_name() {
     let error = Sweep::read(Path::new("no/such/sweep.toml")).unwrap_err();
     let message = error.to_string();
     assert!(
-        message.contains("cannot be read") && message.contains("no/such/sweep.toml"),
+        message.contains("cannot read") && message.contains("no/such/sweep.toml"),
         "{message}"
     );
 }

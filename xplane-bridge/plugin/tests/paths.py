@@ -5,7 +5,7 @@ from pathlib import Path
 
 PLUGIN = Path(__file__).resolve().parents[1]
 GOLDEN = PLUGIN.parent / "golden"
-FAKE_XP = PLUGIN.parents[1] / "mock-xplane" / "fake_xp"
+FAKE_XP = PLUGIN.parents[1] / "crates" / "mock-xplane" / "fake_xp"
 
 for folder in (PLUGIN, FAKE_XP):
     if str(folder) not in sys.path:
