@@ -22,7 +22,7 @@ use crate::{checkpoint, corpus_samples, export};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectorConfig {
-    /// How to train.
+    /// Training settings.
     pub training: TrainingConfig,
     /// Approximate number of frames of the test trajectories for evaluation.
     pub judged_frames: usize,
@@ -127,7 +127,7 @@ pub fn train_detector(
     Ok(report)
 }
 
-/// Checks that the model can be written and that nobody else makes it, before the training.
+/// Checks before the training that the model can be written, and locks its checkpoint folder against other processes.
 fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     let refused = |fault| Error::Output {
         path: out.to_owned(),

@@ -1,6 +1,6 @@
 //! The subset of ONNX's file format that this project's models need, as Protocol Buffers messages.
 //!
-//! Field numbers are those of `onnx.proto` (ONNX 1.13, IR version 8). Writing them by hand avoids a compiler for `.proto` files.
+//! Field numbers as in `onnx.proto` (ONNX 1.13, IR version 8). Writing them by hand avoids a compiler for `.proto` files.
 
 use prost::{Message, Oneof};
 
@@ -17,7 +17,7 @@ pub struct ModelProto {
     /// Version of the file format.
     #[prost(int64, tag = "1")]
     pub ir_version: i64,
-    /// What wrote it.
+    /// Program that wrote it.
     #[prost(string, tag = "2")]
     pub producer_name: String,
     /// Version of the producer.

@@ -28,7 +28,7 @@ use crate::{assets, connections, overview, path, planes, scenario_tables, thumbn
 /// Columns and rows of a picture that is sent as planes, and of its part if there is one.
 const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
 
-/// What to show, and where.
+/// Options of the server.
 #[derive(Debug)]
 pub struct ViewOptions {
     /// The corpus.
@@ -39,7 +39,7 @@ pub struct ViewOptions {
     pub port: u16,
 }
 
-/// Serves the page until the future is dropped; `ready` is told the address.
+/// Serves the page until the future is dropped; `ready` is called with the address.
 ///
 /// # Errors
 /// A run is given twice, or the port is not free.
