@@ -57,7 +57,7 @@ pub(crate) struct HalfWidths {
 }
 
 impl HalfWidths {
-    /// Those of normal distributions.
+    /// Half widths for normal distributions.
     pub(super) const NORMAL: Self = Self {
         distance: NORMAL_90,
         ground_speed: NORMAL_90,
@@ -105,7 +105,8 @@ fn estimated(value: f64, sd: f64, half_width: f64) -> Estimated {
     }
 }
 
-/// When the distance will be 0 if nothing unusual happens, and the standard deviation of that time: of the place then, over the speed.
+/// Time until the distance is 0 with the present motion, and its standard deviation: the deviation of the position at that time, over the
+/// speed.
 fn time_to_touchdown_s(motion: &Motion, known: &Gaussian, inflation: f64) -> Option<(f64, f64)> {
     let mut moving = Gaussian::independent(known.mean[..Motion::UNKNOWNS].to_vec(), &[]);
     for i in 0..Motion::UNKNOWNS {

@@ -31,8 +31,8 @@ pub(super) struct LabelledFlight {
 }
 
 impl LabelledFlight {
-    /// The flights of the training side, each measured by fits to the others if there are some, and those of the validation side. Boxes are
-    /// filtered as in an evaluation, which does not know which of them hold the aircraft.
+    /// The flights of the training side, each measured by fits to the others if there are some, and the flights of the validation side.
+    /// Boxes are filtered as in an evaluation, without knowledge of which of them contain the aircraft.
     pub(super) fn held_out(
         fits: &CrossFitted,
         samples: &Samples,
