@@ -1,4 +1,4 @@
-//! What became of each picture: found, or missed and why.
+//! Outcome of each image: found, or missed for a reason.
 
 use std::collections::HashMap;
 

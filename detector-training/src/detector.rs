@@ -157,7 +157,7 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     }
 }
 
-/// Whether the model may be replaced: it does not exist, it is the one of the report, or its training was interrupted.
+/// True if the model may be replaced: it does not exist, it is the model of the report, or its training was interrupted.
 fn is_own(out: &Path, report: &Path, checkpoint: &Path) -> Result<bool> {
     if !out.exists() || checkpoint.is_dir() {
         return Ok(true);

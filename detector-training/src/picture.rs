@@ -95,8 +95,8 @@ pub fn matched_filter_ratio(
     aircraft.max(0.0).sqrt() / noise_levels
 }
 
-/// How strong an aircraft is beside its surroundings: mean distance of the strongest tenth of pixels from a plane through the
-/// surroundings, grey levels.
+/// Strength of an aircraft and of its surroundings: mean distance of the strongest tenth of pixels from a plane through the surroundings,
+/// grey levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Strength {
     inside: f64,

@@ -114,7 +114,7 @@ pub struct AttributeProto {
     /// Value of type `INTS`.
     #[prost(int64, repeated, packed = "false", tag = "8")]
     pub ints: Vec<i64>,
-    /// Which of the values is set: 1 `FLOAT`, 2 `INT`, 3 `STRING`, 7 `INTS`.
+    /// Type of the value that is set: 1 `FLOAT`, 2 `INT`, 3 `STRING`, 7 `INTS`.
     #[prost(int32, tag = "20")]
     pub r#type: i32,
 }

@@ -86,7 +86,7 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
     Ok(Ending::Done)
 }
 
-/// A folder with other files would be left with those of two exports.
+/// Refuses a folder with files, which would end up with the files of two exports.
 fn refuse_filled(out: &Path) -> Result<(), Failure> {
     let mut entries = match fs::read_dir(out) {
         Ok(entries) => entries,
@@ -113,7 +113,7 @@ fn refuse_filled(out: &Path) -> Result<(), Failure> {
     }
 }
 
-/// How well ONNX Runtime agrees with us about a model; an error if it does not.
+/// Agreement of ONNX Runtime with us about a model; an error if they disagree.
 fn checked(
     model: &ExportedModel,
     file: &str,

@@ -340,7 +340,7 @@ fn check_unseen(
     }
 }
 
-/// Whether the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the same views of
+/// True if the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the same views of
 /// the same rig, planned in the same way.
 fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
     let same_kind = !(run.cameras_vary || rig.cameras_vary)

@@ -529,9 +529,9 @@ fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
 /// A flight is known by its places at these times, of those that it lasts; seconds.
 const KNOWN_BY_S: [i64; 4] = [0, 60, 120, 180];
 
-/// What a trajectory is, whatever it is called: the hash of the recording that it replays, or of the flown path. Live flights of two
-/// sweeps may share a name, and copies of a recording may have several. The path is known by its places after whole minutes, since the
-/// same flight may be recorded with more pictures a second or fewer; by all of its ticks if it has none after a minute.
+/// Identity of a trajectory, independent of its name: the hash of the recording that it replays, or of the flown path. Live flights of two
+/// sweeps may share a name, and copies of a recording may have several. The path is identified by its positions after whole minutes, since
+/// the same flight may be recorded at different frame rates; by all of its ticks if it is shorter than a minute.
 fn flight_of(flight: &Flight, frames: &Frames) -> String {
     if let Flight::Recorded { blake3, .. } = flight {
         return blake3.clone();

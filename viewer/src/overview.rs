@@ -1,4 +1,4 @@
-//! What the corpus has, scenario by scenario: finished, being recorded, failed, planned, damaged. It is read again for every request,
+//! Overview of the corpus, scenario by scenario: finished, being recorded, failed, planned, damaged. It is read again for every request,
 //! because a corpus in the making changes.
 
 use std::collections::{BTreeMap, BTreeSet};

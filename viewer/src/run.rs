@@ -1,4 +1,4 @@
-//! What a run answered: `predictions.parquet` and `metrics.json` of `dtd evaluate`, or the table that `dtd predict` wrote.
+//! Predictions of a run: `predictions.parquet` and `metrics.json` of `dtd evaluate`, or the table that `dtd predict` wrote.
 //!
 //! They are read once, in the background: the table has a row for each tick of all scenarios.
 

@@ -191,7 +191,7 @@ async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> 
     .await
 }
 
-/// What a screen can show of a picture: all of it, reduced, and perhaps a part of it.
+/// The planes of an image as a screen shows them: the whole image, reduced, and optionally a part of it.
 fn shown_planes(picture: &[u8], size: [u32; 2], every: u32, part: Option<&str>) -> Answer {
     let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, message);
     if !(1..=MOST_EVERY).contains(&every) {

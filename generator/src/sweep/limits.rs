@@ -1,4 +1,4 @@
-//! How the limits of [`dataset::limits`] are enforced in a sweep, where a number may be a spread and the schema includes them, too.
+//! Enforcement of the limits of [`dataset::limits`] in a sweep, where a number may be a spread; they are also part of the schema.
 
 use dataset::limits::Limits;
 use schemars::Schema;

@@ -34,7 +34,7 @@ const LEAST_CORRELATION: f64 = 0.3;
 const NOISE_LEVELS: f64 = 0.1;
 /// Neighbouring pixels share their errors, so that this many count as one.
 const SHARED: f64 = 4.0;
-/// How far cameras may have moved: standard deviations of turns, radians, and of the stretch.
+/// Usual motion of cameras: standard deviations of turns, radians, and of the stretch.
 const USUAL: [f64; UNKNOWNS] = [0.02, 0.02, 0.003, 0.1];
 /// Deviations from which on a patch loses weight.
 const TOLERATED: f64 = 3.0;

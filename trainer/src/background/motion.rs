@@ -1,4 +1,4 @@
-//! How a fixed camera moved between two pictures of the same place: it was turned, and stands a little higher.
+//! Motion of a fixed camera between two images of the same place: a rotation and a small change of height.
 //!
 //! A turn moves every direction alike. Height moves the ground below the horizon, the more the nearer it is: a point of a plane at
 //! depth z is drawn `focal H / z` below the horizon, so a camera that is higher by a part s of its height sees everything below the

@@ -1,4 +1,4 @@
-//! What a fixed camera saw behind the aircraft: the mean of the first pictures of a flight, from just above the horizon down.
+//! Background of a fixed camera: the mean of the first images of a flight, from just above the horizon down.
 //!
 //! Clouds are left out with the sky. The mean removes noise and rain; the aircraft covers few patches of it, and moves.
 

@@ -137,8 +137,8 @@ impl InverseRange {
             .map(move |fit| fit.set.views.contains(&view))
     }
 
-    /// What a new camera of this view leaves as it is: the fits that do without it, and the network if it is on the residual of one of
-    /// them.
+    /// Copy without the parts that a new camera of this view changes: the fits that contain the view, and the network if it is on the
+    /// residual of one of them.
     pub(crate) fn without(&self, view: usize) -> Self {
         let others = self
             .fits

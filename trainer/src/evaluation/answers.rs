@@ -1,4 +1,4 @@
-//! What all estimators answered at the judged ticks, in as few bytes as figures need: a full corpus has 770,000 ticks, each of which every
+//! Answers of all estimators at the judged ticks, in as few bytes as the figures need: a full corpus has 770,000 ticks, each of which every
 //! estimator answers with all views and without some.
 
 use crate::estimators::inverse_range::flight_filter::Estimate;

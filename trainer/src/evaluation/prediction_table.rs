@@ -29,7 +29,7 @@ pub(crate) fn add_answers(
     table
 }
 
-/// Columns of what else an estimator knows.
+/// Columns of an estimator's further quantities.
 fn add_estimates(
     mut table: TableWriter,
     name: &str,

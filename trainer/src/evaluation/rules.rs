@@ -1,4 +1,4 @@
-//! How a run is judged: the constants of `evaluation-rules.toml`, which every `metrics.json` repeats.
+//! Rules of an evaluation: the constants of `evaluation-rules.toml`, which every `metrics.json` repeats.
 
 use std::path::Path;
 

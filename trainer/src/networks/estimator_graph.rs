@@ -1,4 +1,4 @@
-//! What all estimators share in ONNX: inputs in pixels, the boxes that count, their features, and the answer in metres.
+//! Common part of all estimators in ONNX: inputs in pixels, the boxes that count, their features, and the answer in metres.
 //!
 //! Inputs and formulas are in double precision, as in this crate: differences between views are a hundredth of a pixel in a thousand.
 

@@ -1,4 +1,4 @@
-//! What a training learned: in memory, and as files of a run folder.
+//! Results of a training: in memory, and as files of a run folder.
 
 use std::collections::BTreeSet;
 

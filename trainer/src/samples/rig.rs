@@ -23,7 +23,7 @@ pub(crate) struct Rig {
     pub nominal: Cameras,
     /// True if these are from a plan.
     pub is_planned: bool,
-    /// Whether the cameras of other scenarios differ: jittered or turned.
+    /// True if the cameras of other scenarios differ: jittered or turned.
     pub cameras_vary: bool,
 }
 
@@ -103,7 +103,7 @@ pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
     cameras.iter().map(form).collect()
 }
 
-/// What differs between two rigs, each as its name and cameras: path of the value, here and there.
+/// Differences between two rigs, each given as its name and cameras: path of the value, here and there.
 pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Vec<String> {
     let mut found = Vec::new();
     if here.0 != there.0 {

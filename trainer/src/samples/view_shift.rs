@@ -19,7 +19,7 @@ pub(crate) struct ViewShift {
     pub shift_px: DVec2,
     /// Its standard deviation, pixels.
     pub sd_px: DVec2,
-    /// How the aircraft looks in the view, over how it looks in the reference view: its size ...
+    /// Appearance of the aircraft in the view relative to the reference view: its size ...
     pub scale: f64,
     /// ... and its contrast.
     pub gain: f64,

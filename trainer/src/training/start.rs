@@ -1,8 +1,8 @@
 //! Another run as the start of a training: its networks, and the features that they were trained on.
 //!
-//! The networks need the same layers and the same meaning of their inputs. If the cameras are the same, offset and scale of the features
-//! are taken from the run; otherwise they follow from the fitted cameras, as for a camera that was moved ([`crate::training::refit`]).
-//! Formulas are fitted to the new flights alone. Flights that the run learned from also count as known to the new one.
+//! The networks need the same layers, and numbers with the same meaning. If the cameras are the same, offset and scale of the features are
+//! taken from the run; otherwise they follow from the fitted cameras, as for a camera that was moved ([`crate::training::refit`]). Formulas
+//! are fitted to the new flights alone. Flights that the run learned from also count as known to the new one.
 
 use dataset::corpus::Corpus;
 use dataset::splits::Side;

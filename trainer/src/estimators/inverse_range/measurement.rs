@@ -26,7 +26,7 @@ impl Measurement {
     }
 }
 
-/// What relative errors are relative to, metres: near touchdown no longer the distance.
+/// Reference of relative errors, metres: the distance, except near touchdown.
 pub(crate) fn scale_m(distance_m: f64) -> f64 {
     distance_m.max(NEAREST_M)
 }

@@ -44,9 +44,9 @@ pub(crate) struct Refitted {
     pub(crate) residual: Option<RefittedResidual>,
 }
 
-/// What a network on the residual is worth for a new camera (`run.json`): errors of `inverse_range` at approaches that were left out in
-/// turn from what was fitted and trained, where the fit with the network applies, mean of their sizes, percent of the formula's distance
-/// (below 0.5 NM: of 0.5 NM).
+/// Benefit of a network on the residual for a new camera (`run.json`): errors of `inverse_range` at approaches that were left out in turn
+/// from fitting and training, where the fit with the network applies; mean absolute errors, percent of the formula's distance (below 0.5
+/// NM: of 0.5 NM).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RefittedResidual {
     /// Of the formula alone.
@@ -179,7 +179,7 @@ impl CrossFitted {
         }
     }
 
-    /// What is best: these, with the network trained on or as it was, or the formulas alone.
+    /// Chooses the best: these fits, with the network trained on or as it was, or the formulas alone.
     fn trained_on(
         mut self,
         alone: Self,

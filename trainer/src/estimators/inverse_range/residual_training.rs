@@ -31,8 +31,8 @@ const MOST_TICKS: usize = 50_000;
 /// Steps between two looks at the flights that judge.
 const JUDGED_EVERY: usize = 250;
 
-/// What a network on the residual was worth (`run.json`): errors of `inverse_range` on the validation side where the fit with the network
-/// applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
+/// Benefit of a network on the residual (`run.json`): errors of `inverse_range` on the validation side where the fit with the network
+/// applies; mean absolute errors, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ResidualRecord {
     /// Of the formula alone.

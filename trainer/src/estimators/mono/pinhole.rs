@@ -116,7 +116,7 @@ pub(crate) fn to_onnx(pinholes: &[Option<Pinhole>], graph: &mut EstimatorGraph) 
     /// Column of the width of a box.
     const WIDTH: usize = 2;
     let (nothing, none) = (graph.graph.double(0.0), graph.graph.double(f64::NAN));
-    // Without any view the sum and the count are 0, and 0 / 0 is NaN: no answer.
+    // Both sums start at 0, so that they exist even without pinholes; a count of 0 means no answer.
     let (mut distances, mut counts) = (vec![nothing.clone()], vec![nothing.clone()]);
     for (view, pinhole) in pinholes.iter().enumerate() {
         let Some(pinhole) = pinhole else { continue };

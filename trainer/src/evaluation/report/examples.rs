@@ -1,4 +1,4 @@
-//! What an estimator saw at its best, a typical and its worst tick: the pictures around the boxes.
+//! Images around the boxes at an estimator's best, a typical and its worst tick.
 
 use dataset::corpus::Corpus;
 use dataset::pixel_box::PixelBox;

@@ -234,7 +234,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             .x_desc("training step (mini-batches)")
             .y_desc("validation MAPE, %")
             .draw()?;
-        // Where only some views continue training: a bar along the top in the colour of each view that does.
+        // Phases in which only some views continue training: a bar along the top in the colour of each of them.
         let phases: Vec<_> = log
             .calibration
             .chunk_by(|a, b| a.optimised == b.optimised)

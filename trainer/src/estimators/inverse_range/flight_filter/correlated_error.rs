@@ -153,7 +153,7 @@ impl CorrelatedError {
             [kept * (1.0 + part), kept * seconds],
             [-kept * part * rate, kept * (1.0 - part)],
         ];
-        // What keeps the variances: V - F V F^T.
+        // Noise that keeps the variances constant: V - F V F^T.
         let variances = self.variances();
         let mut noise = [[0.0; Self::UNKNOWNS]; Self::UNKNOWNS];
         for (i, row) in noise.iter_mut().enumerate() {

@@ -99,7 +99,7 @@ struct Filter<'a> {
     last: Option<(f64, Moment)>,
     /// Best measurements that were refused in a row, in usual ticks.
     refused: f64,
-    /// The most precise fit of them. A single view does not confirm a refused measurement of both views together.
+    /// The most precise fit of them. An accepted measurement of a single view does not clear a refusal of both views together.
     refused_fit: usize,
     /// Squared misfits in their variances, and the number of usual ticks that they are from.
     squares: f64,

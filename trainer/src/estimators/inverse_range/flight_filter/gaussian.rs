@@ -1,5 +1,5 @@
-//! What is known about a few unknowns: a normal distribution, advanced in time, corrected by one number at a time (Kalman 1960), and
-//! smoothed backwards (Rauch, Tung and Striebel 1965).
+//! Normal distribution of a few unknowns, advanced in time, corrected by one number at a time (Kalman 1960), and smoothed backwards (Rauch,
+//! Tung and Striebel 1965).
 
 use dataset::least_squares::CholeskyFactor;
 

@@ -24,7 +24,7 @@ const HELD: f64 = 0.9;
 /// Measurements with their truth.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LabelledFlight {
-    /// What is flown, whatever it is called: flights of one number are the same.
+    /// Identity of the flight, independent of its name: flights with the same number are the same.
     pub(super) flown: usize,
     pub(super) ticks: Vec<Tick>,
     pub(super) distances_m: Vec<f64>,

@@ -1,4 +1,4 @@
-//! How an approach moves: its acceleration stays near zero for a while, and its speed returns to the usual one, slowly.
+//! Motion model of an approach: its acceleration decays, and its speed slowly returns to the usual one.
 //!
 //! Acceleration is a first-order Gauss-Markov process (Singer 1970), and pulls the speed away from the mean of the training flights. In
 //! continuous time, so that ticks may be any time apart.
