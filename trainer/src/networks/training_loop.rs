@@ -323,7 +323,7 @@ mod tests {
         assert!(rates[25..].windows(2).all(|pair| pair[1] <= pair[0]));
     }
 
-    /// Task that learns nothing and records the calls to it.
+    /// Task that does not learn, and records the calls to it.
     struct Diary {
         entries: Vec<String>,
         /// After each number of steps, as planned.
