@@ -15,7 +15,7 @@
 //!
 //! A module imports only modules above it (`scripts/check_modules.py`).
 //!
-//! `paper_lstm` is the paper's estimator: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where
+//! `paper_lstm` is the paper's estimator: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. If
 //! the paper leaves a choice open, the module states the choice and the reason; deviating settings are listed ([`config::PaperDeviation`]).
 
 #![forbid(unsafe_code)]
