@@ -86,7 +86,7 @@ enum To {
     Croissant,
 }
 
-/// What the arguments ask for.
+/// Request made by the arguments.
 pub(crate) enum Asked<'a> {
     /// An export to a folder.
     Export(ExportRequest, &'a Path),
@@ -132,7 +132,7 @@ fn license(text: &str) -> Result<String, String> {
 }
 
 impl ExportArgs {
-    /// What is asked for; options that a description has no use for are refused.
+    /// The request; options that do not apply to a description are refused.
     pub(crate) fn asked(&self) -> Result<Asked<'_>, String> {
         let format = match self.to {
             To::Coco => Format::Coco,

@@ -14,14 +14,14 @@ const LOSSES: u8 = 3;
 /// Interrupted or disturbed from outside: the same call resumes.
 pub(crate) const TRY_AGAIN: u8 = 75;
 
-/// How a verb ended if it did not fail.
+/// Ending of a verb that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// All of it.
     Done,
     /// Some scenarios were lost and reported.
     Losses,
-    /// Stopped by a signal; nothing is lost.
+    /// Stopped by a signal, without loss.
     Interrupted,
 }
 
@@ -32,7 +32,7 @@ impl Ending {
     }
 }
 
-/// Why a verb failed.
+/// Failure of a verb.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The caller has to change something first.

@@ -1,4 +1,4 @@
-//! What `--help` says beyond the arguments: verbs in groups, and examples.
+//! Parts of `--help` beyond the arguments: verbs in groups, and examples.
 
 use std::fmt::Write;
 

@@ -1,7 +1,7 @@
-//! Where a verb may write: the value parser of every `--out`, so that no verb writes among the files of others.
+//! Output paths: the value parser of every `--out`, so that no verb writes among the files of others.
 //!
-//! A corpus, a run and a sealed folder contain their own files only, which their verbs replace as a whole and check by hash. So nothing
-//! may be written inside one, whichever way the path leads there, and in its place only by a verb that goes on with what is there.
+//! A corpus, a run and a sealed folder contain their own files only, which their verbs replace as a whole and check by hash. So a verb may
+//! not write inside one, whichever way the path leads there, and may write in its place only if it continues the existing content.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use trainer::RunFolder;
 
 use crate::args::local;
 
-/// What a verb writes.
+/// Kind of output of a verb.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Output {
     /// A new file in a folder that is there.
@@ -32,7 +32,7 @@ pub(crate) enum Output {
     Export,
 }
 
-/// What is in a folder that contains its own files only.
+/// Kind of folder that contains its own files only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Owner {
     Corpus,
@@ -177,7 +177,7 @@ impl Output {
     }
 }
 
-/// Rejects a store in a local folder that contains other files than those of a corpus.
+/// Rejects a store in a local folder that contains files other than a corpus's.
 fn check_store(url: &StoreUrl) -> Result<(), String> {
     match url.local_folder() {
         Some(folder) => Output::Corpus.check(&folder),

@@ -85,7 +85,7 @@ impl FromStr for Rows {
 }
 
 impl SearchArgs {
-    /// Which parts of which pictures to search.
+    /// Settings for the parts of the images to search.
     pub(crate) fn modes(&self, mode: SearchMode) -> ModeSettings {
         ModeSettings {
             mode: mode.into(),

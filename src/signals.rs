@@ -39,7 +39,7 @@ pub(crate) fn watch() -> io::Result<()> {
     };
     {
         let _inside = runtime.enter();
-        // Nobody listens, but the handler stays.
+        // The signal is ignored, but the handler stays installed.
         let _handled = signal(SignalKind::from_raw(FILE_TOO_LARGE))?;
     }
     thread::Builder::new()

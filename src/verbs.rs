@@ -37,7 +37,7 @@ use crate::args::Verb;
 use crate::failure::{Ending, Failure};
 use crate::signals;
 
-/// What every verb returns.
+/// Return type of every verb.
 pub(crate) type Outcome = Result<Ending, Failure>;
 
 /// Runs a verb. A signal ends it cleanly if possible, see [`signals`], or else with "try again".

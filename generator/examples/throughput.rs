@@ -42,7 +42,7 @@ struct Remembering {
     drawn: Arc<Mutex<Vec<Drawn>>>,
 }
 
-/// What a picture shows.
+/// Content of an image.
 #[derive(Clone, Copy)]
 struct Drawn {
     scene: usize,

@@ -38,15 +38,15 @@ pub enum Standing {
 /// The difference between a plan and a corpus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Against {
-    /// What the plan adds to, changes in and removes from the corpus's own.
+    /// Scenarios that the plan adds to, changes in and removes from the corpus's plan.
     pub difference: Difference,
     /// For each scenario of the plan, in its order.
     pub standings: Vec<Standing>,
-    /// What is wrong with the damaged ones, by identifier.
+    /// Faults of the damaged ones, by identifier.
     pub damaged: BTreeMap<String, String>,
-    /// What simulators reported at the aircraft in the complete scenarios, by name of the planned weather.
+    /// Weather reported by simulators at the aircraft in the complete scenarios, by name of the planned weather.
     pub weather: BTreeMap<String, ReportedWeather>,
-    /// Size of the complete scenarios, if their pictures are like those of the plan.
+    /// Size of the complete scenarios, if their images match the plan's.
     pub size: Option<MeasuredSize>,
 }
 
@@ -212,7 +212,7 @@ async fn record_in_store(
     }
 }
 
-/// What a look at a scenario's folder finds.
+/// Result of looking at a scenario's folder.
 enum Found {
     Nothing,
     Sealed(Seal),
@@ -222,7 +222,7 @@ enum Found {
 /// Looks at a folder as quickly as possible: it may be one of thousands.
 fn look(folder: &ScenarioFolder) -> dataset::Result<Found> {
     let is_damage = |error: &dataset::Error| {
-        // What does not fit into memory may be sound.
+        // Content that does not fit into memory may be sound.
         error.is_bad_content() && !matches!(error, dataset::Error::Memory(_))
     };
     let seal = match folder.seal() {

@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 use crate::trajectory::{BadFlight, Trajectory};
 
-/// Why there are no recordings, or why one cannot be flown. Every message names the file or the pattern.
+/// Reasons why there are no recordings, or why one cannot be flown. Every message names the file or the pattern.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The folder of the sweep has a name that a pattern cannot contain.
@@ -29,7 +29,7 @@ pub enum RecordingError {
     BadPattern {
         /// The pattern.
         pattern: String,
-        /// Why not.
+        /// Cause.
         cause: glob::PatternError,
     },
     /// A folder cannot be searched.
@@ -37,10 +37,10 @@ pub enum RecordingError {
     Unlistable {
         /// The folder.
         folder: PathBuf,
-        /// Why not.
+        /// Cause.
         cause: io::Error,
     },
-    /// The pattern matches nothing.
+    /// No file matches the pattern.
     #[error("no file matches {}; expected at least one recording", pattern.display())]
     NoMatch {
         /// The pattern in its folder.
@@ -72,7 +72,7 @@ pub enum RecordingError {
     Flight {
         /// The file.
         path: PathBuf,
-        /// What is wrong with the flight.
+        /// Fault of the flight.
         fault: BadFlight,
     },
 }
@@ -84,7 +84,7 @@ pub struct Recording {
     pub file: String,
     /// BLAKE3 hash of the file.
     pub blake3: String,
-    /// What was flown.
+    /// The flown path.
     pub trajectory: Arc<Trajectory>,
 }
 

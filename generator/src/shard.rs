@@ -16,7 +16,7 @@ pub struct Shard {
     count: u32,
 }
 
-/// Why there is no shard.
+/// Reasons why a shard is invalid.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BadShard {
     /// An index that the count does not have.
@@ -113,7 +113,7 @@ impl Shard {
         Ok(None)
     }
 
-    /// Whether it is the whole plan.
+    /// True if it is the whole plan.
     pub fn is_whole(self) -> bool {
         self.count == 1
     }

@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer};
 
-/// How a value varies from scenario to scenario.
+/// Variation of a value from scenario to scenario.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spread {
     /// Constant: `10.0`.

@@ -24,7 +24,7 @@ pub struct StandIn {
     _stdout: BufReader<ChildStdout>,
 }
 
-/// Why the stand-in does not run.
+/// Reasons why the stand-in does not run.
 #[derive(Debug, thiserror::Error)]
 pub enum StandInError {
     /// The program cannot be started.
@@ -32,7 +32,7 @@ pub enum StandInError {
     Start {
         /// The program.
         program: PathBuf,
-        /// Why not.
+        /// Cause.
         r#source: std::io::Error,
     },
     /// It did not report that it is ready.
@@ -40,7 +40,7 @@ pub enum StandInError {
     NotReady {
         /// The program.
         program: PathBuf,
-        /// What came instead.
+        /// Output found instead.
         found: String,
     },
 }
@@ -133,7 +133,7 @@ impl StandIn {
         self.address
     }
 
-    /// Whether it is still running.
+    /// True if it is still running.
     pub(crate) fn is_running(&mut self) -> bool {
         matches!(self.child.try_wait(), Ok(None))
     }

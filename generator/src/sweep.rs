@@ -51,7 +51,7 @@ pub use weather::{CloudTable, WeatherTable};
 pub struct Sweep {
     /// Name of the corpus and its master seed.
     pub corpus: Corpus,
-    /// Where the aircraft land.
+    /// Runway on which the aircraft land.
     pub runway: Runway,
     /// Aircraft type.
     pub aircraft: String,
@@ -59,7 +59,7 @@ pub struct Sweep {
     pub rig_name: String,
     /// Its cameras.
     pub cameras: Vec<PlannedCamera>,
-    /// Where each scenario aims its cameras, if not as in the rig.
+    /// Aim of each scenario's cameras, if not as in the rig.
     pub aim: Option<AimTable>,
     /// Placement errors of each scenario's cameras.
     pub jitter: Option<JitterTable>,
@@ -85,7 +85,7 @@ pub struct Sweep {
     pub weathers: BTreeMap<String, WeatherTable>,
     /// All flight profiles, built-in ones too.
     pub profiles: BTreeMap<String, ApproachProfile>,
-    /// Which scenarios fly recordings.
+    /// Rules for the scenarios that fly recordings.
     pub recorded: Vec<RecordedFlights>,
     /// For each combination the rule of [`Sweep::recorded`] that applies, if one matches.
     rule_of: Vec<Option<usize>>,
@@ -114,7 +114,7 @@ impl Sweep {
         self.combinations.len()
     }
 
-    /// Whether it expands to none: never, for a checked sweep.
+    /// True if it expands to no scenario: never, for a checked sweep.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -137,8 +137,8 @@ impl Sweep {
             .collect()
     }
 
-    /// The profile of a combination: its own, or drawn from those of `[start]`. A profile that is added to `[start]` is drawn by some
-    /// scenarios and changes no other.
+    /// The profile of a combination: its own, or one drawn from `[start]`. A profile that is added to `[start]` is drawn by some scenarios
+    /// and changes no other.
     pub(crate) fn profile_of<'a>(
         &'a self,
         combination: &'a Combination,

@@ -20,7 +20,7 @@ pub struct Trajectory {
     states: Vec<FlightState>,
 }
 
-/// Why states are no trajectory, or why a trajectory is no approach. Its text continues "the flight" or the name of a file.
+/// Reasons why states do not form a trajectory, or a trajectory is not an approach. The text continues "the flight" or the name of a file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BadFlight {
     /// Not enough to interpolate.
@@ -32,7 +32,7 @@ pub enum BadFlight {
     /// A number that no airliner has.
     #[error("has state {row} with {fault}")]
     OutOfLimits {
-        /// Which state, from 0.
+        /// Index of the state, from 0.
         row: usize,
         /// Field, value and range.
         fault: FieldOutOfLimits,
@@ -42,7 +42,7 @@ pub enum BadFlight {
         "has state {row} {step_s} s after the one before it, expected more than 0 and at most {LARGEST_GAP_S}"
     )]
     Gap {
-        /// Which state, from 0.
+        /// Index of the state, from 0.
         row: usize,
         /// Time since the one before.
         step_s: f64,
@@ -54,13 +54,13 @@ pub enum BadFlight {
          over ground, and is each time that of its position?"
     )]
     Jump {
-        /// Which state, from 0.
+        /// Index of the state, from 0.
         row: usize,
         /// Its time.
         time_s: f64,
-        /// How far off it is.
+        /// Distance from where the velocities put it.
         off_m: f64,
-        /// How far off it may be.
+        /// Largest allowed deviation.
         allowed_m: f64,
         /// Time since the state before.
         step_s: f64,
@@ -75,7 +75,7 @@ pub enum BadFlight {
          its last {last_m:.0} m"
     )]
     Elsewhere {
-        /// Where the approach should begin.
+        /// Distance at which the approach should begin.
         start_dtd_m: f64,
         /// Airport and runway.
         runway: String,
@@ -89,9 +89,9 @@ pub enum BadFlight {
         "takes {takes_s:.0} s from {start_dtd_m:.0} m to the touchdown target; expected at most {MOST_APPROACH_S} s"
     )]
     TooLong {
-        /// How long it takes.
+        /// Its duration.
         takes_s: f64,
-        /// Where it begins.
+        /// Distance at which it begins.
         start_dtd_m: f64,
     },
 }
@@ -204,7 +204,7 @@ impl Trajectory {
             .collect()
     }
 
-    /// Where the wheels first touched the ground after having been in the air, if they did.
+    /// Point where the wheels first touched the ground after having been in the air, if they did.
     pub fn touchdown(&self) -> Option<Geodetic> {
         let landed = self
             .states
@@ -477,7 +477,7 @@ pub(crate) mod tests {
         };
         assert_eq!(window.ticks(rate(1, 1)), 11);
         assert_eq!(window.ticks(rate(30, 1)), 301);
-        // Ticks at 0, 3, 6 and 9 s: the next one, past the target, would be past the recording, too.
+        // Ticks at 0, 3, 6 and 9 s: the next one, past the target, would also be past the recording.
         assert_eq!(window.ticks(rate(1, 3)), 4);
         assert_eq!(
             Window {

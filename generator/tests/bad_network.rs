@@ -1,4 +1,4 @@
-//! A bad network and a simulator that restarts in the middle of a scenario: the tables are those of an undisturbed run.
+//! A bad network and a simulator that restarts in the middle of a scenario: the tables equal an undisturbed run's.
 
 mod small_corpus;
 

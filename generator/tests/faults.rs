@@ -1,4 +1,4 @@
-//! Faults during a long run: simulators that die, freeze, restart or are several, runs that share one corpus, scenarios that nobody
+//! Faults during a long run: simulators that die, freeze, restart or are several, runs that share one corpus, scenarios that no simulator
 //! can fly. Whatever happens, the corpus ends with the bytes of an undisturbed run.
 
 mod small_corpus;

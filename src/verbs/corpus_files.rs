@@ -23,7 +23,7 @@ pub(super) enum CorpusFile {
     Sweep(SweepHead),
 }
 
-/// What a sweep's text determines without the files that it names.
+/// Information that a sweep's text determines without the files that it names.
 #[derive(Deserialize)]
 pub(super) struct SweepHead {
     corpus: generator::sweep::Corpus,
@@ -34,7 +34,7 @@ pub(super) struct SweepHead {
     recorded: Vec<IgnoredAny>,
 }
 
-/// How the local version of a file relates to the remote one.
+/// Relation between the local version of a file and the remote one.
 pub(super) enum Standing {
     /// They say the same.
     Same,
@@ -71,7 +71,7 @@ impl CorpusFile {
         }
     }
 
-    /// How this file relates to the remote one of the same name.
+    /// Compares this file with the remote one of the same name.
     pub(super) fn standing(&self, theirs: &Self) -> Standing {
         match (self, theirs) {
             (Self::Plan(ours), Self::Plan(theirs)) => {
@@ -143,19 +143,19 @@ impl CorpusFiles {
         names.filter_map(|name| Some((name, self.files.get(name)?.0.as_slice())))
     }
 
-    /// How the file of this name relates to a remote one; the error says what is wrong with the remote one.
+    /// Compares the file of this name with a remote one; the error describes the fault of the remote one.
     pub(super) fn standing(&self, name: &str, theirs: &[u8]) -> anyhow::Result<Standing> {
         let theirs = CorpusFile::parse(name, theirs)?;
         let ours = self.get(name);
         Ok(ours.map_or(Standing::TheirsHasMore, |(_, ours)| ours.standing(&theirs)))
     }
 
-    /// How a text differs from the sweep that the plan was made from, if the plan is there.
+    /// Difference between a text and the sweep that the plan was made from, if the plan is present.
     pub(super) fn difference_from_sweep(&self, text: &[u8]) -> Option<String> {
         difference_from_sweep(self.plan()?, text)
     }
 
-    /// Whether the text of another copy of this plan is the one that this plan records, too.
+    /// True if another copy of this plan records the same sweep text.
     pub(super) fn has_sweep_of(&self, theirs: &[u8]) -> bool {
         let theirs = Plan::parse(theirs, Path::new(Corpus::PLAN)).ok();
         let ours = self.plan().map(|plan| &plan.sweep_blake3);
@@ -234,7 +234,7 @@ impl CorpusFiles {
     }
 }
 
-/// What is wrong with the sweep of a corpus, by itself or beside the plan; other files are judged elsewhere.
+/// Fault of the sweep of a corpus, alone or in combination with the plan; other files are checked elsewhere.
 pub(super) fn sweep_fault(corpus: &Corpus) -> Option<String> {
     let mut files = CorpusFiles::default();
     for name in [Corpus::PLAN, Corpus::SWEEP] {
@@ -255,8 +255,8 @@ pub(super) fn sweep_fault(corpus: &Corpus) -> Option<String> {
     fault.map(|(_, fault)| format!("{fault}; {WRITE_AGAIN}"))
 }
 
-/// How a text differs from the sweep that a plan was made from: by its hash in the plan or, for plans of earlier versions, by its
-/// expansion. `None` if it does not, or if it has no hash and names recordings, which are not here.
+/// Difference between a text and the sweep that a plan was made from, found by its hash in the plan or, for plans of earlier versions, by
+/// its expansion. `None` if they are the same, or if it has no hash and names recordings, which are not here.
 pub(super) fn difference_from_sweep(plan: &Plan, text: &[u8]) -> Option<String> {
     if let Some(is_same) = plan.is_of_sweep(text) {
         return (!is_same).then(|| "its hash differs from sweep_blake3 there".into());

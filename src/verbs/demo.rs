@@ -94,7 +94,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     Ok(Ending::Done)
 }
 
-/// What the demo made; with `--json` the document that it prints.
+/// Results of the demo; with `--json` the document that it prints.
 #[derive(Serialize)]
 struct DemoResult<'a> {
     corpus: &'a Path,

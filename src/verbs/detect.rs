@@ -68,13 +68,13 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
     })
 }
 
-/// What can be done with the corpus now.
+/// Next step for the corpus.
 fn next(corpus: &Corpus, outcome: &DetectOutcome) -> Result<Next, Failure> {
     let folders = corpus.scenarios().map_err(Failure::of_corpus)?;
     let mut is_labelled = true;
     for folder in &folders {
         if !models_of(folder)?.contains(&outcome.model_hash) {
-            // Other shards do it, or nobody asked for it.
+            // Other shards detect these scenarios, or the caller excluded them.
             return Ok(Next::default());
         }
         is_labelled &= folder.open()?.truth_boxes_if_labelled()?.is_some();
@@ -101,7 +101,7 @@ fn next(corpus: &Corpus, outcome: &DetectOutcome) -> Result<Next, Failure> {
     })
 }
 
-/// A name for a run that replaces nothing.
+/// An unused name for a run.
 fn new_run() -> String {
     let names = iter::once("run".to_owned()).chain((2..).map(|number| format!("run{number}")));
     let mut free = names.filter(|name| !Path::new(name).exists());
@@ -213,7 +213,7 @@ fn print_summary(outcome: &DetectOutcome) {
     print_registrations(&outcome.registrations);
 }
 
-/// How many pairs of views were registered, and why others were not.
+/// Prints the number of pairs of views that were registered, and the reasons why others were not.
 fn print_registrations(counts: &RegistrationCounts) {
     if counts.pairs == 0 {
         return;

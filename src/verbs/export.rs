@@ -72,7 +72,7 @@ fn describe(corpus: &Corpus, license: Option<String>, json: bool) -> Result<(), 
     Ok(())
 }
 
-/// What `--json` prints of a description.
+/// Output of `--json` for a description.
 #[derive(Serialize)]
 struct Described<'a> {
     croissant: &'a str,

@@ -80,7 +80,7 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
     Ok(Ending::Done)
 }
 
-/// How well ONNX Runtime agrees with us about a model; an error if it does not.
+/// Agreement of ONNX Runtime with us about a model; an error if they disagree.
 fn checked(
     model: &ExportedModel,
     file: &str,

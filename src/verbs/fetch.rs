@@ -25,7 +25,7 @@ use crate::progress::Bar;
 /// Characters of a foreign name that a message shows.
 const MOST_SHOWN: usize = 64;
 
-/// What happened to the scenarios.
+/// Result for the scenarios.
 #[derive(Default, Serialize)]
 struct Mirror {
     /// Downloaded by this call.
@@ -233,7 +233,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
     let theirs = theirs
         .and_then(|theirs| theirs.check_together().map(|()| theirs))
         .map_err(|(name, reason)| damaged(name, &reason))?;
-    // Nobody else changes them in the meantime.
+    // Other processes must not change them in the meantime.
     let _claim = corpus.claim().map_err(Failure::of_corpus)?;
     let has_plan = corpus.plan_path().exists();
     let mut said = Vec::new();
@@ -325,7 +325,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
     Ok(said)
 }
 
-/// Whether this is not the sweep of the corpus' own plan, if that is readable.
+/// True if this is not the sweep of the corpus' plan; false if that plan is unreadable.
 fn is_of_other_plan(corpus: &Corpus, sweep: &[u8]) -> bool {
     let plan = Plan::of_corpus(corpus).ok().flatten();
     plan.is_some_and(|plan| difference_from_sweep(&plan, sweep).is_some())

@@ -91,7 +91,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     Ok(ending)
 }
 
-/// The local side of UDP. Each simulator that runs already takes a port of its own.
+/// The local side of UDP. Each simulator that runs already needs a separate port.
 fn local_udp(args: &GenerateArgs) -> Result<LocalUdp, Failure> {
     let running = args.sim.running_already();
     if let Some(port) = args.local_udp.udp_port {
@@ -193,7 +193,7 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
     }
 }
 
-/// Records the scenarios of a sweep with a progress bar. Ctrl-C or SIGTERM ends it after the current pictures; nothing is lost.
+/// Records the scenarios of a sweep with a progress bar. Ctrl-C or SIGTERM ends it after the current images, without loss.
 pub(crate) fn generate(
     sweep: &Sweep,
     corpus: &Path,

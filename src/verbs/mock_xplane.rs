@@ -69,7 +69,7 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         }
         Ok(Ending::Done)
     });
-    // A picture that nobody waits for need not be finished.
+    // An image without a waiting client need not be finished.
     runtime.shutdown_background();
     ending
 }

@@ -64,7 +64,7 @@ impl<'a> OnBar<'a> {
         }
     }
 
-    /// Transferred so far, those of failed attempts included.
+    /// Bytes transferred so far, including failed attempts.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }

@@ -82,7 +82,7 @@ fn warn_of_unused_weathers(sweep: &Sweep, plan: &Plan) {
     }
 }
 
-/// What was held out stays held out: a new [split] does not move scenarios of an existing corpus.
+/// Held-out data stays held out: a new [split] does not move scenarios of an existing corpus.
 fn warn_of_another_split(sweep: &Sweep, corpus: &Corpus) {
     let split = |text: &str| toml::from_str::<toml::Table>(text).ok()?.remove("split");
     let there = outside_file::read_text(&corpus.sweep_path(), FileKind::SWEEP);
@@ -127,7 +127,7 @@ fn compare_with_store(plan: &Plan, url: &StoreUrl) -> Result<Compared, Failure> 
 struct Compared {
     /// Its folder or URL.
     corpus: String,
-    /// Whether nobody named it: it has the default name.
+    /// True if the corpus was not named and has the default name.
     is_default: bool,
     against: Against,
 }
@@ -136,7 +136,7 @@ struct Compared {
 struct Report<'a> {
     plan: &'a Plan,
     compared: Option<&'a Compared>,
-    /// What the whole plan costs.
+    /// Cost of the whole plan.
     estimate: Estimate,
     /// The remaining part of that.
     left: Option<Estimate>,
@@ -201,7 +201,7 @@ impl<'a> Report<'a> {
     }
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Document<'a> {
     plan_hash: &'a str,
@@ -256,9 +256,9 @@ struct AgainstDocument<'a> {
     whole: Vec<&'a str>,
     to_make: Vec<&'a str>,
     new: Vec<&'a str>,
-    /// What is wrong, by identifier.
+    /// Faults, by identifier.
     damaged: &'a BTreeMap<String, String>,
-    /// What simulators reported at the aircraft, by name of the planned weather.
+    /// Weather reported by simulators at the aircraft, by name of the planned weather.
     weather: &'a BTreeMap<String, ReportedWeather>,
     changed: &'a [Change],
     removed: &'a [String],

@@ -22,7 +22,7 @@ use crate::args::PushArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 
-/// What happened to the corpus.
+/// Result for the corpus.
 #[derive(Default, Serialize)]
 struct Sent {
     /// Scenarios that this call uploaded.
@@ -211,7 +211,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
     Ok(sent)
 }
 
-/// Plan, split and sweep, each valid and of one corpus; nothing is uploaded yet. A lost split is regenerated.
+/// Plan, split and sweep, each valid and of one corpus. Does not upload. A lost split is regenerated.
 async fn files_to_send(
     corpus: &Corpus,
     store: &CorpusStore,
@@ -344,7 +344,7 @@ async fn check_together(store: &CorpusStore, sent: &mut Sent) -> Result<(), Fail
     Ok(())
 }
 
-/// Why a file of the whole corpus was not uploaded.
+/// Reasons why a file of the whole corpus was not uploaded.
 enum NotSent {
     Store(StoreError),
     Conflict {

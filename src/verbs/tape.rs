@@ -20,7 +20,7 @@ use crate::args::TapeArgs;
 use crate::failure::{Ending, Failure};
 use crate::signals;
 
-/// How long a running simulator may take to answer.
+/// Timeout for a running simulator to answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
 /// Runs the verb, until it is stopped.
@@ -110,8 +110,8 @@ async fn announced(local_udp: &LocalUdp) -> Result<SocketAddr, Failure> {
     }
 }
 
-/// Warns if nobody answers there: otherwise a wrong address would show only as an empty tape. Sent outside the recorder, so that
-/// the probe is on no tape.
+/// Warns if there is no answer at this address: otherwise a wrong address would show only as an empty tape. Sent outside the recorder, so
+/// that the probe is on no tape.
 async fn look_for(address: SocketAddr, local_udp: &LocalUdp) {
     if !somebody_answers(address, ANSWER_WITHIN, local_udp).await {
         eprint_warning!(

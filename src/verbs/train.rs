@@ -76,7 +76,7 @@ pub(crate) fn judged_next(run: &Path, corpus: &Corpus) -> Next {
     }
 }
 
-/// Whether a corpus has a scenario on this side of its split.
+/// True if a corpus has a scenario on this side of its split.
 pub(crate) fn has_scenario_on(corpus: &Corpus, side: Side) -> bool {
     let (Ok(splits), Ok(scenarios)) = (corpus.splits(), corpus.scenarios()) else {
         return false;
@@ -161,7 +161,7 @@ fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
     Ok(overridden(config, args))
 }
 
-/// The settings with those of the command line.
+/// The settings, overridden by the command line.
 fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if let Some(seed) = args.seed {
         config.seed = seed;

@@ -28,7 +28,7 @@ use crate::progress::Bar;
 const MOST_VIEWS_LISTED: usize = 8;
 const MOST_TICKS_LISTED: usize = 12;
 
-/// How long a store may be away.
+/// Timeout for an unreachable store.
 const STORE_TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Runs the verb. A corpus with faults is a failure, with every fault named on stdout.
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         CorpusLocation::Folder(root) => {
             let corpus = open_corpus(root)?;
             let report = verify(&corpus, options);
-            // One that cannot be read describes nothing.
+            // An unreadable description counts as outdated.
             let described = exporter::is_described_as_it_is(&corpus).unwrap_or(Some(false));
             let description = described.map(|is_current| match is_current {
                 true => Description::Current,
@@ -84,12 +84,12 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     }
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Verified<'a> {
     #[serde(flatten)]
     report: &'a VerifyReport,
-    /// Whether `croissant.json` describes the corpus as it is; missing without one.
+    /// `croissant.json`: current or outdated; missing without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     croissant: Option<Description>,
 }
@@ -145,7 +145,7 @@ fn print_proof(report: &VerifyReport) {
     }
 }
 
-/// The clear boxes in which nothing stands out, by view.
+/// The clear boxes without any contrast, by view.
 fn print_not_filled(report: &VerifyReport) {
     let mut views = report
         .views
@@ -258,7 +258,7 @@ fn verify_in_store(
                 write_atomically(&folder.path().join(name), &bytes)?;
             }
         }
-        // An unreadable plan is a fault of its own.
+        // An unreadable plan is reported as a separate fault.
         let planned = PlannedScenarios::read(&corpus).unwrap_or_default();
         let bar = Bar::new("verify", "scenarios", Some(committed.len() as u64));
         let (patience, watch) = (Patience(STORE_TIMEOUT), OnBar::new(&bar));

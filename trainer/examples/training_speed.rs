@@ -1,6 +1,6 @@
-//! How fast both stages of `paper_lstm` train with the paper's layers, on boxes from geometry:
-//! `cargo run --release -p trainer --example training_speed -- STEPS BATCH_SIZE...` prints a line per stage and batch size, with samples a
-//! second. All batches use both views. `benches/training_speed.py` compares it with PyTorch.
+//! Training speed of both stages of `paper_lstm` with the paper's layers, on boxes from geometry: `cargo run --release -p trainer --example
+//! training_speed -- STEPS BATCH_SIZE...` prints a line per stage and batch size, with samples per second. All batches use both views.
+//! `benches/training_speed.py` compares it with PyTorch.
 
 use std::process::ExitCode;
 use std::time::Instant;

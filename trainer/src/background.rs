@@ -1,16 +1,16 @@
-//! Where the cameras of each scenario look, from what stands still in their pictures.
+//! Alignment of each scenario's cameras by the stationary background in their images.
 //!
-//! Cameras that are misplaced a little from scenario to scenario (`[jitter]`, wind, a new mast) show the aircraft elsewhere, and whatever
-//! learned places in pictures is wrong by that. Runway, ships and islands show by how much. A training keeps some of its backgrounds as
-//! references, of different times of day and weathers, aligned among one another. Every scenario is aligned with them
-//! ([`alignment`]), and its boxes and registered shifts go to where a camera that looks like the first reference would have seen them.
-//! The known camera of the scenario is turned with them, so what uses it (labels' checks, the oracle) sees the same rays as before.
-//! Focal length and the row of the horizon are those of the planned cameras; where each really looks is not read.
+//! Cameras that are slightly misplaced from scenario to scenario (`[jitter]`, wind, a new mast) show the aircraft at a different position,
+//! and everything that learned image positions is off by that amount. Runway, ships and islands reveal the offset. A training keeps some of
+//! its backgrounds as references, of different times of day and weathers, aligned with one another. Every scenario is aligned with them
+//! ([`alignment`]), and its boxes and registered shifts are moved to where a camera with the direction of the first reference would have
+//! seen them. The known camera of the scenario is turned accordingly, so code that uses it (checks of labels, the oracle) sees the same
+//! rays as before. Focal length and horizon row are taken from the planned cameras; the actual directions are not read.
 //!
-//! A view that cannot be aligned saw nothing: its boxes are dropped, and the scenario is named.
+//! A view that cannot be aligned counts as empty: its boxes are dropped, and the scenario is reported.
 //!
-//! The pictures come from the videos: two dozen per flight are enough. Samples are corrected when they are read, so every later stage sees
-//! one camera.
+//! The images come from the videos: two dozen per flight are enough. Samples are corrected when they are read, so every later stage sees a
+//! single camera.
 
 mod alignment;
 mod motion;
@@ -39,7 +39,7 @@ use picture::Picture;
 
 /// References of each view.
 const MOST_REFERENCES: usize = 5;
-/// Nothing that stands still is higher above the horizon, radians.
+/// Greatest elevation of stationary objects above the horizon, radians.
 const ABOVE_HORIZON_RAD: f64 = 0.006;
 /// A view with fewer rows below that has no background.
 const FEWEST_ROWS: usize = 64;
@@ -64,7 +64,7 @@ struct ViewBackgrounds {
     references: Vec<Placed>,
 }
 
-/// What is known of a view without its calibration.
+/// Properties of a view that do not depend on its calibration.
 #[derive(Debug, Clone)]
 struct ViewPlace {
     view: String,
@@ -92,7 +92,7 @@ struct Located {
     sd_px: f64,
 }
 
-/// How many views were aligned.
+/// Result of aligning the views.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Alignment {
@@ -243,7 +243,7 @@ impl ViewBackgrounds {
         }
     }
 
-    /// The direction of a scenario's camera; `None` if its background is not like those of the references.
+    /// The direction of a scenario's camera; `None` if its background does not resemble the references.
     fn locate(&self, scenario: &OpenScenario) -> Result<Option<Located>> {
         let Some(picture) = self.place.picture(scenario)? else {
             return Ok(None);
@@ -417,7 +417,7 @@ impl Backgrounds {
         self.views.len()
     }
 
-    /// What `baselines.json` has of them.
+    /// Entries of the backgrounds in `baselines.json`.
     pub(crate) fn stored(&self) -> Vec<StoredView> {
         let views = self
             .views

@@ -20,7 +20,7 @@ pub enum Error {
     Corpus {
         /// Folder of the corpus, or of one of its scenarios.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the corpus.
         fault: Box<CorpusFault>,
     },
     /// An invalid setting.
@@ -30,7 +30,7 @@ pub enum Error {
         setting: &'static str,
         /// Its value.
         found: String,
-        /// What is allowed.
+        /// Allowed values.
         expected: String,
     },
     /// A training that does not fit into this machine's memory.
@@ -53,7 +53,7 @@ pub enum Error {
     Run {
         /// Folder or file of the run.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the run.
         fault: Box<RunFault>,
     },
     /// Another process trains or evaluates there.
@@ -61,7 +61,7 @@ pub enum Error {
     Held {
         /// Folder of the run.
         run: PathBuf,
-        /// Who.
+        /// Process that holds the lock.
         holder: String,
     },
     /// A test trajectory was used for training, so its errors would be meaningless.
@@ -86,7 +86,7 @@ pub enum Error {
         "training of {network} diverged at step {step}: the loss is not finite; lower its learning_rate"
     )]
     Diverged {
-        /// Which network.
+        /// Name of the network.
         network: &'static str,
         /// Step at which this was noticed.
         step: usize,

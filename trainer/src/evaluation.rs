@@ -1,7 +1,7 @@
-//! Accuracy of a run on trajectories that it never saw: `evaluation.json`, `metrics.json`, `predictions.parquet` and `report.html`.
+//! Evaluation of a run on unseen trajectories: `evaluation.json`, `metrics.json`, `predictions.parquet` and `report.html`.
 //!
-//! Estimators get one whole flight after the other, as observed, and then again for each removal of views
-//! ([`crate::evaluation::view_removal`]). Which ticks count, and how, is in `evaluation-rules.toml`.
+//! Estimators process one whole flight after the other, first as observed, and then again for each removal of views
+//! ([`crate::evaluation::view_removal`]). `evaluation-rules.toml` defines which ticks count, and how.
 
 pub(crate) mod answers;
 pub(crate) mod judged;
@@ -40,10 +40,10 @@ use crate::samples::marked_scenarios;
 use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
-/// What to evaluate, and where the results go.
+/// Input and output of an evaluation.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EvaluationConfig {
-    /// Which scenarios are judged.
+    /// Scenarios that are judged.
     pub side: JudgedSide,
     /// File name or hash of the detection model; by default the training's.
     pub detections: Option<String>,
@@ -221,7 +221,7 @@ impl TrainedRun {
     }
 }
 
-/// How far an evaluation is.
+/// Progress of an evaluation.
 struct Steps<'a> {
     progress: &'a mut dyn Progress,
     done: u64,
@@ -340,7 +340,7 @@ fn check_unseen(
     }
 }
 
-/// Whether the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the same views of
+/// True if the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the same views of
 /// the same rig, planned in the same way.
 fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
     let same_kind = !(run.cameras_vary || rig.cameras_vary)

@@ -30,7 +30,7 @@ pub const TOLERANCE: f64 = 1e-5;
 pub struct ExportedRun {
     /// One model per estimator.
     pub models: Vec<ExportedModel>,
-    /// What a user must know about them, as Markdown.
+    /// Model card for users, as Markdown.
     pub card: String,
     /// Ticks to check them with.
     pub probes: Probes,
@@ -41,7 +41,7 @@ pub struct ExportedRun {
 pub struct ExportedModel {
     /// Its name.
     pub name: &'static str,
-    /// Whether it also takes the registrations of the views.
+    /// True if it also takes the registrations of the views.
     pub takes_registrations: bool,
     /// Content of the ONNX file.
     pub onnx: Vec<u8>,
@@ -76,7 +76,7 @@ pub fn export(run: &RunFolder) -> Result<ExportedRun> {
     })
 }
 
-/// How well a runtime's answers agree with ours.
+/// Agreement of a runtime's answers with ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
     /// Probes that have an answer.
@@ -88,7 +88,7 @@ pub struct Agreement {
 }
 
 impl ExportedModel {
-    /// Compares a runtime's answers with ours; NaN is none. Answers that it did not give are none, too.
+    /// Compares a runtime's answers with ours; NaN and missing answers count as none.
     pub fn agreement(&self, answers_m: &[f64]) -> Agreement {
         let expected = self.expected_m.iter().map(|m| m.unwrap_or(f64::NAN));
         let answers = answers_m.iter().copied().chain(std::iter::repeat(f64::NAN));

@@ -1,4 +1,4 @@
-//! Estimates the distance to touchdown from boxes in synchronised pictures, and evaluates the estimates.
+//! Estimation of the distance to touchdown from bounding boxes in synchronised images, and its evaluation.
 //!
 //! Input: a corpus with labels and detections. Output: a run folder ([`RunFolder`]) with networks, formulas, figures and a report.
 //!
@@ -15,9 +15,8 @@
 //!
 //! A module imports only modules above it (`scripts/check_modules.py`).
 //!
-//! `paper_lstm` is the paper's: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where the
-//! paper leaves a choice open, the module states the choice and the reason; settings that deviate from it are named
-//! ([`config::PaperDeviation`]).
+//! `paper_lstm` is the paper's estimator: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. If
+//! the paper leaves a choice open, the module states the choice and the reason; deviating settings are listed ([`config::PaperDeviation`]).
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! What all networks share: layers and their gradients, encoded samples, the training loop with its checkpoint, and their ONNX graph.
+//! Common parts of all networks: layers and their gradients, encoded samples, the training loop with its checkpoint, and their ONNX graph.
 
 pub(crate) mod checkpoint;
 pub(crate) mod dense;

@@ -48,7 +48,7 @@ pub(crate) const FARTHEST_NM: f64 = 10_800.0;
 /// The same in metres.
 pub(crate) const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
 
-/// Which ticks become samples, by distance to touchdown.
+/// Range of distances to touchdown whose ticks become samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DistanceRange {
     /// Smallest distance, nautical miles.
@@ -70,7 +70,7 @@ impl DistanceRange {
     }
 }
 
-/// What is known about a scenario besides its samples.
+/// Information about a scenario apart from its samples.
 #[derive(Debug, Clone)]
 pub(crate) struct ScenarioSummary {
     /// Identifier.
@@ -79,7 +79,7 @@ pub(crate) struct ScenarioSummary {
     pub folder: ScenarioFolder,
     /// Trajectory that it flies.
     pub trajectory: String,
-    /// What that trajectory is, whatever it is called (see [`flight_of`]).
+    /// Identity of that trajectory, independent of its name (see [`flight_of`]).
     pub flight: String,
     /// Hash of the manifest that the scenario is sealed with.
     pub manifest_blake3: String,
@@ -102,7 +102,7 @@ pub(crate) struct ScenarioSummary {
 }
 
 impl ScenarioSummary {
-    /// Whether the weather at the aircraft differs from the planned one.
+    /// True if the weather at the aircraft differs from the planned one.
     pub(crate) fn is_marked(&self) -> bool {
         let effective = self.effective_weather.as_ref();
         effective.is_some_and(EffectiveWeather::is_marked)
@@ -186,7 +186,8 @@ impl Samples {
         scenarios.map(|s| (s.flight.clone(), s.side)).collect()
     }
 
-    /// The flights of a corpus, with all of their ticks. It needs neither labels nor a split: there are no samples, and sides mean nothing.
+    /// The flights of a corpus, with all of their ticks. It needs neither labels nor a split: there are no samples, and sides are
+    /// meaningless.
     pub(crate) fn without_truth(
         corpus: &Corpus,
         asked: Option<&str>,
@@ -312,7 +313,7 @@ impl Samples {
         Ok(())
     }
 
-    /// What is known about the next scenario, its ticks, and what the cameras saw at each.
+    /// Summary of the next scenario, its ticks, and the observation at each.
     fn observe(
         &self,
         scenario: &OpenScenario,
@@ -486,7 +487,7 @@ impl Samples {
         hash.finalize().to_string()
     }
 
-    /// What is flown on one side of the split.
+    /// Identities of the flights on one side of the split.
     pub(crate) fn flights(&self, side: Side) -> BTreeSet<String> {
         let scenarios = self.scenarios.iter().filter(|s| s.side == side);
         scenarios.map(|s| s.flight.clone()).collect()
@@ -528,9 +529,9 @@ fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
 /// A flight is known by its places at these times, of those that it lasts; seconds.
 const KNOWN_BY_S: [i64; 4] = [0, 60, 120, 180];
 
-/// What a trajectory is, whatever it is called: the hash of the recording that it replays, or of the flown path. Live flights of two
-/// sweeps may share a name, and copies of a recording may have several. The path is known by its places after whole minutes, since the
-/// same flight may be recorded with more pictures a second or fewer; by all of its ticks if it has none after a minute.
+/// Identity of a trajectory, independent of its name: the hash of the recording that it replays, or of the flown path. Live flights of two
+/// sweeps may share a name, and copies of a recording may have several. The path is identified by its positions after whole minutes, since
+/// the same flight may be recorded at different frame rates; by all of its ticks if it is shorter than a minute.
 fn flight_of(flight: &Flight, frames: &Frames) -> String {
     if let Flight::Recorded { blake3, .. } = flight {
         return blake3.clone();
@@ -559,7 +560,7 @@ fn flight_of(flight: &Flight, frames: &Frames) -> String {
     path.finalize().to_string()
 }
 
-/// What a detector found in one picture.
+/// Detection result in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Found {
     /// The whole box with the highest score.
@@ -577,7 +578,7 @@ impl Found {
     }
 }
 
-/// What was found per tick and view.
+/// Best detection per tick and view.
 fn best_detections(
     detections: Vec<Detection>,
     cameras: &BTreeMap<String, Camera>,

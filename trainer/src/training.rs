@@ -74,7 +74,7 @@ pub fn train_on_all(
     train_unless(Finished::IsReplaced, corpora, out, config, progress)
 }
 
-/// What becomes of a run in the place that this training would come to.
+/// Treatment of a run that already exists at the destination.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Finished {
     /// It is made again.

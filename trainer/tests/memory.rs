@@ -1,4 +1,4 @@
-//! How much memory more flights take, and from that the full corpus, 770,000 ticks of two registered views. A gibibyte is the aim:
+//! Memory by number of flights, extrapolated to the full corpus, 770,000 ticks of two registered views. The target is one gibibyte:
 //! training and predicting took 0.5, evaluating 0.5 to 0.7.
 
 use std::path::Path;
@@ -40,7 +40,7 @@ fn corpus(folder: &Path, times: usize, seed: u64) -> Corpus {
 const PROCESS: &str = "DTD_TEST_MEMORY_OF";
 const TEST: &str = "the_full_corpus_is_trained_evaluated_and_predicted_in_a_gibibyte";
 
-/// The most memory that a process of its own has while it runs a verb, bytes: one that ran another would have memory left from it.
+/// Peak memory of a separate process that runs a verb, bytes: a process that had run another verb would still hold memory from it.
 fn peak_bytes(verb: &str, folder: &Path, times: usize) -> f64 {
     let output = Command::new(env::current_exe().unwrap())
         .args(["--exact", TEST, "--nocapture"])
@@ -54,7 +54,7 @@ fn peak_bytes(verb: &str, folder: &Path, times: usize) -> f64 {
     kib.parse::<f64>().unwrap() * 1_024.0
 }
 
-/// What such a process does.
+/// Body of such a process.
 fn run_verb(verb: &str, folder: &Path, times: &str) {
     let path = |name: &str| folder.join(name);
     let open = |name: &str| Corpus::open(&path(&format!("{name}-{times}"))).unwrap();

@@ -1,4 +1,4 @@
-//! A camera that was turned and zoomed is fitted again from ten approaches, and nothing else changes.
+//! A camera that was turned and zoomed is fitted again to ten approaches; everything else stays the same.
 
 use std::path::Path;
 
@@ -67,7 +67,7 @@ fn evaluated(run: &RunFolder, corpus: &Corpus) -> Metrics {
     evaluate(run, corpus, &EvaluationConfig::default(), &mut Silent).unwrap()
 }
 
-/// What a refit says.
+/// Messages of a refit.
 struct Said(Vec<String>);
 
 impl Progress for Said {
@@ -128,7 +128,7 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
         // Two test flights with other noise: the best estimators are as good as the noise, below a hundredth of a percent.
         assert!(new < 1.3 * old + 0.002, "{name}: {new} instead of {old}");
     }
-    // A hash of nothing would be the same, too.
+    // Hashes of empty content would also be equal.
     let baselines =
         |run: &RunFolder| -> Value { read_json(&run.baselines_path(), "baselines").unwrap() };
     let (old, new) = (baselines(&run), baselines(&refitted));

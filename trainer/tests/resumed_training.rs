@@ -119,7 +119,7 @@ fn killed(
     (!ended).then_some(killer.heard)
 }
 
-/// What a training learned: all but the time that it took.
+/// Result of a training, except for its duration.
 fn learned(run: &Path) -> Vec<Vec<u8>> {
     [
         "config.json",

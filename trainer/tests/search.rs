@@ -107,11 +107,11 @@ fn each_variant_is_trained_with_each_seed_once_and_the_best_is_linked() {
         table
     );
 
-    // The folder of a run is not that of a search.
+    // The folder of a run is not the folder of a search.
     let in_run = search(&corpora, &out.join(best), &what, &mut Silent);
     assert!(in_run.unwrap_err().to_string().contains("is a run"));
 
-    // Nothing is trained twice, and the evaluation stays.
+    // No run is trained twice, and the evaluation stays.
     let mut idle = Idle::default();
     assert_eq!(search(&corpora, &out, &what, &mut idle).unwrap(), table);
     assert_eq!(idle.0.len(), 4, "{:?}", idle.0);

@@ -94,7 +94,7 @@ fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
         "constant: {constant}"
     );
 
-    // The figures are those of the stored predictions.
+    // The figures agree with the stored predictions.
     let stored = table.optional_f64("paper_lstm_dtd_m").unwrap();
     let errors: Vec<f64> = stored
         .iter()
@@ -260,7 +260,7 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
         .write(&folder.path().join("corpus"))
         .unwrap();
     with_boxes(&corpus, Side::Train, |seen| PixelBox {
-        // Those of the last mile or so are of something else.
+        // Boxes of the last mile or so are moved to another object.
         cy_px: seen.cy_px + if seen.width_px > 100.0 { 200.0 } else { 0.0 },
         ..seen
     });

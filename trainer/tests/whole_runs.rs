@@ -273,7 +273,7 @@ fn a_training_that_fails_leaves_the_run_that_was_there() {
         .collect();
     assert!(before == after);
     assert_eq!(names(workshop.folder.path()), ["corpus", "run"]);
-    // One that succeeds leaves nothing of it: its figures are not those of the new weights.
+    // A training that succeeds removes them: its figures would not belong to the new weights.
     fs::write(&splits, split).unwrap();
     workshop.train("run", 1).unwrap();
     assert!(!run.metrics_path().exists() && !run.report_path().exists());
@@ -334,7 +334,7 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
     let first = workshop.train("first", 0).unwrap();
     let second = workshop.train("second", 1).unwrap();
     let half: &[&str] = &["config.json", "weights.safetensors"];
-    // What a kill leaves in RUN, RUN.partial/new and RUN.partial/old, and which of the two runs must result.
+    // State of RUN, RUN.partial/new and RUN.partial/old after a kill, and which of the two runs must result.
     type Case<'a> = (
         &'a str,
         [Option<&'a RunFolder>; 3],

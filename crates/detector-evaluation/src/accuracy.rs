@@ -1,8 +1,8 @@
-//! How exact the boxes are, and how exactly the shift between two views is known, by distance.
+//! Accuracy of the boxes and of the disparity between two views, by distance.
 //!
-//! Errors are found minus true, pixels, of the best box of each aircraft in sight. Distance comes from the disparity, the horizontal
-//! shift between two views: once from the centres of two boxes, once as registered. Its truth is a point of the aircraft that both views
-//! see, projected into both: what is visible of it from ahead is in front of its centre of gravity.
+//! Errors are found minus true, pixels, of the best box of each aircraft in sight. Distance comes from the disparity, the horizontal shift
+//! between two views: once from the centres of two boxes, once from registration. Its ground truth is a point of the aircraft that both
+//! views see, projected into both: from ahead, the visible part is in front of the centre of gravity.
 
 use std::collections::BTreeMap;
 

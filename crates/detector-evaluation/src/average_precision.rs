@@ -48,7 +48,7 @@ pub struct AveragePrecision {
 pub struct TrueAircraft {
     /// The box.
     pub pixel_box: PixelBox,
-    /// Whether finding it is neither right nor wrong.
+    /// True if finding the aircraft counts neither as right nor as wrong.
     pub is_ignored: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What can go wrong in an evaluation.
+//! Errors of an evaluation.
 
 use std::path::PathBuf;
 
@@ -14,13 +14,13 @@ pub enum Error {
     /// The report cannot be made.
     #[error(transparent)]
     Report(#[from] report_page::Error),
-    /// Nothing to compare.
+    /// No mode was given.
     #[error("no mode is given; expected at least one")]
     NoMode,
     /// There is no truth to compare with.
     #[error("scenario {0} has no labels; run `dtd label` on the corpus first")]
     Unlabelled(String),
-    /// Boxes where the calibration sees nothing.
+    /// Boxes in a view in which the aircraft is not visible according to the calibration.
     #[error(
         "scenario {scenario}: both views found the aircraft at tick {tick}, but calibration.json has it behind the camera of view {view}, \
          or lacks that camera; label the corpus again"
@@ -38,7 +38,7 @@ pub enum Error {
     Out {
         /// The folder.
         path: PathBuf,
-        /// What is wrong with it, and what to do.
+        /// Fault and remedy.
         message: String,
     },
     /// Another process writes there.
@@ -46,7 +46,7 @@ pub enum Error {
     Held {
         /// The folder.
         path: PathBuf,
-        /// Who.
+        /// Process that holds the lock.
         holder: String,
     },
 }

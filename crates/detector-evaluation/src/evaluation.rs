@@ -18,12 +18,12 @@ use crate::picture::pictures_of;
 use crate::report;
 use crate::search_store::{EVALUATION, REPORT, SearchStore};
 
-/// What is evaluated, and how.
+/// Options of an evaluation.
 #[derive(Debug, Clone)]
 pub struct EvaluationOptions {
     /// The detector, an ONNX file.
     pub model: PathBuf,
-    /// How the videos are searched; its mode is replaced by each of `modes`.
+    /// Options of the search in the videos; its mode is replaced by each of `modes`.
     pub detect: DetectOptions,
     /// The modes to compare.
     pub modes: Vec<EvaluatedMode>,
@@ -31,7 +31,7 @@ pub struct EvaluationOptions {
     pub out: PathBuf,
 }
 
-/// How an evaluation ended.
+/// Outcome of an evaluation.
 #[derive(Debug)]
 pub enum Ended {
     /// `evaluation.json` and `report.html` are written.
@@ -174,7 +174,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// What a mode finds in a scenario, or has found before.
+    /// Findings of a mode in a scenario, from the search or from an earlier one.
     fn findings(
         &self,
         mode: EvaluatedMode,

@@ -17,7 +17,7 @@ use dataset::conditions::sight::Sight;
 /// Examples of each kind and mode.
 const SHOWN: usize = 8;
 
-/// What an example shows.
+/// Content of an example.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
     Hit,
@@ -160,7 +160,7 @@ impl Candidates {
 }
 
 impl Candidate {
-    /// Where it is, in words.
+    /// Place of the example, in words.
     pub(crate) fn place(&self) -> String {
         let Self {
             scenario,

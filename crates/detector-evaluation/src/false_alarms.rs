@@ -1,8 +1,8 @@
-//! Boxes where no aircraft is, and how often they come.
+//! False alarms (boxes without an aircraft) and their rates.
 //!
-//! A rate is what a camera of 30 pictures a second would show in an hour, whatever the rate of the corpus: false boxes a picture times
-//! 108,000. Confirmed alarms are counted as tracks: one is raised once, however long it lasts. How many come in an hour of slow video does
-//! not say how many come in an hour of fast video, so both rates are there.
+//! A rate is scaled to one hour of a camera with 30 images per second, whatever the rate of the corpus: false boxes per image times
+//! 108,000. Confirmed alarms are counted as tracks: one alarm is raised once, however long it lasts. The number per hour of slow video does
+//! not predict the number per hour of fast video, so both rates are given.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::AddAssign;
@@ -23,16 +23,16 @@ pub struct AlarmCounts {
     pub video_hours: f64,
     /// Boxes that do not touch an aircraft.
     pub boxes: u64,
-    /// Those of confirmed tracks.
+    /// Boxes of confirmed tracks.
     pub confirmed_boxes: u64,
-    /// Confirmed tracks none of whose boxes touches an aircraft; boxes, where nothing is tracked.
+    /// Confirmed tracks none of whose boxes touches an aircraft; boxes, in modes without tracking.
     pub confirmed_tracks: u64,
 }
 
 /// False alarms and their rates.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FalseAlarms {
-    /// What they were counted on.
+    /// Counts behind the rates.
     #[serde(flatten)]
     pub counts: AlarmCounts,
     /// Hours of one camera's video at 30 pictures a second that have as many pictures.

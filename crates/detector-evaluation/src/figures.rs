@@ -1,8 +1,8 @@
 //! `evaluation.json`: all figures of a detector on a corpus.
 //!
 //! Its keys `modes.*.max_range_nm`, `effective_range_nm`, `recall_by_nm`, `false_alarms_per_hour` and `cpu_ms_per_picture`, and
-//! `registration.disparity_sd_px` and `by_nm`, are the summary; everything else is the detail behind it. Ranges are those in the
-//! clearest weather, recall is that of the weathers in which the air hides the aircraft nowhere; both are named.
+//! `registration.disparity_sd_px` and `by_nm`, are the summary; everything else is the detail behind it. Ranges refer to the clearest
+//! weather, and recall to the kinds of weather that hide the aircraft nowhere; both are named.
 
 use std::collections::BTreeMap;
 
@@ -36,7 +36,7 @@ pub struct Evaluation {
     pub recall_weathers: Vec<String>,
     /// By name of the mode.
     pub modes: BTreeMap<String, ModeFigures>,
-    /// How exactly two views are registered, of the first mode; null with one view.
+    /// Accuracy of the registration of two views, of the first mode; null with one view.
     pub registration: Option<RegistrationFigures>,
 }
 
@@ -46,7 +46,7 @@ pub struct EvaluatedModel {
     /// File and hashes.
     #[serde(flatten)]
     pub identity: ModelIdentity,
-    /// Where it ran.
+    /// Device on which it ran.
     pub device: String,
 }
 
@@ -106,7 +106,7 @@ pub struct StageCost {
 pub struct PictureFigures {
     /// Pictures of all scenarios and views.
     pub total: u64,
-    /// Nothing to find.
+    /// Images without an expected aircraft.
     pub not_expected: NotExpected,
     /// The aircraft is there, by what is in the way.
     #[serde(flatten)]
@@ -116,7 +116,7 @@ pub struct PictureFigures {
 /// The aircraft is in the frame, by what is in the way.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct SightCounts {
-    /// Nothing that hides it.
+    /// Unobstructed.
     pub in_sight: Counts,
     /// Haze or fog: less than 2 % of the contrast remains.
     pub hidden_by_haze: Counts,
@@ -142,7 +142,7 @@ pub struct ConditionFigures {
     pub false_alarms: Option<FalseAlarms>,
 }
 
-/// How exactly two views are registered.
+/// Accuracy of the registration of two views.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RegistrationFigures {
     /// Robust standard deviation of the error of the registered disparity from 1 to 10 NM.
@@ -307,7 +307,7 @@ impl StageCost {
 }
 
 impl RegistrationFigures {
-    /// Those of a mode; `None` if there were no pairs of views.
+    /// Figures of a mode; `None` if there were no pairs of views.
     pub(crate) fn of(mode: &ModeFigures) -> Option<Self> {
         let deviation = |spread: Option<dataset::numbers::spread::Spread>| {
             spread.map(|spread| spread.deviation)

@@ -1,9 +1,9 @@
-//! How far, how surely and how exactly a detector finds the aircraft of a labelled corpus.
+//! Evaluation of a detector on a labelled corpus: range, recall, false alarms and accuracy of its boxes.
 //!
 //! Input: a labelled corpus and a model. Output: [`Evaluation`] (`evaluation.json`) and a report page. The videos are searched by the code
-//! of `dtd detect`, once in each mode; every picture ends up as found, missed for a reason, or not expected, and is counted once. From
-//! the counts follow recall and ranges as in the paper's table 2, from the boxes their errors, those of the disparity between
-//! two views, and COCO's average precision.
+//! of `dtd detect`, once in each mode; every image ends up as found, missed for a reason, or not expected, and is counted once. Recall and
+//! ranges, defined as in the paper's table 2, follow from the counts; box errors, disparity errors between two views and COCO's average
+//! precision follow from the boxes.
 
 #![forbid(unsafe_code)]
 

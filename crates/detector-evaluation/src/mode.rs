@@ -9,7 +9,7 @@ pub enum EvaluatedMode {
     AutoSegmentation,
     /// Every picture as a whole, shrunk to the size of the network.
     Scaled,
-    /// Where tracks are expected, and now and then the whole picture.
+    /// Around expected tracks and, at intervals, in the whole image.
     Tracked,
     /// Tracked where the aircraft is slow enough for it.
     Auto,

@@ -1,4 +1,4 @@
-//! What became of each picture: found, or missed and why.
+//! Outcome of each image: found, or missed for a reason.
 
 use std::collections::HashMap;
 
@@ -13,7 +13,7 @@ pub(crate) struct Searched<'a> {
     pub(crate) picture: &'a Picture,
     /// Best first: the confirmed ones, then by score.
     pub(crate) boxes: Vec<&'a Detection>,
-    /// Why the search found nothing at all, if it says so.
+    /// Reason why the search found no box, if it states one.
     reason: Option<MissReason>,
 }
 
@@ -61,7 +61,7 @@ impl<'a> Searched<'a> {
         pictures.iter().map(searched).collect()
     }
 
-    /// Whether the aircraft was found; `None` if that is not expected of this picture.
+    /// Outcome of the image; `None` if no aircraft is expected in it.
     pub(crate) fn outcome(&self) -> Option<Outcome<'a>> {
         let truth = self.picture.expected()?.pixel_box;
         let matches = |found: &&&Detection| Match::of(&found.pixel_box, &truth);

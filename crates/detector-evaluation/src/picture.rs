@@ -19,7 +19,7 @@ pub(crate) struct Picture {
     pub(crate) distance_nm: f64,
     /// The true box, if any of the aircraft is in the picture.
     pub(crate) truth: Option<TruthBox>,
-    /// Whether the air lets it be seen.
+    /// Visibility through haze, fog and clouds.
     pub(crate) sight: Sight,
 }
 

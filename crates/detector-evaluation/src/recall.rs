@@ -1,6 +1,6 @@
-//! How many of the expected aircraft were found, by distance, weather, time of day and what is in the way; and the ranges that follow.
+//! Recall, the share of expected aircraft that were found, by distance, weather, time of day and obstruction; and the ranges that follow.
 //!
-//! Every picture is counted once: not expected, or found, or missed for a reason.
+//! Every image is counted once: not expected, found, or missed for a reason.
 
 use std::collections::BTreeMap;
 use std::ops::AddAssign;
@@ -35,7 +35,7 @@ pub struct Counts {
 /// Recall with its 95 % interval (Wilson).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Recall {
-    /// What it was counted on.
+    /// Counts behind the share.
     #[serde(flatten)]
     pub counts: Counts,
     /// Share of the expected aircraft that was found; null if none was expected.
@@ -58,7 +58,7 @@ pub struct RecallBin {
     pub recall: Recall,
 }
 
-/// How far the aircraft is found, nautical miles to touchdown.
+/// Detection range, nautical miles to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Range {
     /// The farthest picture in which it was found.
@@ -71,7 +71,7 @@ pub struct Range {
     pub farthest_expected_nm: Option<f64>,
 }
 
-/// Pictures in which nothing is expected.
+/// Images without an expected aircraft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct NotExpected {
     /// The aircraft is outside the frame, or below the ground.
@@ -80,7 +80,7 @@ pub struct NotExpected {
     pub barely_visible: u64,
 }
 
-/// What pictures are grouped by.
+/// Key by which images are grouped.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Group {
     weather: String,

@@ -146,7 +146,7 @@ fn headline((mode, figures): &(EvaluatedMode, &ModeFigures)) -> HeadlineRow {
     }
 }
 
-/// Where every picture of a mode went.
+/// Account of all images of a mode.
 #[derive(Serialize)]
 struct Account {
     title: &'static str,

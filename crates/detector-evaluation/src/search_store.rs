@@ -1,4 +1,4 @@
-//! What was found so far, so that an evaluation that was interrupted is resumed.
+//! Stored results of searches, from which an interrupted evaluation resumes.
 //!
 //! ```text
 //! OUT/
@@ -8,7 +8,7 @@
 //!   searched/<mode>/<scenario>.json                    what they were made from; written last
 //! ```
 //!
-//! A table counts if its record names its hash, and the search and the videos that it would be made from now.
+//! A table is valid if its record names its hash and the current search and videos.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -99,7 +99,7 @@ impl SearchStore {
         }
     }
 
-    /// What this search found in a scenario earlier.
+    /// Earlier findings of this search in a scenario.
     pub(crate) fn load(
         &self,
         mode: EvaluatedMode,

@@ -1,9 +1,9 @@
-//! What crops are given besides what the corpus shows: texture and edges of clouds behind the aircraft, gradients, structures, blur,
-//! noise and tints.
+//! Augmentation: variations of crops that the corpus does not contain, such as texture and edges of clouds behind the aircraft, gradients,
+//! structures, blur, noise and tints.
 //!
-//! Input: a crop, the cover of its aircraft, a random number generator. Output: the varied crop, and whether its aircraft can still
-//! be seen. The stand-in's skies are smooth and its pictures free of noise; X-Plane's clouds are streaky, and cameras are neither.
-//! What lies behind is added where the aircraft is not, and a little over it, as thin cloud is.
+//! Input: a crop, the cover of its aircraft, a random number generator. Output: the varied crop, and whether its aircraft is still visible.
+//! The stand-in's skies are smooth and its images free of noise, unlike X-Plane's streaky clouds and real cameras. A backdrop is added
+//! where the aircraft is not and, faintly, over the aircraft, like thin cloud.
 
 use std::ops::RangeInclusive;
 
@@ -28,14 +28,14 @@ const MOST_STRUCTURES: usize = 4;
 /// Width of a cloud's edge, pixels, and how far it wanders.
 const EDGE_WIDTH_PX: RangeInclusive<f32> = 0.7..=6.0;
 const EDGE_WANDERS_PX: RangeInclusive<f32> = 1.0..=12.0;
-/// Share of noisy crops whose colours have a noise of their own; in the others it is in the luma alone, as in a decoded video.
+/// Share of noisy crops with independent colour noise; the others have noise in the luma alone, like decoded video.
 const COLOUR_NOISE_SHARE: f64 = 0.3;
-/// How far around a box its sky is measured, pixels.
+/// Margin around a box in which its sky is measured, pixels.
 const LIGHT_MARGIN_PX: f64 = 3.0;
 /// Levels, pixels and stretches above this are a mistake.
 const MOST: f32 = 255.0;
 
-/// How crops are varied. Shares are independent of each other, 0 to 1; everything else is drawn up to the largest value.
+/// Augmentation settings. Shares are independent of each other, 0 to 1; everything else is drawn up to the largest value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Augmentation {
@@ -60,8 +60,8 @@ pub struct Augmentation {
     pub paint_share: f64,
     /// Largest shift of red, green or blue of the paint, grey levels.
     pub largest_paint_levels: f32,
-    /// Share whose aircraft shows no lights: nothing on it is brighter than the sky around it; where it is known which pixels are
-    /// aircraft.
+    /// Share whose aircraft shows no lights: no pixel of it is brighter than the surrounding sky. Applies where the aircraft's pixels are
+    /// known.
     pub unlit_share: f64,
     /// Share of resampled crops whose pixels are points of the picture and not means, as without antialiasing.
     pub aliased_share: f64,
@@ -421,9 +421,9 @@ impl Direction {
     }
 }
 
-/// What is put behind an aircraft.
+/// Backdrop behind an aircraft.
 struct Backdrop {
-    /// Added to every pixel; empty if there is nothing to add.
+    /// Light added to every pixel; may be empty.
     light: Vec<f32>,
     /// Factors of that by colour.
     colour: [f32; 3],

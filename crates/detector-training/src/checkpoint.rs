@@ -71,7 +71,7 @@ fn content(folder: &Path) -> Result<Vec<PathBuf>> {
         .collect()
 }
 
-/// Whether a file has the name of one of ours, finished or being written.
+/// True if the file has the name of a checkpoint file, finished or partly written.
 fn is_own(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let is_part = PARTS.iter().any(|part| {
@@ -95,7 +95,7 @@ pub struct Position {
     pub seconds: f64,
 }
 
-/// What a checkpoint keeps of a training.
+/// State of a training run in a checkpoint.
 pub(super) struct Saved {
     pub(super) network: Network,
     pub(super) optimizer: ModuleOptimizer,

@@ -40,8 +40,8 @@ impl FeatureMap {
         self.with_rows(self.rows.clone() / self.raised_mean(floor))
     }
 
-    /// What [`FeatureMap::divide_by_mean`] takes out: the mean of the channels over the floor, as a logarithm (0 where there is
-    /// nothing). To a convolution a ratio of contrasts is then a difference.
+    /// Contrast strength that [`FeatureMap::divide_by_mean`] divides out: logarithm of the mean of the channels over the floor (0 in flat
+    /// areas). A ratio of contrasts thereby becomes a difference, which a convolution can use.
     pub(crate) fn strength(&self, floor: f32) -> Self {
         self.with_rows(self.raised_mean(floor).div_scalar(floor).log())
     }

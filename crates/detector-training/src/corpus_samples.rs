@@ -54,7 +54,7 @@ pub struct JudgedFrame {
 
 /// The videos of the given sides of a corpus's split.
 pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
-    // Before any table is read: with less, a decoder or a thread may fail with a message of its own, or without one.
+    // Checked before any table is read: when memory runs out, a decoder or thread may fail with an unrelated message, or silently.
     memory::check("training a detector", TRAINING_BYTES).map_err(dataset::Error::from)?;
     let splits = corpus.splits()?;
     let planned = PlannedScenarios::read(corpus)?;
@@ -164,7 +164,7 @@ fn samples_of(video: &Video) -> Result<Samples> {
     Ok(samples)
 }
 
-/// Which pixels of a piece at `(left, top)` of its frame are aircraft, by a frame whose own aircraft is elsewhere.
+/// Aircraft pixels of a piece at `(left, top)` of its frame, found by comparison with a frame whose own aircraft is elsewhere.
 fn cover_of(
     piece: &TrainingPicture,
     [left, top]: [usize; 2],
@@ -209,7 +209,7 @@ fn rgb_bytes(width_px: usize, height_px: usize) -> u64 {
 /// About `count` frames, evenly spread over the videos, for evaluation.
 ///
 /// # Errors
-/// Those of [`read_samples`].
+/// As [`read_samples`].
 pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
     let per_video = count.div_ceil(videos.len().max(1)).max(1);
     let judging = largest_frame_bytes(videos)? / 3 * JUDGING_BYTES_PER_PIXEL;

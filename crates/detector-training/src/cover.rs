@@ -1,12 +1,12 @@
-//! How much of each pixel around an aircraft is aircraft, so that something can be painted behind it.
+//! Cover of an aircraft: the part of each pixel that the aircraft occupies, so that a background can be painted behind it.
 //!
-//! Input: a picture with an aircraft and the same place without it. Output: a cover of 0 to 1 per pixel. Cameras do not move, so
-//! another frame of the same video shows what is behind the aircraft; where the two differ is the aircraft.
+//! Input: an image of an aircraft and one of the same place without it. Output: a cover of 0 to 1 per pixel. Cameras do not move, so
+//! another frame of the same video shows the background; where the two differ is the aircraft.
 
 use crate::picture::TrainingPicture;
 use dataset::tables::pixel_box::PixelBox;
 
-/// How far outside its box an aircraft is looked for, pixels.
+/// Margin around a box in which its aircraft is searched for, pixels.
 const MARGIN_PX: f64 = 3.0;
 /// A difference below this is the codec's noise, grey levels.
 const NOISE_LEVELS: f32 = 2.5;

@@ -18,9 +18,9 @@ use dataset::tables::pixel_box::PixelBox;
 const RESAMPLED_SHARE: f64 = 0.5;
 /// Pixels of the picture per pixel of a resampled crop: less than one enlarges.
 const SCALE_RANGE: std::ops::Range<f64> = 0.7..1.2;
-/// How far outside a crop the centre of an aircraft may be, pixels of the picture.
+/// Largest distance of an aircraft's centre outside its crop, pixels of the image.
 const BEYOND_PX: f64 = 4.0;
-/// How often a background crop lies at an edge of the picture, where the network sees less than elsewhere.
+/// Share of background crops at an edge of the image, where the network sees less context.
 const EDGE_SHARE: f64 = 0.15;
 /// Share of crops that get noise, and its largest deviation (of a range of 1).
 const NOISY_SHARE: f64 = 0.3;
@@ -35,7 +35,7 @@ pub struct Placement {
     pub top_px: f64,
     /// Picture pixels for one pixel of the crop.
     pub scale: f64,
-    /// Whether the crop is mirrored left to right.
+    /// True if the crop is mirrored left to right.
     pub mirrored: bool,
 }
 

@@ -23,7 +23,7 @@ use crate::{checkpoint, corpus_samples, export};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectorConfig {
-    /// How to train.
+    /// Training settings.
     pub training: TrainingConfig,
     /// Approximate number of frames of the test trajectories for evaluation.
     pub judged_frames: usize,
@@ -130,7 +130,7 @@ pub fn train_detector(
     Ok(report)
 }
 
-/// Checks that the model can be written and that nobody else makes it, before the training.
+/// Checks before the training that the model can be written, and locks its checkpoint folder against other processes.
 fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     let refused = |fault| Error::Output {
         path: out.to_owned(),
@@ -160,7 +160,7 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     }
 }
 
-/// Whether the model may be replaced: it does not exist, it is the one of the report, or it was written by this training, which was
+/// True if the model may be replaced: it does not exist, it is the model of the report, or it was written by this training, which was
 /// interrupted before its report.
 fn is_own(out: &Path, report: &Path, checkpoint: &Path) -> Result<bool> {
     if !out.exists() {

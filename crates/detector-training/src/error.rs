@@ -17,7 +17,7 @@ pub enum Error {
     Corpus {
         /// Folder of the corpus, or of one of its scenarios.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the corpus.
         fault: CorpusFault,
     },
     /// The model cannot be made at this path.
@@ -25,7 +25,7 @@ pub enum Error {
     Output {
         /// The model's file, or the folder of its checkpoint.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the path.
         fault: OutputFault,
     },
     /// An invalid setting.
@@ -35,7 +35,7 @@ pub enum Error {
         setting: &'static str,
         /// Its value.
         found: String,
-        /// What is allowed.
+        /// Allowed values.
         expected: String,
     },
     /// A model whose weights cannot be the first ones.
@@ -53,7 +53,7 @@ pub enum Error {
     Held {
         /// The model's file.
         out: PathBuf,
-        /// Who.
+        /// Process that holds the lock.
         holder: String,
     },
     /// The network's numbers are no longer finite.
@@ -66,7 +66,7 @@ pub enum Error {
     },
 }
 
-/// Why a corpus is no good for training.
+/// Reasons why a corpus cannot be used for training.
 #[derive(Debug, thiserror::Error)]
 pub enum CorpusFault {
     /// No scenario to train or to judge with.
@@ -80,14 +80,14 @@ pub enum CorpusFault {
         /// The view.
         view: String,
     },
-    /// Nothing to learn from.
+    /// The training scenarios show no visible aircraft.
     #[error(
         "shows no visible aircraft in its training scenarios; are the true boxes those of these videos?"
     )]
     NothingVisible,
 }
 
-/// Why a model cannot be made at a path.
+/// Reasons why a model cannot be written to a path.
 #[derive(Debug, thiserror::Error)]
 pub enum OutputFault {
     /// It is no file.

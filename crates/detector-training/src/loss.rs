@@ -22,7 +22,7 @@ pub struct Loss {
 }
 
 impl Loss {
-    /// What is minimised.
+    /// Total loss, which training minimises.
     pub fn total(&self) -> Tensor<1> {
         self.objectness.clone() + self.boxes.clone().mul_scalar(BOX_IMPORTANCE)
     }

@@ -1,11 +1,11 @@
 //! The detector's network: fully convolutional, one top-down path, one output map at stride 8.
 //!
-//! Input: RGB pictures whose sides are multiples of 32, values 0 to 1. Output: per cell of 8x8 px five numbers (objectness logit,
-//! offset of the centre, logarithms of the size; see `grid`). The idea is CenterNet's (Zhou et al., 2019: a peak per object, the
-//! box regressed at the peak) on a small pyramid. Two things are specific to this task: the first layer ignores constant colours,
-//! and divisive normalisation removes the scale of contrast, since an aircraft in haze has the same shape at a fiftieth of the
-//! contrast. Alone, that would raise the texture of a cloud to the strength of the aircraft before it; so the strength that is
-//! divided out is an input of its own to the next layer.
+//! Input: RGB images whose sides are multiples of 32, values 0 to 1. Output: per cell of 8x8 px five numbers (objectness logit, offset of
+//! the centre, logarithms of the size; see `grid`). The idea is CenterNet's (Zhou et al., 2019: a peak per object, the box regressed at the
+//! peak) on a small pyramid. Two things are specific to this task: the first layer ignores constant colours, and divisive normalisation
+//! removes the scale of contrast, since an aircraft in haze has the same shape at a fiftieth of the contrast. Normalisation alone would
+//! amplify the texture of a cloud to the strength of the aircraft in front of it, so the strength that is divided out is a separate input
+//! of the next layer.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData, activation};
@@ -102,8 +102,8 @@ impl Network {
         }
     }
 
-    /// The first layer's weights as they act on pixel values 0 to 1: each colour's mean is taken out, so that a constant colour
-    /// gives nothing, and the gain is multiplied in.
+    /// The first layer's weights as they act on pixel values 0 to 1: each colour's mean is subtracted, so that a constant colour yields 0,
+    /// and the gain is multiplied in.
     pub(crate) fn stem_weight(&self) -> Tensor<2> {
         let [values, channels] = self.stem.val().dims();
         let weight = self.stem.val().reshape([values / 3, 3, channels]);

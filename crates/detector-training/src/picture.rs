@@ -26,7 +26,7 @@ pub struct TrainingPicture {
     pub height_px: usize,
     /// The aircraft, pixels of this piece.
     pub aircraft: Option<CropTruth>,
-    /// Which of its pixels are aircraft, if that is known.
+    /// Cover of its aircraft, if known.
     pub cover: Option<Cover>,
 }
 
@@ -60,27 +60,27 @@ impl TrainingPicture {
     }
 }
 
-/// Whether the aircraft of a true box is visible in a frame. The transmission of the air does not decide: landing lights are
+/// True if the aircraft of a ground-truth box is visible in a frame. Atmospheric transmission is not a criterion: landing lights are
 /// visible through fog that hides the aircraft itself.
 pub(crate) fn is_visible(frame: &TrainingPicture, truth: &TruthBox) -> bool {
     may_be_visible(truth) && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
 }
 
-/// Whether enough of the aircraft is in the picture; only the pixels show how much of it the air leaves.
+/// True if a large enough part of the aircraft is within the frame; how much of it haze and fog hide follows from the pixels alone.
 pub(super) fn may_be_visible(truth: &TruthBox) -> bool {
     truth.visible_fraction >= LEAST_VISIBLE_FRACTION
 }
 
-/// How far the strongest tenth of a box's pixels is from a plane through its surroundings, grey levels, minus half of the same
+/// Contrast of a box: departure of its strongest tenth of pixels from a plane through its surroundings, grey levels, minus half of the same
 /// figure for the surroundings themselves.
 pub fn contrast(frame: &TrainingPicture, pixel_box: &PixelBox) -> f64 {
     let size = [frame.width_px, frame.height_px];
     Strength::of(|x, y| frame.grey(x, y), size, pixel_box).contrast()
 }
 
-/// How far an aircraft would stand out of white noise of this many grey levels for a filter that knew its pixels and its place: the
-/// matched filter's output in standard deviations of the noise's (Turin, 1960). No linear filter does better. What its surroundings
-/// depart from a plane is taken off the aircraft's energy.
+/// Signal-to-noise ratio of an aircraft in white noise of this many grey levels, for a filter matched to its pixels and place: the matched
+/// filter's output in standard deviations of the noise's (Turin, 1960). No linear filter does better. The departures of its surroundings
+/// from a plane are subtracted from the aircraft's energy.
 pub fn matched_filter_ratio(
     frame: &TrainingPicture,
     pixel_box: &PixelBox,
@@ -95,8 +95,8 @@ pub fn matched_filter_ratio(
     aircraft.max(0.0).sqrt() / noise_levels
 }
 
-/// How strong an aircraft is beside its surroundings: mean distance of the strongest tenth of pixels from a plane through the
-/// surroundings, grey levels.
+/// Strength of an aircraft and of its surroundings: mean distance of the strongest tenth of pixels from a plane through the surroundings,
+/// grey levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Strength {
     inside: f64,
@@ -131,13 +131,13 @@ impl Strength {
         self.inside - 0.5 * self.outside
     }
 
-    /// Whether an aircraft before a texture is more than the texture's own strongest spots.
+    /// True if an aircraft in front of a texture is stronger than the texture's own strongest spots.
     pub(crate) fn stands_out(&self) -> bool {
         self.contrast() >= LEAST_CONTRAST && self.inside >= LEAST_PROMINENCE * self.outside
     }
 }
 
-/// How far the pixels of a box and of its surroundings are from a plane through the surroundings, grey levels.
+/// Departures of the pixels of a box and of its surroundings from a plane through the surroundings, grey levels.
 struct Departures {
     inside: Vec<f64>,
     outside: Vec<f64>,

@@ -60,7 +60,7 @@ const HARD_SHARE: f64 = 0.4;
 const SMALLER_SHARE: f64 = 0.35;
 /// Number of hard places remembered.
 const HARD_PLACES: usize = 4_000;
-/// How far a hard place is moved before it is cropped again, pixels.
+/// Largest shift of a hard place before it is cropped again, pixels.
 const HARD_SHIFT_PX: f64 = 24.0;
 
 /// The size that suits an aircraft of this width: an index into [`CROP_SIZES`].
@@ -229,17 +229,17 @@ impl HardPlaces {
         }
     }
 
-    /// Forgets places in pictures that are not there, which those of a checkpoint are if the corpus shrank.
+    /// Forgets places in images that do not exist. A checkpoint may list such places if the corpus has shrunk.
     pub(crate) fn forget_beyond(&mut self, pictures: usize) {
         self.places.retain(|place| place.picture < pictures);
     }
 
-    /// How many there are.
+    /// Number of places.
     pub fn len(&self) -> usize {
         self.places.len()
     }
 
-    /// Whether there are none.
+    /// True if there are no places.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }

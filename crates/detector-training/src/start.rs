@@ -15,7 +15,7 @@ use crate::convolution::Convolution;
 use crate::error::{Error, Result};
 use crate::network::{INPUT_GAIN, Network};
 
-/// Layers that models of all versions have, in the order of the graph: the first, then those of [`layers`].
+/// Layers that models of all versions have, in the order of the graph: the first, then the ones of [`layers`].
 const LAYERS: usize = 13;
 const STRENGTHS: usize = 3;
 

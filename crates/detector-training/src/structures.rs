@@ -17,7 +17,7 @@ pub(super) struct Rectangle {
 }
 
 impl Rectangle {
-    /// How much of the pixel is inside, 0 to 1.
+    /// Part of the pixel that is inside, 0 to 1.
     pub(super) fn cover(&self, x: usize, y: usize) -> f32 {
         let part = |at: f32, low: f32, high: f32| {
             ((at + 0.5).min(high) - (at - 0.5).max(low)).clamp(0.0, 1.0)

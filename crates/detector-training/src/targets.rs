@@ -22,7 +22,7 @@ const SIZE_IMPORTANCE: f64 = 0.4;
 pub struct CropTruth {
     /// Its whole box, pixels of the crop; may extend over the crop's edges.
     pub pixel_box: PixelBox,
-    /// Whether it is visible to the eye. If not, its cells have no target: neither a hit nor a miss is wrong.
+    /// True if the aircraft is visible to the eye. If not, its cells have no target: neither a hit nor a miss is wrong.
     pub visible: bool,
 }
 

@@ -42,7 +42,7 @@ const PROGRESS_PARTS: f64 = 1000.0;
 pub struct Trained {
     /// The network, without gradients.
     pub network: Network,
-    /// Where it ended.
+    /// Position at the end.
     pub position: Position,
     /// Background places that were ever mistaken for aircraft.
     pub hard_places: usize,

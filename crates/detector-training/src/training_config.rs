@@ -10,10 +10,10 @@ use crate::error::{Result, in_range};
 /// The longest training that can be asked for, minutes: a year.
 pub const MOST_MINUTES: f64 = 525_600.0;
 const MOST_RATE: f64 = 1.0;
-/// What must be above 0 is at least this.
+/// Smallest value of settings that must be above 0.
 const LEAST: f64 = 1e-9;
 
-/// How long to train.
+/// Length of a training run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Effort {
@@ -27,7 +27,7 @@ pub enum Effort {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingConfig {
-    /// How long.
+    /// Length of the training run.
     pub effort: Effort,
     /// Highest learning rate.
     pub learning_rate: f64,
@@ -37,7 +37,7 @@ pub struct TrainingConfig {
     pub seed: u64,
     /// A detector of this project whose weights are the first; missing: random weights.
     pub start_from: Option<PathBuf>,
-    /// How crops are varied.
+    /// Augmentation of crops.
     pub augmentation: Augmentation,
 }
 

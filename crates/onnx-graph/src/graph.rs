@@ -18,7 +18,7 @@ pub struct Graph {
     constants: Vec<TensorProto>,
 }
 
-/// What a model says about itself.
+/// Texts in a model's header.
 #[derive(Debug, Clone, Copy)]
 pub struct ModelTexts<'a> {
     /// Name of its graph.

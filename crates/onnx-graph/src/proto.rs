@@ -1,6 +1,6 @@
 //! The subset of ONNX's file format that this project's models need, as Protocol Buffers messages.
 //!
-//! Field numbers are those of `onnx.proto` (ONNX 1.13, IR version 8). Writing them by hand avoids a compiler for `.proto` files.
+//! Field numbers as in `onnx.proto` (ONNX 1.13, IR version 8). Writing them by hand avoids a compiler for `.proto` files.
 
 use prost::{Message, Oneof};
 
@@ -17,7 +17,7 @@ pub struct ModelProto {
     /// Version of the file format.
     #[prost(int64, tag = "1")]
     pub ir_version: i64,
-    /// What wrote it.
+    /// Program that wrote it.
     #[prost(string, tag = "2")]
     pub producer_name: String,
     /// Version of the producer.
@@ -114,7 +114,7 @@ pub struct AttributeProto {
     /// Value of type `INTS`.
     #[prost(int64, repeated, packed = "false", tag = "8")]
     pub ints: Vec<i64>,
-    /// Which of the values is set: 1 `FLOAT`, 2 `INT`, 3 `STRING`, 7 `INTS`.
+    /// Type of the value that is set: 1 `FLOAT`, 2 `INT`, 3 `STRING`, 7 `INTS`.
     #[prost(int32, tag = "20")]
     pub r#type: i32,
 }

@@ -29,7 +29,7 @@ pub const FONT: &str = "sans-serif";
 /// Maximum points of a line or cloud: a screen shows no more, and a page must open.
 pub const MOST_POINTS: usize = 2_000;
 
-/// Where a chart is drawn.
+/// Drawing area of a chart.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 /// A chart over a linear axis; its other axis is linear unless another one is named.
 pub type Chart<'a, 'b, Y = RangedCoordf64> =

@@ -39,7 +39,7 @@ const XYZ: [[f64; 3]; 3] = [
     [0.2126, 0.7152, 0.0722],
     [0.0177, 0.1095, 0.8729],
 ];
-/// Least distance of two colours in CIE Lab: lines in them are told apart beside each other.
+/// Smallest distance of two colours in CIE Lab at which adjacent lines in them can be distinguished.
 const LEAST_DISTANCE: f64 = 15.0;
 
 fn times(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {

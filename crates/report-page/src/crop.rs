@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 const ASPECT: f64 = 1.5;
 /// Width of a part, pixels, unless the box needs more.
 const LEAST_WIDTH_PX: f64 = 96.0;
-/// Width of a crop over that of the box.
+/// Width of a crop as a multiple of the box's width.
 const SURROUNDINGS: f64 = 3.0;
 /// Distance between a box and the line around it, over the width of the crop: a line on the box would cover a small aircraft.
 const GAP: f64 = 0.015;

@@ -1,4 +1,4 @@
-//! What can go wrong with a page.
+//! Errors of a report page.
 
 use std::io;
 
@@ -15,7 +15,7 @@ pub enum Error {
     Chart {
         /// The chart.
         what: &'static str,
-        /// Where drawing failed.
+        /// Error of the drawing library.
         cause: DrawingError,
     },
     /// A part of a picture.

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-/// What the header `Range` means for a file of some size.
+/// Meaning of a `Range` header for a file of some size.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Asked {
     /// All of it: several parts, or what is no range of bytes, may be answered so.
     Whole,
     /// These bytes, at least one.
     Part(Range<u64>),
-    /// Nothing that the file has.
+    /// A range outside the file.
     Outside,
 }
 

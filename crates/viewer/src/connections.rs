@@ -31,7 +31,7 @@ use crate::error::ViewError;
 const MOST_CONNECTIONS: usize = 64;
 /// Timeout of a request, from the beginning of its connection or the end of the previous one.
 const REQUEST_WITHIN: Duration = Duration::from_secs(10);
-/// How long a client may leave data unread: a browser whose video is paused asks again for the rest.
+/// Longest time a client may leave data unread: a browser whose video is paused requests the rest again.
 #[cfg(target_os = "linux")]
 const READ_WITHIN: Duration = Duration::from_secs(60);
 /// Delay after a connection could not be accepted: others must first release descriptors.

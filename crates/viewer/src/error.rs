@@ -1,4 +1,4 @@
-//! What ends the server.
+//! Errors that end the server.
 
 use std::io;
 
@@ -12,7 +12,7 @@ pub enum ViewError {
     Listen {
         /// The port.
         port: u16,
-        /// Why.
+        /// Cause.
         r#source: io::Error,
     },
     /// A run is given twice.

@@ -1,8 +1,8 @@
-//! A corpus in a browser: its scenarios, their pictures with boxes over them, and the errors of runs, on a page that this computer
-//! serves to itself.
+//! Viewer of a corpus in the browser: its scenarios, their images with boxes, and the errors of runs, on a page that the local computer
+//! serves.
 //!
 //! Input: a corpus, finished or in the making, and the folders of runs. Output: a page (`page/`, embedded), tables as JSON, videos and
-//! single pictures. Nothing is written, nothing leaves the loopback device, and no request reaches a file outside of the corpus.
+//! single images. The server is read-only, listens on the loopback device alone, and serves no file outside the corpus.
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! What the page can show: one corpus and some runs. Shared by all requests.
+//! Content of the page: one corpus and some runs. Shared by all requests.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

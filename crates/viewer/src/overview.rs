@@ -1,4 +1,4 @@
-//! What the corpus has, scenario by scenario: finished, being recorded, failed, planned, damaged. It is read again for every request,
+//! Overview of the corpus, scenario by scenario: finished, being recorded, failed, planned, damaged. It is read again for every request,
 //! because a corpus in the making changes.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -33,11 +33,11 @@ pub(crate) struct Overview {
     scenarios: Vec<Row>,
     /// Names of the runs.
     runs: Vec<String>,
-    /// What could not be read.
+    /// Errors while reading.
     problems: Vec<String>,
 }
 
-/// How far a scenario is.
+/// Progress of a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum State {
@@ -53,7 +53,7 @@ enum State {
     Recorded,
     /// With labels.
     Labelled,
-    /// With detections, too.
+    /// With labels and detections.
     Detected,
 }
 
@@ -63,7 +63,7 @@ struct Row {
     id: String,
     state: State,
     weather: Option<String>,
-    /// How the weather at the aircraft differs from the planned one; empty unless the scenario is marked.
+    /// Differences between the weather at the aircraft and the planned weather; empty unless the scenario is marked.
     weather_differs: Vec<String>,
     time_of_day: Option<String>,
     trajectory: Option<String>,
@@ -77,7 +77,7 @@ struct Row {
     recorded_ticks: Option<u64>,
     /// Of an unfinished recording: time since a file of it changed, seconds.
     unchanged_s: Option<u64>,
-    /// Why it failed, or what is damaged.
+    /// Reason for its failure, or damage.
     faults: Vec<String>,
 }
 
@@ -136,7 +136,7 @@ pub(crate) fn read(library: &Library) -> Overview {
     });
     let splits = match corpus.splits() {
         Ok(splits) => Some(splits),
-        // A corpus whose plan is missing, too, was not made by `dtd generate`.
+        // A corpus without a plan as well was not made by `dtd generate`.
         Err(_) if plan.is_none() => None,
         Err(error) => {
             noted(error);

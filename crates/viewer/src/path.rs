@@ -39,7 +39,7 @@ pub(crate) fn read(opened: &Opened) -> Result<FlownPath, Refusal> {
     Ok(path)
 }
 
-/// Where the aircraft is relative to the touchdown target: as labels say it, whether there are labels or not.
+/// Position of the aircraft relative to the touchdown target, as in labels; needs no labels.
 pub(crate) fn place(opened: &Opened, row: &TickRow) -> RunwayCoordinates {
     let record = &opened.record;
     RunwayCoordinates::of(

@@ -20,7 +20,7 @@ const KEPT_BYTES: usize = 56 << 20;
 /// Up to this many pictures ahead decoding is faster than going to a keyframe.
 const NEAR_TICKS: u32 = 30;
 
-/// What a picture is asked for as.
+/// Form in which an image is requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Form {
@@ -79,7 +79,7 @@ impl Pictures {
             self.reader.seek(self.frame_rate.pts_of_tick(tick))?;
         }
         let pixels = self.reader.width() as usize * self.reader.height() as usize;
-        // All kept ones are of one size. Nothing is larger than a bitmap, which also stands for planes that a video does not have.
+        // All cached images have one size. A bitmap is the largest form, and is also sent instead of planes that a video does not have.
         let picture_bytes = match self.kept.back() {
             Some((_, picture)) => picture.bytes.len(),
             None => pixels * BYTES_PER_PIXEL,

@@ -1,6 +1,7 @@
-//! What a screen can show of a picture: all of it with fewer columns, or a part of it. A page has a few hundred columns for 1920.
+//! Reduced planes of an image for the screen: the whole image with fewer columns, or a part of it. A page has a few hundred columns for
+//! 1920.
 //!
-//! A picture is three planes, one after the other without gaps: brightness, then two of colour with half the columns and rows.
+//! An image is three planes, one after the other without gaps: brightness, then two of colour with half the columns and rows.
 
 /// Largest number of columns that become one.
 pub(crate) const MOST_EVERY: u32 = 16;

@@ -5,7 +5,7 @@ use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
 use serde_json::json;
 
-/// Why a request got nothing.
+/// Reason why a request was refused.
 #[derive(Debug, Clone)]
 pub(crate) struct Refusal {
     pub(crate) status: StatusCode,
@@ -30,7 +30,7 @@ impl Refusal {
 }
 
 impl From<dataset::Error> for Refusal {
-    /// What is there, but damaged.
+    /// Status: 404 if missing, 503 for a passing error, otherwise 422 (present but damaged).
     fn from(error: dataset::Error) -> Self {
         let status = if error.is_not_found() {
             StatusCode::NOT_FOUND

@@ -1,4 +1,4 @@
-//! What a run answered: `predictions.parquet` and `metrics.json` of `dtd evaluate`, or the table that `dtd predict` wrote.
+//! Predictions of a run: `predictions.parquet` and `metrics.json` of `dtd evaluate`, or the table that `dtd predict` wrote.
 //!
 //! They are read once, in the background: the table has a row for each tick of all scenarios.
 
@@ -20,7 +20,7 @@ const PREDICTIONS: &str = "predictions.parquet";
 const METRICS: &str = "metrics.json";
 /// Ending of the columns with the answers of an estimator.
 const ANSWER: &str = "_dtd_m";
-/// Column with the truth, which has that ending, too.
+/// Column of the ground truth, which has the same ending.
 const TRUTH: &str = "dtd_m";
 /// Above the ticks of any corpus.
 const MOST_ROWS: u64 = 1 << 30;
@@ -69,7 +69,7 @@ struct Figures {
     coverage: Option<f64>,
 }
 
-/// What the page shows of a run beside the scenarios.
+/// Summary of a run beside the scenarios.
 #[derive(Debug, Serialize)]
 pub(crate) struct Summary<'a> {
     name: &'a str,
@@ -97,13 +97,13 @@ impl Run {
         }
     }
 
-    /// What it answered; reads it the first time.
+    /// Predictions of the run, read on first use.
     pub(crate) fn answers(&self) -> &Answers {
         self.answers.get_or_init(|| Answers::read(&self.path))
     }
 
-    /// Its figures; none if it was judged on another corpus, as the first scenario of that name tells: to read all of them takes longer
-    /// than the page. `flown`: the ticks of a scenario of this one, if it has it.
+    /// Figures of the run; none if it was evaluated on another corpus, judged by its first scenario: reading all of them takes longer than
+    /// the page may. `flown` returns the ticks of a scenario of this corpus, if it has it.
     pub(crate) fn summary(&self, flown: impl Fn(&str) -> Option<Vec<TickRow>>) -> Summary<'_> {
         let answers = self.answers();
         let mut problems = answers.problems.clone();
@@ -206,7 +206,7 @@ fn flights(path: &Path) -> dataset::Result<BTreeMap<String, Flight>> {
 }
 
 impl Flight {
-    /// What shows that these are the answers for another flight than this.
+    /// Evidence that these predictions belong to another flight than this one.
     pub(crate) fn other_than(&self, flown: &[TickRow]) -> Option<OtherFlight> {
         let truth_m = self.dtd_m.iter().copied().map(Some);
         let truth_m = truth_m.chain(iter::repeat(None));

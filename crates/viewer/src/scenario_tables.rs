@@ -76,7 +76,7 @@ struct TruthColumns {
     transmission: Vec<f64>,
 }
 
-/// What one model found.
+/// Findings of one model.
 #[derive(Debug, Serialize)]
 struct Model {
     /// Its file and its hash, as far as they are known.

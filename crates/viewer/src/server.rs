@@ -28,7 +28,7 @@ use crate::{assets, connections, overview, path, planes, scenario_tables, thumbn
 /// Columns and rows of a picture that is sent as planes, and of its part if there is one.
 const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
 
-/// What to show, and where.
+/// Options of the server.
 #[derive(Debug)]
 pub struct ViewOptions {
     /// The corpus.
@@ -39,7 +39,7 @@ pub struct ViewOptions {
     pub port: u16,
 }
 
-/// Serves the page until the future is dropped; `ready` is told the address.
+/// Serves the page until the future is dropped; `ready` is called with the address.
 ///
 /// # Errors
 /// A run is given twice, or the port is not free.
@@ -191,7 +191,7 @@ async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> 
     .await
 }
 
-/// What a screen can show of a picture: all of it, reduced, and perhaps a part of it.
+/// The planes of an image as a screen shows them: the whole image, reduced, and optionally a part of it.
 fn shown_planes(picture: &[u8], size: [u32; 2], every: u32, part: Option<&str>) -> Answer {
     let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, message);
     if !(1..=MOST_EVERY).contains(&every) {

@@ -92,7 +92,7 @@ impl Thumbnails {
 /// # Errors
 /// There is no intact scenario of this name, or its picture cannot be read.
 pub(crate) async fn read(library: Arc<Library>, id: String) -> Result<Bytes, Refusal> {
-    // A request that is given up while it waits here costs nothing.
+    // A request that is cancelled while waiting here uses no resources.
     let _permit = library.thumbnails.permits.acquire().await.map_err(failed)?;
     let shared = library.clone();
     spawn_blocking(move || {

@@ -35,7 +35,7 @@ const COMES: (f64, f64) = (0.1, 0.75);
 const COVER_LEVELS: u8 = 24;
 /// ... and a picture, if this share of the pixels in the cover's place does.
 const COVER_SHARE: f64 = 0.5;
-/// What the log says of a cover.
+/// Text of the log when a cover is noticed.
 const NOTICED: &str = "something covers the scene";
 
 static ALARMS: AtomicU32 = AtomicU32::new(0);
@@ -95,14 +95,14 @@ pub(crate) async fn covers(repeats: u32, seed: u32) -> Result<(), Box<dyn Error>
     Ok(())
 }
 
-/// How the scenarios of a corpus were recorded.
+/// Recording of the scenarios of a corpus.
 #[derive(Default)]
 struct Run {
     seed: u32,
-    /// How long each scenario took undisturbed, from its flight to its last picture.
+    /// Duration of each scenario without disturbance, from its flight to its last image.
     expected_s: BTreeMap<String, f64>,
     seconds: BTreeMap<String, f64>,
-    /// Where each scenario was covered.
+    /// Covered area of each scenario.
     areas: BTreeMap<String, Area>,
     /// Scenarios in which a cover was noticed.
     noticed: BTreeSet<String>,

@@ -1,8 +1,8 @@
-//! Pictures of a flight taken in blocks: a view's camera rests while the aircraft moves from drawn frame to drawn frame, then the other
-//! view shows the same ticks.
+//! Images of a flight taken in blocks: a view's camera rests while the aircraft moves from drawn frame to drawn frame, then the other view
+//! shows the same ticks.
 //!
-//! In a paused world a block is the whole flight. Where time runs, because rain falls only then, clouds drift meanwhile, and the views of
-//! a tick must not be far apart in time.
+//! In a paused world a block is the whole flight. In running time, which rain needs, clouds drift, so the views of a tick must not be far
+//! apart in time.
 
 use dataset::conditions::Weather;
 use dataset::corpus::calibration::CameraEntry;

@@ -96,15 +96,15 @@ impl Encoders {
             // If the thread has ended, joining it gives the reason.
             let _ = encoder.pictures.send(Message::Finish).await;
         }
-        // All are joined before the first failure is returned: nothing may write into the folder after this.
+        // All are joined before the first failure is returned: no thread may write into the folder afterwards.
         for encoder in self.views {
             all.push(joined(&encoder.view, encoder.thread.await));
         }
         all.into_iter().collect()
     }
 
-    /// Stops and joins all threads, so that nothing writes into the folder any more. Returns the first failure of an encoder, which
-    /// is the reason if an encoder ended the scenario.
+    /// Stops and joins all threads, so that none of them writes into the folder any more. Returns the first failure of an encoder, which is
+    /// the reason if an encoder ended the scenario.
     pub(super) async fn abandon(self) -> Option<ScenarioError> {
         let mut first = None;
         for Encoder {
@@ -146,7 +146,7 @@ fn encode(
                 pts.push(writer.write(&rgb)?);
                 // Memory of a pool goes back when it is dropped.
                 if !matches!(rgb, PictureBytes::Pooled(_)) {
-                    // Nobody takes it back when the scenario is ending.
+                    // The receiver is gone if the scenario is ending.
                     let _ = give_back.send(rgb);
                 }
             }

@@ -19,7 +19,7 @@ use crate::trajectory::BadFlight;
 const WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT: &str = "It was flown live: if the simulator hitched (scenery that loads, another program), let it \
      settle, lower its graphics until `dtd doctor` finds 20 frames a second or more, and run the same command again";
 
-/// Why a run could not start or continue.
+/// Reasons why a run could not start or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum GenerateError {
     /// The corpus was started from a plan that the sweep no longer produces.
@@ -30,7 +30,7 @@ pub enum GenerateError {
     OtherPlan {
         /// The corpus.
         corpus: PathBuf,
-        /// What differs.
+        /// Difference between the two plans.
         difference: String,
     },
     /// The plan of a store is damaged, and the sweep does not give all of it.
@@ -61,7 +61,7 @@ pub enum GenerateError {
     ForeignFolder {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the folder.
         message: String,
     },
     /// The staging path cannot be used as a stage.
@@ -69,7 +69,7 @@ pub enum GenerateError {
     NotAStage {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong with it, and what to do.
+        /// Fault and remedy.
         message: String,
     },
     /// The corpus path is taken by something else.
@@ -86,9 +86,9 @@ pub enum GenerateError {
     Held {
         /// The corpus.
         corpus: PathBuf,
-        /// Who.
+        /// Process that holds it.
         holder: String,
-        /// For how long.
+        /// Time waited so far.
         waited: Duration,
     },
     /// A command to restart simulators that are no X-Plane.
@@ -98,7 +98,7 @@ pub enum GenerateError {
     NotRestartable {
         /// Its name.
         simulator: String,
-        /// What it is instead.
+        /// Reason why it cannot be restarted.
         why: &'static str,
     },
     /// The run was cancelled before anything was written.
@@ -115,7 +115,7 @@ pub enum GenerateError {
     Tape {
         /// The tape.
         tape: PathBuf,
-        /// How that shows.
+        /// Cause.
         cause: Box<ScenarioError>,
     },
     /// A trial scenario cannot be recorded.
@@ -129,9 +129,9 @@ pub enum GenerateError {
     Encoder {
         /// FFmpeg's name of it.
         encoder: &'static str,
-        /// What it needs.
+        /// Requirements of the encoder.
         needs: &'static str,
-        /// What is wrong.
+        /// Fault of the trial.
         fault: Box<TrialFault>,
     },
     /// The thread of that trial panicked.
@@ -154,7 +154,7 @@ fn no_session(tape: &Path, cause: &ScenarioError) -> String {
     )
 }
 
-/// What a tape lacks, where the advice for a simulator would be to switch something on.
+/// Describes the fault of a tape; for a simulator the advice would be to switch something on.
 fn why_no_session(error: &ScenarioError) -> String {
     match error {
         ScenarioError::Bridge(BridgeError::NobodyAnswers { .. } | BridgeError::NoPlugin { .. }) => {
@@ -165,7 +165,7 @@ fn why_no_session(error: &ScenarioError) -> String {
 }
 
 impl GenerateError {
-    /// Whether the caller must change the input first: the same call will fail again.
+    /// True if the caller must change the input first: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::OtherPlan { .. }
@@ -192,7 +192,7 @@ impl GenerateError {
         }
     }
 
-    /// Whether the same call may succeed later.
+    /// True if the same call may succeed later.
     pub fn is_passing(&self) -> bool {
         match self {
             Self::Held { .. } | Self::Cancelled => true,
@@ -202,7 +202,7 @@ impl GenerateError {
     }
 }
 
-/// Why a scenario could not be recorded.
+/// Reasons why a scenario could not be recorded.
 #[derive(Debug, thiserror::Error)]
 pub enum ScenarioError {
     /// The run was cancelled.
@@ -213,7 +213,7 @@ pub enum ScenarioError {
         "the simulator did not answer within {waited:?} while pictures were taken: it is frozen or cut off"
     )]
     Frozen {
-        /// How long we waited.
+        /// Time waited.
         waited: Duration,
     },
     /// The simulator did not do what was requested.
@@ -238,7 +238,7 @@ pub enum ScenarioError {
     Tape {
         /// The tape.
         tape: PathBuf,
-        /// How that shows.
+        /// Cause.
         cause: Box<ScenarioError>,
     },
     /// The tape that acts as the simulator has a different session. A retry cannot help.
@@ -252,7 +252,7 @@ pub enum ScenarioError {
         /// The first difference.
         what: String,
     },
-    /// What was flown is not an approach.
+    /// The flown path is not an approach.
     #[error("the flight {0}")]
     Flight(BadFlight),
     /// The simulator flew something that is not a flight.
@@ -282,7 +282,7 @@ pub enum ScenarioError {
         tick: u32,
         /// View that was due.
         view: String,
-        /// What differs, drawn and expected.
+        /// Difference between the drawn and the expected state.
         what: String,
     },
     /// A picture is empty.
@@ -311,7 +311,7 @@ pub enum ScenarioError {
     Encoder {
         /// The view.
         view: String,
-        /// What it said.
+        /// Panic message.
         cause: JoinError,
     },
     /// The thread that hashes and renames panicked.
@@ -377,7 +377,7 @@ impl ScenarioError {
         }
     }
 
-    /// Whether the next attempt at the same scenario would fail in the same way. A live flight differs each time.
+    /// True if the next attempt at the same scenario would fail in the same way. A live flight differs each time.
     pub(super) fn is_certain(&self) -> bool {
         matches!(
             self,
@@ -396,7 +396,7 @@ impl ScenarioError {
         )
     }
 
-    /// Whether every scenario would fail with this simulator until somebody changes something.
+    /// True if every scenario would fail with this simulator until the setup is changed.
     pub(super) fn is_setup(&self) -> bool {
         match self {
             Self::OtherSimulator { .. } => true,
@@ -405,7 +405,7 @@ impl ScenarioError {
         }
     }
 
-    /// What differed at the aircraft, if that is the reason.
+    /// Difference of the weather at the aircraft, if that is the reason.
     pub(super) fn weather_difference(&self) -> Option<WeatherDifference> {
         match self {
             Self::Bridge(BridgeError::OtherWeatherShows { difference, .. }) => Some(*difference),
@@ -413,7 +413,7 @@ impl ScenarioError {
         }
     }
 
-    /// Whose fault it is.
+    /// Component to blame.
     pub(super) fn blame(&self, corpus: &Path) -> Blame {
         match self {
             Self::Cancelled => Blame::Nobody,

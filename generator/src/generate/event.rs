@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use dataset::corpus::effective_weather::EffectiveQuantity;
 use xplane_bridge::profile::KnownProfile;
 
-/// What a run is doing, for display.
+/// Event of a run, for display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event<'a> {
     /// The run begins.
@@ -21,14 +21,14 @@ pub enum Event<'a> {
     EncoderTried {
         /// FFmpeg's name of it.
         encoder: &'a str,
-        /// How long it took, seconds.
+        /// Duration, seconds.
         seconds: f64,
     },
     /// An earlier run set a scenario aside; this one retries it.
     SetAsideBefore {
         /// Identifier of the scenario.
         id: &'a str,
-        /// Why its last attempt failed.
+        /// Reason of its last failure.
         reason: &'a str,
     },
     /// `splits.json` of the corpus was lost; it is regenerated from plan and seed.
@@ -40,11 +40,11 @@ pub enum Event<'a> {
         /// Bytes needed, approximately.
         needed: u64,
     },
-    /// Nothing is left but the scenarios of other processes.
+    /// Only scenarios of other processes are left.
     Waiting {
-        /// How many scenarios they are recording.
+        /// Number of scenarios that they are recording.
         scenarios: usize,
-        /// Who records the first of them.
+        /// Process that records the first of them.
         holder: &'a str,
     },
     /// A scenario begins.
@@ -74,27 +74,27 @@ pub enum Event<'a> {
         id: &'a str,
         /// Number of ticks.
         ticks: u32,
-        /// How long it took, seconds.
+        /// Duration, seconds.
         seconds: f64,
     },
     /// A scenario was drawn under another weather than planned; its record says so.
     Marked {
         /// Its identifier.
         id: &'a str,
-        /// What differs.
+        /// Differences between the two.
         differences: &'a str,
     },
     /// A quantity at the aircraft differs in scenario after scenario. Reported once per simulator; the run goes on, with marked
     /// scenarios.
     NotFollowed {
-        /// Which simulator.
+        /// Name of the simulator.
         simulator: &'a str,
-        /// Which quantity.
+        /// The quantity.
         quantity: EffectiveQuantity,
     },
     /// Scenarios that an earlier run recorded, and that are not in the object store yet.
     StagedBefore {
-        /// How many.
+        /// Number of scenarios.
         scenarios: usize,
     },
     /// A scenario is committed in the object store.
@@ -127,52 +127,52 @@ pub enum Event<'a> {
     Retrying {
         /// Identifier of the scenario.
         id: &'a str,
-        /// Why.
+        /// Reason.
         reason: &'a str,
     },
     /// A scenario is set aside.
     Failed {
         /// Its identifier.
         id: &'a str,
-        /// Why.
+        /// Reason.
         reason: &'a str,
     },
-    /// Whether there is a `dtd doctor` profile of a simulator behind a plugin. Reported once per simulator.
+    /// Profile of a simulator behind a plugin as made by `dtd doctor`, or its absence. Reported once per simulator.
     Profile {
-        /// Which.
+        /// Name of the simulator.
         simulator: &'a str,
-        /// That its profile is used, or how to get one.
+        /// Its profile, or how to get one.
         known: &'a KnownProfile,
     },
     /// A simulator stopped answering; the run waits for it.
     SimulatorLost {
-        /// Which.
+        /// Name of the simulator.
         simulator: &'a str,
         /// The reason.
         reason: &'a str,
     },
     /// It is back.
     SimulatorBack {
-        /// Which.
+        /// Name of the simulator.
         simulator: &'a str,
     },
     /// The user's command to restart a simulator runs.
     SimulatorRestarting {
-        /// Which.
+        /// Name of the simulator.
         simulator: &'a str,
         /// Live flights since its last restart.
         live_flights: u32,
     },
     /// The command failed.
     RestartFailed {
-        /// Which.
+        /// Name of the simulator.
         simulator: &'a str,
-        /// How, and its last output.
+        /// Kind of failure, and its last output.
         reason: &'a str,
     },
     /// It did not come back; the others continue, if there are any.
     SimulatorGone {
-        /// Which.
+        /// Name of the simulator.
         simulator: &'a str,
         /// The reason.
         reason: &'a str,

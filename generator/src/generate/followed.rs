@@ -1,7 +1,7 @@
-//! Which quantities of the weather at the aircraft a simulator does not follow, by experience.
+//! Quantities of the weather at the aircraft that a simulator does not follow, learned from its scenarios.
 //!
 //! One scenario that differs may be an accident, which a retry or the next scenario refutes. If the same quantity differs in three
-//! scenarios, and none shows that it follows, waiting for it and repeating attempts would cost the night.
+//! scenarios, and none shows that the simulator follows it, further waiting and repeated attempts would only cost time.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -92,7 +92,7 @@ mod tests {
             [],
             "the same one again"
         );
-        // One that is planned as it stays proves nothing.
+        // A scenario that was planned with the constant value is no evidence.
         followed.shown("b", &right(30e3));
         assert_eq!(followed.differed("c", &visibility(30e3, 50e3)), []);
         let third = followed.differed("d", &visibility(30e3, 9e3));

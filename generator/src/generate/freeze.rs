@@ -41,7 +41,7 @@ pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan
     }
 }
 
-/// Those of the files of the whole corpus that are not there; the sweep also if it is not the text of the plan.
+/// Missing files of the corpus as a whole; includes the sweep if it differs from the plan's text.
 pub(super) fn lost_files(corpus_root: &Path, plan: &Plan) -> dataset::Result<Vec<&'static str>> {
     let has_sweep = has_sweep(corpus_root, plan)?;
     let is_lost = |name: &&str| match *name {
@@ -66,7 +66,7 @@ fn check_sweep(corpus_root: &Path, plan: &Plan) -> Result<(), GenerateError> {
     }
 }
 
-/// Whether the text that the plan is the expansion of is there.
+/// True if the sweep that the plan was expanded from is present.
 fn has_sweep(corpus_root: &Path, plan: &Plan) -> dataset::Result<bool> {
     let path = corpus_root.join(Corpus::SWEEP);
     match outside_file::read(&path, FileKind::SWEEP.unlinked()) {
@@ -132,8 +132,8 @@ pub(super) async fn freeze(
     Ok(())
 }
 
-/// Whether a scenario exists, matches its seal, and was made from exactly these parameters. Videos are only checked for existence:
-/// `dtd verify` reads them.
+/// True if a scenario exists, matches its seal, and was made from exactly these parameters. Videos are only checked for existence: `dtd
+/// verify` reads them.
 pub(super) fn is_whole(corpus: &Corpus, scenario: &PlannedScenario) -> Result<bool, GenerateError> {
     let folder = corpus.scenario(&scenario.id);
     let foreign = |message: String| {

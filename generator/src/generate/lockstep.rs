@@ -22,7 +22,7 @@ use super::event::Event;
 /// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB a picture).
 const UNDER_WAY: usize = 4;
 
-/// What the simulator reports about one picture.
+/// Report of the simulator about one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Drawn {
     pub(super) sim_frame: u64,

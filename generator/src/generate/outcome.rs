@@ -2,14 +2,14 @@
 
 use serde::Serialize;
 
-/// What happened to the scenarios of a run, each list in the order of the plan.
+/// Outcome of a run for its scenarios, each list in the order of the plan.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Outcome {
     /// Recorded by this run; for a corpus in an object store also uploaded.
     pub committed: Vec<String>,
     /// Complete already, or recorded by others while this run waited.
     pub skipped: Vec<String>,
-    /// Those of `committed` that were drawn under another weather than planned, with what differs.
+    /// Scenarios of `committed` that were drawn under another weather than planned, with the differences.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub marked: Vec<MarkedScenario>,
     /// Set aside, with the reason of the last attempt.
@@ -19,7 +19,7 @@ pub struct Outcome {
     /// Recorded, but not uploaded to the object store yet: the next run on this stage does that.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub staged: Vec<String>,
-    /// Why the run ended early, if it did.
+    /// Reason for an early end of the run, if any.
     pub stopped: Option<Stopped>,
 }
 
@@ -28,7 +28,7 @@ pub struct Outcome {
 pub struct FailedScenario {
     /// Its identifier.
     pub id: String,
-    /// Why.
+    /// Reason.
     pub reason: String,
 }
 
@@ -37,11 +37,11 @@ pub struct FailedScenario {
 pub struct MarkedScenario {
     /// Its identifier.
     pub id: String,
-    /// What differs.
+    /// Differences between the two.
     pub differences: Vec<String>,
 }
 
-/// Why a run ended before it tried all its scenarios.
+/// Reasons why a run ended before it tried all its scenarios.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "cause", rename_all = "snake_case")]
 pub enum Stopped {
@@ -54,7 +54,7 @@ pub enum Stopped {
     },
     /// No simulator is left, and with the last one every scenario would fail until somebody changes something.
     Setup {
-        /// What has to be changed.
+        /// Required change.
         reason: String,
     },
     /// The object store does not accept the scenarios.
@@ -64,7 +64,7 @@ pub enum Stopped {
     },
     /// The corpus cannot be written any more.
     Storage {
-        /// What was being written, what happened, how much space there is and is needed.
+        /// File being written, error, and the space that is available and needed.
         reason: String,
     },
 }

@@ -13,9 +13,9 @@ pub struct Patience {
     pub pause_factor: u32,
     /// Timeout of one answer of the simulator while pictures are taken: longer means frozen.
     pub answer: Duration,
-    /// How long to wait for a simulator that does not answer: it may be restarting.
+    /// Timeout for a simulator that does not answer: it may be restarting.
     pub simulator: Duration,
-    /// How long to wait for an object store that does not answer.
+    /// Timeout for an object store that does not answer.
     pub store: Duration,
 }
 

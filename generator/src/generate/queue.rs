@@ -15,7 +15,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(500);
 #[derive(Debug)]
 pub(super) struct Task<'a> {
     pub(super) scenario: &'a PlannedScenario,
-    /// Why earlier attempts of this run failed.
+    /// Reasons why earlier attempts of this run failed.
     pub(super) reasons: Vec<String>,
     /// A failed attempt is retried after a delay.
     not_before: Option<Instant>,
@@ -23,11 +23,11 @@ pub(super) struct Task<'a> {
 
 /// The answer to a worker.
 pub(super) enum Next<'a> {
-    /// This one; nobody else can record it.
+    /// This one; it is claimed, so other processes cannot record it.
     Make(Task<'a>, Claim),
     /// This one is complete in the corpus' folder already: another process recorded it in the meantime.
     Whole(Task<'a>, Claim),
-    /// Nothing now; something may come back.
+    /// None now; one may become available again.
     Later(Duration, Option<Elsewhere>),
     /// All are recorded or set aside.
     Finished,
@@ -60,7 +60,7 @@ impl<'a> Queue<'a> {
         }
     }
 
-    /// The next scenario that nobody is recording. The caller must return it or mark it as done.
+    /// The next scenario without a holder. The caller must return it or mark it as done.
     pub(super) fn next(&mut self, corpus: &Corpus) -> Result<Next<'a>, super::GenerateError> {
         let now = Instant::now();
         let mut later = POLL_INTERVAL;
@@ -74,7 +74,7 @@ impl<'a> Queue<'a> {
                 continue;
             }
             match Claim::take(corpus, &task.scenario.id)? {
-                // Checked only now that nobody else can commit it.
+                // Checked only now that no other process can commit it.
                 Claimed::Mine(claim) if is_whole(corpus, task.scenario)? => {
                     self.in_hand += 1;
                     return Ok(Next::Whole(self.waiting.remove(at), claim));
@@ -115,7 +115,7 @@ impl<'a> Queue<'a> {
         self.in_hand -= 1;
     }
 
-    /// Whether a worker may get one now or later.
+    /// True if a worker may get one now or later.
     pub(super) fn has_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }

@@ -36,7 +36,7 @@ use crate::trajectory::Trajectory;
 
 /// A live flight may take this many times as long as expected, plus this many seconds, before the simulator gives up.
 const FLIGHT_TIME_MARGIN: (f64, f64) = (2.0, 120.0);
-/// Where, and how fast, to put an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
+/// Position and speed of an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
 const WAITING_SPEED_MPS: f64 = 80.0;
 /// Pictures that may wait for an encoder, unless they come in blocks.
@@ -52,11 +52,11 @@ pub(super) struct Work<'a> {
 /// A scenario that was recorded and committed.
 pub(super) struct Recorded {
     pub(super) ticks: u32,
-    /// How long it took; absent if an earlier run had recorded it and only the renaming was left.
+    /// Durations of its steps; absent if an earlier run had recorded it and only the renaming was left.
     pub(super) steps: Option<Steps>,
     /// The weather at the aircraft, if it was reported.
     pub(super) effective_weather: Option<EffectiveWeather>,
-    /// How it differs from the planned one.
+    /// Differences from the planned weather.
     pub(super) marks: Vec<WeatherDifference>,
 }
 
@@ -71,7 +71,7 @@ impl Recorded {
     }
 }
 
-/// Records a scenario and commits it. On failure nothing of it remains.
+/// Records a scenario and commits it. A failure leaves no files of it behind.
 pub(super) async fn record(
     work: &Work<'_>,
     scenario: &PlannedScenario,
@@ -249,7 +249,7 @@ async fn record_into(
     };
     session.keep_known_blocks(&simulator);
     let pts = encoders.finish().await?;
-    // Nothing is sealed that a simulator with other settings may have drawn.
+    // A scenario is not sealed if a simulator with other settings may have drawn it.
     attempt
         .unless_cancelled(simulator.confirm_conditions())
         .await?;
@@ -278,7 +278,7 @@ async fn record_into(
     Ok((record, steps, simulator))
 }
 
-/// In blocks if the simulator can, otherwise each picture by itself.
+/// In blocks if the simulator supports them, otherwise image by image.
 async fn capture_pictures(
     simulator: &mut Simulator,
     uses_blocks: bool,
@@ -295,7 +295,7 @@ async fn capture_pictures(
     Ok((drawn, None))
 }
 
-/// Where the aircraft must be before the weather is set, and whether it continues from there.
+/// Required position of the aircraft before the weather is set, and true if the flight continues from there.
 fn start(work: &Work<'_>, scenario: &PlannedScenario) -> (FlightStart, bool) {
     if let (Flight::Live, Some(live)) = (&scenario.parameters.flight, &scenario.parameters.live) {
         return (fly_request(&work.plan.common, scenario, live).start, true);

@@ -22,7 +22,7 @@ use crate::plan::Difference;
 pub struct Remote {
     /// The corpus.
     pub store: CorpusStore,
-    /// Keep uploaded scenarios on the stage, too.
+    /// Keep uploaded scenarios on the stage as well.
     pub keep_staged: bool,
 }
 
@@ -82,8 +82,8 @@ impl Remote {
         Ok(())
     }
 
-    /// The committed ones of `wanted` of which the store has everything, after checking their parameters. What the store has lost is
-    /// to be sent or recorded again.
+    /// The committed ones of `wanted` that are complete in the store, after checking their parameters. Scenarios with lost objects are sent
+    /// or recorded again.
     pub(super) async fn committed(
         &self,
         wanted: &[&PlannedScenario],

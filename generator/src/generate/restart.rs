@@ -1,11 +1,11 @@
 //! The user's command that restarts a simulator, which `dtd` cannot do itself: X-Plane is often started by a script, or on another
 //! computer.
 //!
-//! Input: a command line for `sh`, and the simulator's name in the environment variable [`SIMULATOR_VARIABLE`]. Output: how it ended, with
-//! its last words. The command is expected to end the old simulator, to start a new one in the background, and to end.
+//! Input: a command line for `sh`, and the simulator's name in the environment variable [`SIMULATOR_VARIABLE`]. Output: its exit status,
+//! with the end of its output. The command is expected to end the old simulator, to start a new one in the background, and to end.
 //!
-//! The simulator that it starts must outlive `dtd`: the command has a process group of its own, so that Ctrl-C does not reach it, and
-//! writes into a file, because a program that writes into the pipe of a process that has ended is ended itself.
+//! The simulator that it starts must outlive `dtd`: the command runs in a separate process group, so that Ctrl-C does not reach it, and
+//! writes into a file, because a program that writes into a closed pipe is killed.
 
 use std::fs::File;
 use std::io;
@@ -29,7 +29,7 @@ const OUTPUT_BYTES: u64 = 8 << 10;
 /// Lines of output in an error message.
 const LAST_LINES: usize = 3;
 
-/// How to restart simulators that are not started by `dtd`.
+/// Restart command for simulators that are not started by `dtd`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Restart {
     /// A command line for `sh -c`.
@@ -38,7 +38,7 @@ pub struct Restart {
     pub every: Option<NonZeroU32>,
 }
 
-/// Why a command did not restart a simulator.
+/// Reasons why a command did not restart a simulator.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum RestartError {
     /// No shell.
@@ -50,9 +50,9 @@ pub(super) enum RestartError {
         last_lines(output)
     )]
     Failed {
-        /// How it ended.
+        /// Exit status.
         status: ExitStatus,
-        /// What it wrote.
+        /// Its output.
         output: String,
     },
     /// It does not end.
@@ -62,14 +62,14 @@ pub(super) enum RestartError {
         last_lines(output)
     )]
     StillRuns {
-        /// How long we waited.
+        /// Time waited.
         waited: Duration,
-        /// What it has written.
+        /// Its output so far.
         output: String,
     },
 }
 
-/// Whether all simulators of a run are restartable by a command, or are stand-ins, which `dtd` restarts itself.
+/// Checks that the simulators of a run can be restarted by a command; a tape cannot, and stand-ins are restarted by `dtd` itself.
 pub(super) fn check(simulators: &Simulators) -> Result<(), GenerateError> {
     let targets = simulators.targets();
     let not_restartable = |target: &SimulatorTarget, why| GenerateError::NotRestartable {
@@ -135,7 +135,7 @@ impl Running {
         }
     }
 
-    /// Ends a command that does not end by itself, with all that it started.
+    /// Kills a command that does not end, with all processes that it started.
     pub(super) fn kill(&self) {
         let group = self.child.id().and_then(|id| Pid::from_raw(id as i32));
         if let Some(group) = group

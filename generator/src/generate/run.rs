@@ -1,9 +1,9 @@
-//! A run: workers, each with its own simulator, take scenarios from one queue until none is left or nothing works any more.
+//! A run: workers, each with its own simulator, take scenarios from one queue until none is left or no worker can continue.
 //!
-//! A failed attempt is retried after a growing delay, by whichever worker is free then; after the last one the scenario is set
-//! aside. An error that must repeat ends the attempts at its scenario at once, one that every scenario would meet with this simulator ends
-//! its worker. A simulator that does not answer is waited for (`away.rs`); if it does not come back, its worker ends and leaves the rest to
-//! the others. A full disk ends the run, since nothing else could succeed.
+//! A failed attempt is retried after a growing delay, by whichever worker is free then; after the last one the scenario is set aside. An
+//! error that must repeat ends the attempts at its scenario at once, one that every scenario would meet with this simulator ends its
+//! worker. A simulator that does not answer is waited for (`away.rs`); if it does not come back, its worker ends and leaves the rest to the
+//! others. A full disk ends the run, since no scenario could succeed.
 //!
 //! If the corpus is in an object store, finished scenarios go to one more worker, which uploads them (`uploads.rs`).
 
@@ -51,7 +51,7 @@ pub(super) struct Run<'a> {
     tally: Tally,
 }
 
-/// Whether a worker continues.
+/// Decision after a scenario: the worker continues or leaves.
 #[derive(PartialEq)]
 enum Then {
     GoOn,
@@ -77,8 +77,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Lets every session record scenarios, and uploads those that are `staged` already; ends when all are recorded and uploaded,
-    /// when nothing works any more, or when `cancel` is set.
+    /// Lets every session record scenarios, and uploads those that are `staged` already; ends when all are recorded and uploaded, when no
+    /// worker can continue, or when `cancel` is set.
     pub(super) async fn work_through(
         self,
         sessions: Vec<(Session, Option<ScenarioError>)>,
@@ -198,7 +198,7 @@ impl<'a> Run<'a> {
         self.queue().done_with(task);
     }
 
-    /// Whether another run has uploaded a scenario to the object store since this one started, and all of it is there. An unreachable
+    /// True if another run has uploaded a scenario to the object store since this one started, and it is complete there. An unreachable
     /// store is reported at the next upload.
     async fn is_in_store(&self, task: &Task<'a>) -> bool {
         match self.remote {

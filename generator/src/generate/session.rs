@@ -21,7 +21,7 @@ use crate::stand_in::{StandIn, StandInError, StandInTask};
 /// More stand-ins than this on one machine are a typo.
 pub(super) const MOST_STAND_INS: usize = 64;
 
-/// Which simulator to use.
+/// Simulator to use.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SimulatorTarget {
     /// Our own, started for this run.
@@ -37,13 +37,13 @@ pub enum SimulatorTarget {
 }
 
 impl SimulatorTarget {
-    /// Whether it runs independently of this run, on whatever computer.
+    /// True if it runs independently of this run, on this or another computer.
     pub(super) fn runs_already(&self) -> bool {
         matches!(self, Self::Address(_) | Self::Announced)
     }
 }
 
-/// Why a text names no simulator.
+/// Reasons why a text does not name a simulator.
 #[derive(Debug, thiserror::Error)]
 pub enum BadSimulator {
     /// A number of stand-ins that is none, or too large.
@@ -66,7 +66,7 @@ pub enum BadSimulator {
     Unresolved {
         /// The text.
         text: String,
-        /// Why not.
+        /// Cause.
         cause: io::Error,
     },
     /// A host without addresses.
@@ -145,7 +145,7 @@ pub(super) struct Session {
     ready: Option<Simulator>,
     /// The known profile, which was reported.
     known: Option<KnownProfile>,
-    /// What its blocks showed so far.
+    /// Properties of its blocks so far.
     known_blocks: KnownBlocks,
     /// Versions of simulator and plugin in this run.
     versions: Option<String>,
@@ -153,16 +153,16 @@ pub(super) struct Session {
     live_flights: u32,
     /// Restarts since a scenario was made.
     restarts_in_vain: u32,
-    /// How long its last restart took, if this run restarted it.
+    /// Duration of its last restart, if this run restarted it.
     restart: Option<Duration>,
-    /// Whether the simulator keeps how long a scenario, and the last restart, took.
+    /// True if the simulator has stored the durations of a scenario and of the last restart.
     pace_kept: bool,
-    /// What it follows of the written weather, by experience.
+    /// Weather quantities that it follows, learned from its scenarios.
     pub(super) followed: Followed,
 }
 
 impl Session {
-    /// The session of the simulator with this number, counted from 0; nothing is started or connected yet.
+    /// The session of the simulator with this number, counted from 0; it is neither started nor connected yet.
     pub(super) fn new(
         target: &SimulatorTarget,
         number: usize,
@@ -221,8 +221,8 @@ impl Session {
         self.pace_kept = false;
     }
 
-    /// Lets a simulator with a profile keep how long the first scenario of this run, or the first one after a restart, took. Whether it
-    /// does changes nothing here.
+    /// Stores the duration of the first scenario of this run, or of the first one after a restart, in the profile of a simulator that has
+    /// one. A failure to store it has no effect on the run.
     pub(super) async fn keep_pace(&mut self, simulator: &mut Simulator, pace: RecordedPace) {
         let description = simulator.description();
         let has_profile = matches!(description.profile, KnownProfile::Current(_));
@@ -255,7 +255,7 @@ impl Session {
         }
     }
 
-    /// What is known about a simulator behind a plugin, if that was not reported yet. The next connection knows it, too.
+    /// The profile of a simulator behind a plugin, if it was not reported yet. It is kept for the next connection.
     pub(super) fn news_of(&mut self, simulator: &Simulator) -> Option<KnownProfile> {
         let known = &simulator.description().profile;
         if simulator.description().plugin.is_none() || self.known.as_ref() == Some(known) {
@@ -275,7 +275,7 @@ impl Session {
         &self.name
     }
 
-    /// Whether the simulator was started by somebody else.
+    /// True if the simulator was not started by this run.
     pub(super) fn runs_already(&self) -> bool {
         self.target.runs_already()
     }

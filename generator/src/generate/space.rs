@@ -21,7 +21,7 @@ pub fn free_bytes(folder: &Path) -> Option<u64> {
     Some(figures.f_bavail.saturating_mul(figures.f_frsize))
 }
 
-/// Whether the next scenario would fail for the same reason: the disk is full, or not writable.
+/// True if the next scenario would fail for the same reason: the disk is full, or not writable.
 pub(super) fn is_storage_failure(error: &dataset::Error, corpus: &Path) -> bool {
     let said_so = match error {
         dataset::Error::Io { source, .. } => matches!(

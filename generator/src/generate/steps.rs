@@ -1,4 +1,4 @@
-//! How long the steps of a scenario took: for the log, and for the estimates of `dtd plan`.
+//! Durations of the steps of a scenario: for the log, and for the estimates of `dtd plan`.
 
 use std::time::{Duration, Instant};
 

@@ -1,4 +1,4 @@
-//! What a run has done so far, and the switch that ends it: shared by all its workers.
+//! Results of a run so far, and the switch that ends it: shared by all its workers.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -20,7 +20,7 @@ pub(super) struct Tally {
 struct Counts {
     outcome: Outcome,
     fatal: Option<GenerateError>,
-    /// Why the last simulator was given up.
+    /// Reason why the last simulator was given up.
     last_simulator_failure: Option<Stopped>,
     told_of_waiting: bool,
 }
@@ -70,7 +70,7 @@ impl Tally {
         self.lock().last_simulator_failure = Some(reason);
     }
 
-    /// Whether nobody has reported yet that the run waits for others.
+    /// True on the first call, when waiting for other runs has not been reported yet.
     pub(super) fn is_first_to_wait(&self) -> bool {
         !std::mem::replace(&mut self.lock().told_of_waiting, true)
     }

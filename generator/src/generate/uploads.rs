@@ -19,7 +19,7 @@ use super::tally::Tally;
 /// Scenarios that may wait for the current upload. Together with that one, this many folders are on the stage besides those being
 /// recorded.
 pub(super) const WAITING: usize = 1;
-/// How long a cancelled transfer may take to stop.
+/// Longest time for a cancelled transfer to stop.
 const CANCEL_TIMEOUT: Duration = Duration::from_secs(5);
 /// Interval for checking a staged scenario that another process is uploading.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
@@ -28,21 +28,21 @@ const POLL_INTERVAL: Duration = Duration::from_millis(500);
 struct Job<'a> {
     scenario: &'a PlannedScenario,
     claim: Claim,
-    /// Whether an earlier run may have sent a part of it.
+    /// True if an earlier run may have sent a part of it.
     is_resumed: bool,
 }
 
 /// The worker that uploads finished scenarios.
 pub(super) struct Uploader<'r, 'a> {
     pub(super) remote: &'r Remote,
-    /// How long to wait for a store that does not answer.
+    /// Timeout for a store that does not answer.
     pub(super) patience: Duration,
     pub(super) stage: &'r Corpus,
     pub(super) reporter: &'r Reporter<'a>,
     pub(super) tally: &'r Tally,
 }
 
-/// Where other workers hand finished scenarios over to it. It ends when all of these are gone.
+/// Handle with which other workers submit finished scenarios to the uploader, which ends when all handles are dropped.
 #[derive(Clone)]
 pub(super) struct Uploads<'r, 'a> {
     jobs: mpsc::Sender<Job<'a>>,
@@ -92,8 +92,7 @@ impl<'a> Uploads<'_, 'a> {
         }
     }
 
-    /// The claim on a staged scenario; `None` if there is nothing left to upload, because another process has done it or the run
-    /// ends.
+    /// The claim on a staged scenario; `None` if it needs no upload, because another process has uploaded it or the run ends.
     async fn claim_staged(
         &self,
         scenario: &PlannedScenario,
@@ -136,7 +135,7 @@ impl Watch for Watching<'_, '_> {
 }
 
 impl<'r, 'a> Uploader<'r, 'a> {
-    /// Where to hand over scenarios, and the work of uploading them.
+    /// The handle for submitting scenarios, and the future that uploads them.
     pub(super) fn start(&'r self) -> (Uploads<'r, 'a>, impl Future<Output = ()>) {
         let (sender, mut jobs) = mpsc::channel::<Job<'a>>(WAITING);
         let uploads = Uploads {
@@ -202,7 +201,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
         }
     }
 
-    /// Whether a scenario is needed on the stage no longer. Labels of a recording that the store does not take exist nowhere else.
+    /// True if a scenario is no longer needed on the stage. Labels of a recording that the store does not accept exist only here.
     fn is_superseded(&self, id: &str, pushed: &Pushed) -> bool {
         let labels = self
             .stage
@@ -222,7 +221,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
     /// Sends a scenario, as long as the store can be reached and the run does not end.
     async fn push(&self, id: &str, is_resumed: bool) -> store::Result<Pushed> {
         let folder = self.stage.scenario(id);
-        // Nothing of a scenario that was recorded just now is in the store: one listing, after the upload, is enough.
+        // A scenario that was recorded just now has no objects in the store yet: one listing, after the upload, is enough.
         let mut seen = (!is_resumed).then(Objects::default);
         let watching = Watching { uploader: self, id };
         let pushing = store::Patience(self.patience).with(&watching, async |watch| {

@@ -1,4 +1,4 @@
-//! How two plans for one corpus differ.
+//! Differences between two plans for one corpus.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,7 +9,7 @@ use serde_json::Value;
 /// Maximum number of differences to report.
 const MOST_SHOWN: usize = 3;
 
-/// What a plan adds to, changes in and removes from an earlier one.
+/// Scenarios that a plan adds to, changes in and removes from an earlier one.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Difference {
     /// Scenarios that only the new plan has.
@@ -30,7 +30,7 @@ pub struct Change {
 }
 
 impl Difference {
-    /// What differs between an earlier plan and a new one.
+    /// Differences between an earlier plan and a new one.
     pub fn between(old: &Plan, new: &Plan) -> Self {
         let before: BTreeMap<&str, &PlannedScenario> =
             old.scenarios.iter().map(|s| (s.id.as_str(), s)).collect();
@@ -61,7 +61,7 @@ impl Difference {
         difference
     }
 
-    /// Why a corpus of the earlier plan cannot be finished with the new one; `None` if scenarios are only added.
+    /// Reason why a corpus of the earlier plan cannot be finished with the new one; `None` if scenarios are only added.
     pub fn conflict(&self) -> Option<String> {
         let removed = self.removed.iter();
         let changed = self.changed.iter();

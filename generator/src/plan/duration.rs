@@ -1,4 +1,4 @@
-//! How long recording takes, part by part: pictures, flights that are flown live, loading, weather, restarts.
+//! Duration of recording, part by part: pictures, flights that are flown live, loading, weather, restarts.
 //!
 //! Every part has a source: a trial with the stand-in on this machine, the profile of an X-Plane, or an assumption, which is said.
 
@@ -15,8 +15,8 @@ const STAND_IN_PICTURES_PER_S: f64 = 45.0;
 /// Picture size of that figure; cost grows with the number of pixels.
 const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
 
-/// What an X-Plane is assumed to take where nothing was measured, seconds: to load the place of a flight (20 s measured by others, and
-/// the terrain settles), to show written clouds (55 s measured by others), and to start again.
+/// Assumed durations for an X-Plane without measurements, seconds: loading the place of a flight (20 s measured by others, and the terrain
+/// settles), showing written clouds (55 s measured by others), and a restart.
 const ASSUMED_LOADING_S: f64 = 30.0;
 const ASSUMED_WEATHER_S: f64 = 60.0;
 const ASSUMED_RESTART_S: f64 = 180.0;
@@ -42,7 +42,7 @@ pub struct WeatherCost {
     pub flying_s: f64,
 }
 
-/// Where the figures of an estimate come from.
+/// Source of the figures of an estimate.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Pacing {
     /// Figures of the stand-in on another machine.
@@ -55,7 +55,7 @@ pub enum Pacing {
     PicturesPerSecond(f64),
 }
 
-/// How long the parts take, hours, and the source of each figure.
+/// Durations of the parts, hours, and the source of each figure.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Durations {
     /// Drawing, grabbing and encoding pictures.
@@ -133,7 +133,7 @@ impl Durations {
     }
 }
 
-/// What is to be recorded.
+/// Counts of what is to be recorded.
 struct Count {
     scenarios: usize,
     live: usize,
@@ -230,7 +230,7 @@ impl Count {
     }
 }
 
-/// What one of several takes, seconds, and the source of the figure.
+/// Duration of one of several, seconds, and the source of the figure.
 fn measured_or(measured_s: Option<f64>, assumed_s: f64) -> (f64, String) {
     match measured_s {
         Some(took_s) => (took_s, format!("{took_s:.0} s each, measured")),

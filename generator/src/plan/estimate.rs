@@ -53,7 +53,7 @@ pub struct Estimate {
     /// Its parts.
     #[serde(flatten)]
     pub durations: Durations,
-    /// Bytes on disk; absent if nothing is known about such pictures.
+    /// Bytes on disk; absent if the size of such images is unknown.
     pub bytes: Option<u64>,
     /// Source of that figure, or how to get one.
     pub bytes_basis: String,
@@ -90,7 +90,7 @@ impl Estimate {
     }
 }
 
-/// Bytes that should be free before scenarios of a plan are recorded; as [`Estimate::room_bytes`] where nothing was measured.
+/// Bytes that should be free before scenarios of a plan are recorded; as [`Estimate::room_bytes`] without measurements.
 pub fn room_bytes<'a>(
     common: &Common,
     scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
@@ -139,7 +139,7 @@ fn bytes_of_picture_after(apart_s: f64) -> f64 {
     by_distance(&BYTES_PER_PICTURE, apart_s)
 }
 
-/// What was measured for pictures this many seconds apart: between two measurements, linear in the logarithm of the time.
+/// Measured value for images this many seconds apart: between two measurements, linear in the logarithm of the time.
 fn by_distance(measured: &[(f64, f64)], apart_s: f64) -> f64 {
     let next = measured.partition_point(|(measured_s, _)| *measured_s < apart_s);
     let [before, after] =

@@ -56,7 +56,7 @@ pub fn expand(sweep: &Sweep) -> Plan {
     Plan::new(sweep.corpus.name.clone(), &sweep.text, common, scenarios)
 }
 
-/// Whether the seeds of all scenarios follow from this master seed.
+/// True if the seeds of all scenarios follow from this master seed.
 pub fn is_seeded_by(plan: &Plan, master: u64) -> bool {
     let mut scenarios = plan.scenarios.iter();
     scenarios.all(|scenario| scenario.seed == seed::of_scenario(master, &scenario.id))

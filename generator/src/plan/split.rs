@@ -115,7 +115,7 @@ type Waiting<'a> = (u64, &'a str);
 
 /// Free trajectories that are flown in the same conditions, equally often: they have the same effect on a side.
 struct Alike<'a> {
-    /// Those of each scenario of one of them, sorted.
+    /// Conditions of the scenarios of one of them, sorted.
     conditions: Vec<Condition<'a>>,
     /// Shuffled, the next one last.
     waiting: Vec<Waiting<'a>>,
@@ -131,7 +131,7 @@ impl<'a> Alike<'a> {
     }
 }
 
-/// How many scenarios of each weather and of each time a side has.
+/// Number of scenarios of each weather and of each time on a side.
 #[derive(Default)]
 struct OnSide<'a> {
     scenarios: usize,
@@ -146,7 +146,7 @@ impl<'a> OnSide<'a> {
         *self.times.entry(time).or_default() += 1;
     }
 
-    /// How often the weathers and times of a trajectory are already on the side, per thousand scenarios of it.
+    /// Number of times that the weathers and times of a trajectory already occur on the side, per thousand of its scenarios.
     fn crowding(&self, conditions: &[Condition<'_>]) -> usize {
         let count = |counts: &BTreeMap<&str, usize>, key| counts.get(key).copied().unwrap_or(0);
         let shared = conditions

@@ -1,4 +1,4 @@
-//! Why a sweep cannot be used.
+//! Reasons why a sweep cannot be used.
 
 use dataset::files::toml_file::TomlError;
 

@@ -10,7 +10,7 @@ use dataset::files::file_name;
 pub(super) struct Fault {
     /// Dotted key of the value, for [`dataset::files::toml_file::TomlFile::rejected`].
     pub(super) key: String,
-    /// What was found and what was expected.
+    /// The value that was found, and the expected one.
     pub(super) message: String,
 }
 

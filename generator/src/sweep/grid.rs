@@ -72,7 +72,7 @@ pub(super) struct Include {
     repeats: Vec<u32>,
 }
 
-/// What distinguishes a scenario from the others of its sweep.
+/// Parameters that distinguish a scenario from the others of its sweep.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Combination {
     /// Counted from 1.

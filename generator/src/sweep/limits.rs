@@ -1,5 +1,5 @@
-//! How the limits of [`dataset::numbers::limits`] are enforced in a sweep, where a number may be a spread and the schema includes them,
-//! too.
+//! Enforcement of the limits of [`dataset::numbers::limits`] in a sweep, where a number may be a spread; they are also part of the
+//! schema.
 
 use dataset::numbers::limits::Limits;
 use schemars::Schema;

@@ -140,7 +140,7 @@ impl OwnFolder {
         )))
     }
 
-    /// Which files are a demo's and which are not; in a folder without a marker, none is.
+    /// Sorts files into the demo's and others; in a folder without a marker, none is the demo's.
     fn look(&self, marked: bool) -> Result<Found, Failure> {
         let mut found = Found::default();
         let planned = self.planned();
@@ -180,7 +180,7 @@ impl OwnFolder {
         }
     }
 
-    /// Removes what was recognised as a demo's, and nothing newer. The plan, which the recognition needs, goes last.
+    /// Removes the files that were recognised as a demo's, and none that appeared since. The plan, which the recognition needs, goes last.
     fn remove(&self, found: &Found) -> Result<(), Failure> {
         let plan = Path::new(CORPUS).join(Corpus::PLAN);
         let is_late = |name: &Path| name == plan || name == Path::new(CORPUS);
@@ -207,7 +207,7 @@ struct Found {
     of_others: Vec<PathBuf>,
 }
 
-/// Whether a path, relative to a demo's folder, looks like a demo's output for these scenarios.
+/// True if a path, relative to a demo's folder, looks like a demo's output for these scenarios.
 fn is_own(name: &Path, is_folder: bool, is_file: bool, planned: &BTreeSet<String>) -> bool {
     let parts: Option<Vec<&str>> = name.iter().map(|part| part.to_str()).collect();
     let Some(parts) = parts else {

@@ -1,4 +1,4 @@
-//! What the estimate of the recording time is based on: a trial with the stand-in, the profile of a running X-Plane, or assumptions.
+//! Basis of the estimate of the recording time: a trial with the stand-in, the profile of a running X-Plane, or assumptions.
 
 use std::net::SocketAddr;
 
@@ -64,7 +64,7 @@ async fn connected(address: SocketAddr, local_udp: LocalUdp) -> Result<Simulator
     Simulator::connect_with(address, CONNECT_TIMEOUT, options).await
 }
 
-/// The profile of a running simulator, which is asked for nothing else.
+/// The profile of a running simulator; no other requests are made.
 fn asked(
     connecting: impl Future<Output = Result<Simulator, BridgeError>>,
 ) -> Result<Pacing, Failure> {

@@ -11,7 +11,7 @@ use indicatif::DecimalBytes;
 use super::{Compared, Report};
 use crate::verbs::output::{print_after, print_table};
 
-/// Nobody reads more rows than these: then conditions are shown instead of scenarios.
+/// Maximum number of rows: with more scenarios, conditions are shown instead.
 const MOST_ROWS: usize = 200;
 /// Maximum number of changed or removed scenarios listed.
 const MOST_DIFFERENCES: usize = 10;
@@ -167,7 +167,7 @@ impl Report<'_> {
         }
         let (changed, removed) = (&against.difference.changed, &against.difference.removed);
         println!("            {:>6} removed", removed.len());
-        // Of a sweep that is rejected, nothing is left to record.
+        // A rejected sweep leaves no scenarios to record.
         let is_rejected = !(changed.is_empty() && removed.is_empty());
         if let Some(left) = self.left.as_ref().filter(|_| !is_rejected) {
             show_cost("left", left);

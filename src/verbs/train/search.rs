@@ -26,7 +26,7 @@ struct SearchFile {
     /// Settings of all variants.
     #[serde(default)]
     settings: Table,
-    /// What else each of them sets.
+    /// Additional settings of each variant.
     variants: BTreeMap<String, Table>,
 }
 
@@ -78,7 +78,7 @@ fn search_in(path: &Path, args: &TrainArgs) -> Result<Search, Failure> {
     })
 }
 
-/// Adds settings to others, and replaces those of the same name.
+/// Adds settings to others, and replaces settings of the same name.
 fn merge(into: &mut Table, from: Table) {
     for (key, value) in from {
         match (into.get_mut(&key), value) {

@@ -1,10 +1,10 @@
-//! The motion between two backgrounds that weather and time of day made look different.
+//! Motion between two backgrounds that differ in weather and time of day.
 //!
-//! Brightness, contrast and even its sign differ: houses are white at noon and black at dawn. So the reference is cut into patches, and
-//! each may have any gain and offset in the other picture; what a patch tells is weighed by its own misfit. First a search: the shift
-//! for which the most structured patches have the largest squared correlations. Then Gauss and Newton's steps for all patches and the
-//! whole motion, from blurred to sharp pictures, in which patches that contradict the others lose their weight. Stripes of grass tell
-//! about rows only, the hull of a ship about both: each patch counts in the directions in which it has structure.
+//! Brightness, contrast and even its sign differ: houses are white at noon and black at dawn. So the reference is cut into patches, each of
+//! which may have any gain and offset in the other image, and each patch is weighted by its own misfit. First comes a search for the shift
+//! at which the most structured patches have the largest squared correlations. Gauss-Newton steps for all patches and the whole motion
+//! follow, from blurred to sharp images, in which patches that contradict the others lose their weight. Stripes of grass constrain rows
+//! only, the hull of a ship constrains both axes: each patch counts in the directions in which it has structure.
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::least_squares::NormalEquations;
@@ -34,7 +34,7 @@ const LEAST_CORRELATION: f64 = 0.3;
 const NOISE_LEVELS: f64 = 0.1;
 /// Neighbouring pixels share their errors, so that this many count as one.
 const SHARED: f64 = 4.0;
-/// How far cameras may have moved: standard deviations of turns, radians, and of the stretch.
+/// Usual motion of cameras: standard deviations of turns, radians, and of the stretch.
 const USUAL: [f64; UNKNOWNS] = [0.02, 0.02, 0.003, 0.1];
 /// Deviations from which on a patch loses weight.
 const TOLERATED: f64 = 3.0;
@@ -125,7 +125,7 @@ impl Reference {
         &self.picture
     }
 
-    /// The motion from this picture to another one of the same kind of camera; `None` if they have nothing in common.
+    /// The motion from this image to another one of the same kind of camera; `None` if they have too little in common.
     pub(crate) fn motion_to(
         &self,
         other: &Compared,
@@ -290,7 +290,7 @@ impl Reference {
     }
 }
 
-/// What a patch tells about the motion.
+/// Constraint on the motion from one patch.
 struct Told {
     /// By how much its place changes with each number of the motion, right and down.
     slopes: [[f64; UNKNOWNS]; 2],
@@ -348,7 +348,7 @@ impl Told {
         let about_means =
             |i: usize, k: usize| products[i.min(k)][i.max(k)] - sums[i] * sums[k] / count;
         let power = about_means(0, 0) + 1e-6;
-        // What gain and offset do not explain.
+        // Part that gain and offset do not explain.
         let left =
             |i: usize, k: usize| about_means(i, k) - about_means(0, i) * about_means(0, k) / power;
         let rest = left(1, 1);

@@ -1,4 +1,4 @@
-//! How a fixed camera moved between two pictures of the same place: it was turned, and stands a little higher.
+//! Motion of a fixed camera between two images of the same place: a rotation and a small change of height.
 //!
 //! A turn moves every direction alike. Height moves the ground below the horizon, the more the nearer it is: a point of a plane at
 //! depth z is drawn `focal H / z` below the horizon, so a camera that is higher by a part s of its height sees everything below the
@@ -13,7 +13,7 @@ pub(crate) const UNKNOWNS: usize = 4;
 /// From where something is in one picture to where it is in another one.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Motion {
-    /// Axis of the turn in camera axes times its angle, radians: takes directions of the first picture to those of the second.
+    /// Rotation vector (axis times angle) in camera axes, radians; it maps directions of the first image to directions of the second.
     pub(crate) turn_rad: DVec3,
     /// By what part everything below the horizon is stretched downwards.
     pub(crate) stretch: f64,
@@ -32,7 +32,7 @@ impl Motion {
         }
     }
 
-    /// Where a point of the ground is in the second picture, for cameras of this kind whose horizon is in a row.
+    /// Position of a ground point in the second image, for cameras of this kind with the horizon in the given row.
     pub(crate) fn of_ground(&self, camera: &Camera, horizon_px: f64, place: DVec2) -> DVec2 {
         let down = self.stretch * (place.y - horizon_px).max(0.0);
         turned(camera, matrix(self.turn_rad), place) + DVec2::new(0.0, down)
@@ -49,7 +49,7 @@ pub(crate) fn after(then: DVec3, first: DVec3) -> DVec3 {
     (DQuat::from_scaled_axis(then) * DQuat::from_scaled_axis(first)).to_scaled_axis()
 }
 
-/// Where what is seen at a pixel is after a turn.
+/// Pixel position after a rotation of the camera.
 pub(crate) fn turned(camera: &Camera, turn: DMat3, place: DVec2) -> DVec2 {
     camera.pixel_of(turn * camera.image_of(place).extend(1.0))
 }

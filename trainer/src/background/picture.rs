@@ -1,4 +1,4 @@
-//! What a fixed camera saw behind the aircraft: the mean of the first pictures of a flight, from just above the horizon down.
+//! Background of a fixed camera: the mean of the first images of a flight, from just above the horizon down.
 //!
 //! Clouds are left out with the sky. The mean removes noise and rain; the aircraft covers few patches of it, and moves.
 
@@ -7,7 +7,7 @@ use dataset::video::PicturePart;
 
 use crate::error::Result;
 
-/// Pictures of the mean: its noise is a fifth of that of one picture.
+/// Number of averaged images: the mean has a fifth of the noise of a single image.
 const PICTURES: usize = 24;
 
 /// Light of a part of a camera's picture: all columns, some rows.
@@ -24,7 +24,7 @@ impl Picture {
     /// The mean of the first pictures of a view, from the row `top` to the last one.
     ///
     /// # Errors
-    /// The video cannot be read, has no picture, or not those of such a camera.
+    /// The video cannot be read, is empty, or has images of another camera.
     pub(crate) fn of_view(
         scenario: &OpenScenario,
         view: &str,
@@ -142,7 +142,7 @@ impl Picture {
         above + v * (pair((row + 1) * self.width + column) - above)
     }
 
-    /// Whether a rectangle in the camera's picture is at least two pixels inside.
+    /// True if a rectangle in the camera's image is at least two pixels inside.
     pub(crate) fn contains(&self, [left, top, right, bottom]: [f64; 4]) -> bool {
         let last_row = (self.top + self.rows()) as f64 - 3.0;
         left >= 2.0

@@ -39,7 +39,7 @@ fn scene(place: DVec2) -> f64 {
     row(y.floor()) * (1.0 - v) + row(y.floor() + 1.0) * v
 }
 
-/// What a camera that moved from the place of `scene` sees, with other light and some noise.
+/// Image of a camera that moved from the place of `scene`, with other light and some noise.
 fn seen(place: &ViewPlace, motion: Motion, [gain, offset, noise]: [f64; 3]) -> Picture {
     let (width, top) = (place.camera.width_px as usize, place.top.unwrap());
     let rows = place.camera.height_px as usize - top;

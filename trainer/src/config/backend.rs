@@ -1,6 +1,6 @@
-//! What computes the training of networks: the processor, or a GPU if this build can.
+//! Compute backend for training networks: the CPU, or a GPU if this build supports it.
 //!
-//! A network is kept, saved and asked on the processor, wherever it was trained. Nothing falls back to the processor in silence.
+//! Networks are stored, saved and evaluated on the CPU, wherever they were trained. There is no silent fallback to the CPU.
 
 #[cfg(feature = "wgpu")]
 use std::sync::Mutex;
@@ -25,7 +25,7 @@ pub enum TrainingBackend {
 }
 
 impl TrainingBackend {
-    /// What it is called in settings.
+    /// Name in settings.
     const fn word(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",

@@ -20,7 +20,7 @@ const MOST_LEARNING_RATE: f64 = 10.0;
 /// Beyond this, shares, weights and percentages are meaningless.
 const MOST_RATIO: f64 = 1e6;
 const MOST_DEVIATION_M: f64 = 100_000.0;
-/// A smaller standard deviation of a camera's prior cannot be told from certainty.
+/// Smallest accepted standard deviation of a camera's prior: a smaller one is numerically indistinguishable from certainty.
 const LEAST_SD: f64 = 1e-6;
 
 impl TrainConfig {

@@ -1,5 +1,4 @@
-//! What a training does otherwise than the paper, named from its settings and refits, so that nothing passes for the paper's method that
-//! is not.
+//! Deviations of a training from the paper, derived from its settings and refits, so that no other method passes for the paper's.
 
 use std::fmt;
 
@@ -61,7 +60,7 @@ impl fmt::Display for PaperDeviation {
 }
 
 impl TrainConfig {
-    /// What these settings do otherwise than the paper; empty for the defaults.
+    /// Deviations of these settings from the paper; empty for the defaults.
     pub fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
         let (c, e) = (&self.calibration, &self.estimator);
         let (paper_c, paper_e) = (CalibrationConfig::default(), EstimatorConfig::default());

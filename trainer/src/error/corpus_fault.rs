@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use dataset::corpus::splits::Side;
 
-/// What the scenarios of a corpus must have in common.
+/// Properties that the scenarios of a corpus must share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigKind {
     pub(crate) name: String,
@@ -12,7 +12,7 @@ pub struct RigKind {
     pub(crate) form: Vec<(String, u32, u32)>,
 }
 
-/// What is wrong with a corpus or a scenario, and what to do.
+/// Fault of a corpus or a scenario, with its remedy.
 #[derive(Debug, thiserror::Error)]
 #[expect(
     missing_docs,
@@ -75,7 +75,7 @@ pub enum CorpusFault {
         first: PathBuf,
         differences: Vec<String>,
     },
-    /// A corpus with other cameras than those of the training.
+    /// A corpus whose cameras differ from the cameras of the training.
     #[error(
         "its cameras are not those that run {} was trained with; here, and there: {}; if one of them was turned, moved or replaced, \
          `dtd refit` fits its view again",
@@ -86,7 +86,7 @@ pub enum CorpusFault {
         run: PathBuf,
         differences: Vec<String>,
     },
-    /// A corpus for fitting a view again whose other cameras are not those of the training.
+    /// A corpus for refitting a view whose other cameras differ from the cameras of the training.
     #[error(
         "its cameras beside {view} are not those that run {} was trained with: identifiers, picture sizes, places and optics must be the \
          same; fit one view at a time again",
@@ -167,7 +167,7 @@ pub enum CorpusFault {
         Side::Train
     )]
     NoTrueBoxes { samples: usize },
-    /// Validation samples, but no box of them is similar to those of training.
+    /// Validation samples, none of whose boxes is similar to a training box.
     #[error(
         "has {samples} samples on the {:?} side, but no box of theirs is near the places and sizes of the boxes on the training side; \
          change the split, or detect again",

@@ -1,4 +1,4 @@
-//! Why a run cannot be made at a path, or not be used.
+//! Reasons why a run cannot be created at a path, or cannot be used.
 
 use std::io;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use burn::store::{RecordError, SafetensorsStoreError};
 use dataset::corpus::seal::{DONE, MANIFEST};
 use dataset::numbers::limits::FieldOutOfLimits;
 
-/// What is wrong with a run's folder or with a file of it, and what to do.
+/// Fault of a run's folder or of one of its files, with its remedy.
 #[derive(Debug, thiserror::Error)]
 #[expect(
     missing_docs,
@@ -38,7 +38,7 @@ pub enum RunFault {
     /// Results would be foreign files in a run.
     #[error("lies in a run, which holds nothing but its own files; name a place outside")]
     InRun,
-    /// Results would replace those of another evaluation.
+    /// Results would replace the results of another evaluation.
     #[error(
         "has the results of another evaluation (evaluation.json): of other scenarios, detections or rules; name a folder for these with \
          --out DIR"
@@ -93,7 +93,7 @@ pub enum RunFault {
         "inverse_range has a fit of other views than the {views} of the run, or with another number of coefficients; train again"
     )]
     InverseRange { views: usize },
-    /// The cameras of `self_calibrated` are not those of its views.
+    /// The cameras of `self_calibrated` do not match its views.
     #[error(
         "self_calibrated has another number of cameras than the {views} views of the run; train again"
     )]
@@ -164,7 +164,7 @@ pub enum RunFault {
         here: Vec<(String, u32, u32)>,
         there: Vec<(String, u32, u32)>,
     },
-    /// A checkpoint whose numbers are not those of the networks.
+    /// A checkpoint whose weights do not fit the networks.
     #[error("is damaged: {0}; remove it, and the training starts from the beginning")]
     CheckpointWeights(RecordError),
     /// The same of what belongs to the numbers.

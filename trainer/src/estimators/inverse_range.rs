@@ -1,15 +1,14 @@
-//! The inverse range as a quadratic of the aircraft's places in the views: a formula that learns the cameras from labelled flights.
+//! The inverse range as a quadratic of the aircraft's positions in the views: a formula that learns the cameras from labelled flights.
 //!
 //! For cameras that look up the approach from a distance `s` behind the touchdown target, `1 / (d + s)` is nearly linear in pixels, and
-//! quadratics take up the rest: lens, aim, flight paths beside and below the usual one. So `s` is searched, and for each `s` the
-//! coefficients are a linear least-squares problem. Residuals are relative errors of the distance. They count by Huber's loss
-//! ("Robust estimation of a location parameter", 1964), so that a few wrong labels or shifts hardly matter; it is convex, so the
-//! solution is one.
+//! quadratic terms absorb the rest: lens, aim, flight paths beside and below the usual one. So `s` is searched, and for each `s` the
+//! coefficients are a linear least-squares problem. Residuals are relative errors of the distance, weighted by Huber's loss ("Robust
+//! estimation of a location parameter", 1964), so that a few wrong labels or shifts hardly matter; it is convex, so the solution is unique.
 //!
-//! Each set of views has fits of its own, because a missing view leaves no formula to the others: one from the boxes, and, with two views
-//! or more, one from their registered shifts ([`crate::samples::view_shift`]). At a tick the first fit applies whose views all saw the
-//! aircraft; a training sorts them by precision. Prediction does not read the calibration; training does only to leave out boxes that do
-//! not hold the aircraft, and registered shifts were measured with its help, which tells scale and rotation between two views.
+//! Each set of views has separate fits, because no formula can do without one of its views: one from the boxes, and, for two or more views,
+//! one from their registered shifts ([`crate::samples::view_shift`]). At a tick the first fit applies whose views all saw the aircraft;
+//! training sorts them by precision. Prediction does not read the calibration. Training uses it only to leave out boxes that do not contain
+//! the aircraft. Registered shifts were measured with the calibration, which gives scale and rotation between two views.
 
 pub(crate) mod flight_filter;
 
@@ -43,7 +42,8 @@ use robust_fit::{
 
 /// Ticks per coefficient below which there is no fit.
 const TICKS_PER_COEFFICIENT: usize = 3;
-/// Sets of more views have no fit of their own, because the number of coefficients grows with the square; pairs of them have.
+/// Largest set of views with a separate fit, because the number of coefficients grows with the square; larger sets are covered by their
+/// pairs.
 const MOST_VIEWS: usize = 4;
 /// Maximum distance of the cameras behind the touchdown target, unless the training side reaches farther, metres.
 const FARTHEST_SETBACK_M: f64 = 20_000.0;
@@ -53,12 +53,12 @@ const EXACTLY: f64 = 1e-6;
 /// Ticks by which `s` is chosen; more do not change it.
 const TICKS_OF_SEARCH: usize = 2_000;
 
-/// The fits of all sets of views, in the order in which they are asked: the most precise of the training first. That of a refitted run is
-/// that of its training, because the flight filter has learned which fit corrects which.
+/// The fits of all sets of views in the order in which they are tried: the most precise one of the training first. A refitted run keeps the
+/// order of its training, because the flight filter has learned which fit corrects which.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct InverseRange {
     fits: Vec<Fit>,
-    /// What one of them leaves.
+    /// Network on the residual of one of the fits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     residual: Option<Residual>,
 }
@@ -68,14 +68,14 @@ pub(crate) struct InverseRange {
 struct ViewSet {
     /// Their indices, ascending.
     views: Vec<usize>,
-    /// Whether the places are registered; else they are the boxes' centres.
+    /// True if the positions are registered; otherwise they are the centres of the boxes.
     registered: bool,
 }
 
 /// The formula of one set of views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Fit {
-    /// What it needs.
+    /// Views that it needs.
     #[serde(flatten)]
     set: ViewSet,
     /// `s`: distance of the cameras behind the touchdown target, metres.
@@ -88,8 +88,8 @@ struct Fit {
     coefficients_per_m: Vec<f64>,
     /// Standard deviation of the relative error on the training side, robust, and corrected for the number of coefficients.
     deviation: f64,
-    /// Of a view by itself, the covariance of the coefficients, row by row, in squares of the deviation, if each training flight were one
-    /// tick. Empty of several views, which need no other flights than these.
+    /// For a single view, the covariance of the coefficients, row by row, in squares of the deviation, if each training flight were one
+    /// tick. Empty for several views, which need no other flights than these.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     covariance_per_m2: Vec<f64>,
 }
@@ -130,15 +130,15 @@ impl InverseRange {
         self.fits.iter().position(applies)
     }
 
-    /// Whether each of the fits contains this view.
+    /// For each fit, true if it contains this view.
     pub(crate) fn contain(&self, view: usize) -> impl Iterator<Item = bool> {
         self.fits
             .iter()
             .map(move |fit| fit.set.views.contains(&view))
     }
 
-    /// What a new camera of this view leaves as it is: the fits that do without it, and the network if it is on the residual of one of
-    /// them.
+    /// Copy without the parts that a new camera of this view changes: the fits that contain the view, and the network if it is on the
+    /// residual of one of them.
     pub(crate) fn without(&self, view: usize) -> Self {
         let others = self
             .fits
@@ -175,7 +175,7 @@ impl InverseRange {
         Some(self.measurement(fit, observed)?.distance_m)
     }
 
-    /// Whether each fit is of some of this many views and has as many numbers as these need.
+    /// True if every fit refers to some of this many views and has as many numbers as they need.
     pub(crate) fn is_of(&self, views: usize) -> bool {
         let residual = self.residual.as_ref();
         let completes = |residual: &Residual| {

@@ -1,6 +1,6 @@
-//! The minimum of a function of one number whose derivative nobody knows.
+//! Minimum of a function of one variable without a derivative.
 
-/// Where to look.
+/// Range and resolution of a search.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Search {
     /// Ends of the range, exclusive.
@@ -8,7 +8,7 @@ pub(crate) struct Search {
     pub to: f64,
     /// Parts that a range is divided into.
     pub parts: u32,
-    /// How often the search is repeated between the neighbours of the best place.
+    /// Number of searches, each between the neighbours of the best position so far.
     pub rounds: u32,
 }
 

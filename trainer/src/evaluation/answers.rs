@@ -1,4 +1,4 @@
-//! What all estimators answered at the judged ticks, in as few bytes as figures need: a full corpus has 770,000 ticks, each of which every
+//! Answers of all estimators at the judged ticks, in as few bytes as the figures need: a full corpus has 770,000 ticks, each of which every
 //! estimator answers with all views and without some.
 
 use crate::estimators::inverse_range::flight_filter::Estimate;
@@ -17,7 +17,7 @@ pub(crate) struct JudgedTicks<'a> {
 }
 
 impl<'a> JudgedTicks<'a> {
-    /// Those of the test side.
+    /// The ticks of the test side.
     pub(crate) fn of(samples: &'a Samples, rules: &'a EvaluationRules) -> Self {
         let tested = samples.ticks_of_side(Side::Test);
         Self {
@@ -48,7 +48,7 @@ impl<'a> JudgedTicks<'a> {
         }
     }
 
-    /// What an estimator answered, tick by tick.
+    /// Outcomes of an estimator, tick by tick.
     pub(crate) fn outcomes(&self, answers: &Answers, estimator: usize) -> Vec<Outcome<'_>> {
         let ticks = 0..self.ticks.len();
         ticks
@@ -71,16 +71,16 @@ impl<'a> JudgedTicks<'a> {
     }
 }
 
-/// What one estimator answered to some ticks.
+/// Answers of one estimator at some ticks.
 pub(crate) struct Answered {
     /// Distances, metres.
     pub distances_m: Vec<Option<f64>>,
-    /// What else it knows; `None` of an estimator that answers with a distance alone.
+    /// Full estimates; `None` for an estimator that answers with a distance alone.
     pub estimates: Option<Vec<Option<Estimate>>>,
 }
 
 impl Answered {
-    /// What each estimator answers, in the order of [`Estimator::ALL`].
+    /// Answers of all estimators, in the order of [`Estimator::ALL`].
     pub(crate) fn of_all(task: &Task) -> Vec<Self> {
         let of = |estimator: Estimator| {
             let estimates = estimator.estimates(task);
@@ -101,7 +101,7 @@ impl Answered {
 pub(crate) struct Answers {
     /// Views whose boxes count.
     detections: Vec<u8>,
-    /// Whether a view was removed.
+    /// True if a view was removed.
     removed: Vec<bool>,
     /// In the order of [`Estimator::ALL`].
     by_estimator: [OfEstimator; Estimator::ALL.len()],
@@ -127,7 +127,7 @@ impl Answers {
         }
     }
 
-    /// Adds those of the ticks of a flight that count.
+    /// Adds the answers at those ticks of a flight that count.
     pub(crate) fn add(
         &mut self,
         is_judged: &[bool],
@@ -164,7 +164,7 @@ impl Answers {
         self.detections.iter().filter(|&&views| views > 0).count()
     }
 
-    /// Which ticks every estimator with any answer has answered.
+    /// For each tick, true if every estimator with any answer has answered it.
     pub(crate) fn common(&self) -> Vec<bool> {
         let is_answered = |distance_m: &f64| distance_m.is_finite();
         let of_estimators = self.by_estimator.iter().map(|of| &of.distances_m);

@@ -12,7 +12,7 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::samples::Samples;
 
-/// Which scenarios of a corpus are judged.
+/// Scenarios of a corpus that are judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JudgedSide {
@@ -23,7 +23,7 @@ pub enum JudgedSide {
     All,
 }
 
-/// What was judged (`evaluation.json`). Another evaluation of the same run differs in it.
+/// Identity of an evaluation (`evaluation.json`), by which two evaluations of a run are distinguished.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Judged {
@@ -33,7 +33,7 @@ pub struct Judged {
     pub scenarios_blake3: String,
     /// Hash of these, of what the cameras saw there (boxes and registered shifts), and of the truth.
     pub samples_blake3: String,
-    /// Which of its scenarios.
+    /// Judged part of its scenarios.
     pub side: JudgedSide,
     /// ICAO code of the airport and designator of each runway.
     pub runways: BTreeSet<String>,
@@ -87,7 +87,7 @@ impl Judged {
         }
     }
 
-    /// Whether this is another evaluation than the one whose results a folder has.
+    /// True if the folder has results of a different evaluation.
     pub(crate) fn is_other_than_in(&self, folder: &RunFolder) -> bool {
         let path = folder.evaluation_path();
         let same = |there: Self| {

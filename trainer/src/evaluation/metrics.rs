@@ -111,7 +111,7 @@ pub struct SideCount {
     pub samples: usize,
 }
 
-/// How the samples were split.
+/// Split of the samples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SplitSummary {
     /// The unit that is kept together: `trajectory`.
@@ -140,9 +140,9 @@ pub struct TickCounts {
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
-    /// How it was judged.
+    /// Rules of the evaluation.
     pub rules: EvaluationRules,
-    /// What was judged.
+    /// Identity of the evaluation.
     pub judged: Judged,
     /// The split.
     pub split: SplitSummary,
@@ -152,10 +152,10 @@ pub struct Metrics {
     pub disbelieved_boxes: usize,
     /// Pictures of these ticks in which the detector found only boxes that the picture's edge cuts off, which are ignored.
     pub cut_off_boxes: usize,
-    /// What the training of `paper_lstm` did otherwise than the paper, by its settings; missing in earlier evaluations.
+    /// Deviations of the training of `paper_lstm` from the paper, by its settings; missing in earlier evaluations.
     #[serde(default)]
     pub deviations_from_paper: Vec<PaperDeviation>,
-    /// How the cameras were aligned by their backgrounds; missing if the training did not ask for it.
+    /// Alignment of the cameras by their backgrounds; missing if the training did not ask for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alignment: Option<Alignment>,
     /// The weather that simulators reported at the aircraft in the judged scenarios, by name of the planned weather; missing if none did.
@@ -176,22 +176,22 @@ pub(crate) struct Outcome<'a> {
     pub interval_m: Option<[f64; 2]>,
     /// Number of views that saw the aircraft.
     pub detections: usize,
-    /// Whether fog hides the aircraft.
+    /// True if fog hides the aircraft.
     pub is_hidden: bool,
-    /// Whether a view was removed.
+    /// True if a view was removed.
     pub is_removed: bool,
-    /// What it is grouped by.
+    /// Keys by which it is grouped.
     pub of: &'a Group<'a>,
 }
 
-/// What outcomes of one scenario are grouped by.
+/// Keys by which outcomes of one scenario are grouped.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Group<'a> {
     /// Identifier of the scenario.
     pub scenario: &'a str,
     /// The trajectory that it flies.
     pub trajectory: &'a str,
-    /// What that trajectory is, whatever it is called.
+    /// Identity of that trajectory, independent of its name.
     pub flight: &'a str,
     /// Name of the weather.
     pub weather: &'a str,
@@ -210,7 +210,7 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// For tests, whose outcomes own nothing.
+    /// For tests, whose outcomes only borrow.
     #[cfg(test)]
     pub(crate) fn leaked(self) -> &'a Self {
         Box::leak(Box::new(self))
@@ -308,7 +308,7 @@ impl EstimatorMetrics {
 /// Maximum number of bins. If `bin_nm` would give more, bins are an integer number of times as wide.
 const MOST_BINS: f64 = 200.0;
 
-/// Outcomes by bins `[from, to)` of distance in nautical miles, from the bin of the nearest to that of the farthest.
+/// Outcomes by bins `[from, to)` of distance in nautical miles, from the bin of the nearest outcome to the bin of the farthest.
 pub(crate) fn distance_bins<'a>(
     outcomes: &'a [Outcome<'a>],
     bin_nm: f64,

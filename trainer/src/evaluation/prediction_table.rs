@@ -29,7 +29,7 @@ pub(crate) fn add_answers(
     table
 }
 
-/// Columns of what else an estimator knows.
+/// Columns of an estimator's further quantities.
 fn add_estimates(
     mut table: TableWriter,
     name: &str,
@@ -51,7 +51,7 @@ fn add_estimates(
             ("_from", |number| number.interval[0]),
             ("_to", |number| number.interval[1]),
         ];
-        // The distance itself has a column like that of every estimator.
+        // The distance has a column already, as for every estimator.
         for (suffix, part) in parts.into_iter().skip(usize::from(quantity == "dtd_m")) {
             let of = |estimate: &Option<Estimate>| estimate.as_ref().and_then(number).map(part);
             let column = format!("{name}_{quantity}{suffix}");

@@ -25,7 +25,7 @@ use crate::run::trained::TrainedRun;
 use crate::samples::{DistanceRange, Samples};
 
 const TEMPLATE: &str = include_str!("report/report.html");
-/// Estimators in the charts of errors by distance: more lines cannot be told apart.
+/// Maximum number of estimators in the charts of errors by distance: more lines cannot be distinguished.
 const CHARTED: usize = 5;
 
 /// A scenario in the data summary.
@@ -40,15 +40,15 @@ struct ScenarioRow<'a> {
     detected_pct: Vec<String>,
 }
 
-/// What an evaluation found, and what it was made from.
+/// Results of an evaluation, with their inputs.
 pub(crate) struct Results<'a> {
-    /// Where the pictures are.
+    /// Corpus with the images.
     pub corpus: &'a Corpus,
     pub trained: &'a TrainedRun,
     pub samples: &'a Samples,
     /// The ticks that count.
     pub ticks: &'a JudgedTicks<'a>,
-    /// What was answered to them, with all views.
+    /// Answers at these ticks, with all views.
     pub answers: &'a Answers,
     pub metrics: &'a Metrics,
 }

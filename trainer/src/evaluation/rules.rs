@@ -1,4 +1,4 @@
-//! How a run is judged: the constants of `evaluation-rules.toml`, which every `metrics.json` repeats.
+//! Rules of an evaluation: the constants of `evaluation-rules.toml`, which every `metrics.json` repeats.
 
 use std::path::Path;
 
@@ -24,13 +24,13 @@ pub struct EvaluationRules {
     pub hidden_below_transmission: f64,
     /// Width of the distance bins, nautical miles.
     pub distance_bin_nm: f64,
-    /// Which views are removed.
+    /// Rules for removing views.
     pub removed_views: RemovedViewsRules,
     /// Intervals of figures.
     pub bootstrap: BootstrapRules,
 }
 
-/// Which views are removed, and when.
+/// Rules for removing views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RemovedViewsRules {
@@ -71,12 +71,12 @@ impl EvaluationRules {
         }
     }
 
-    /// Whether the aircraft is there at a tick, so that the tick counts.
+    /// True if the aircraft is present at a tick, so that the tick counts.
     pub(crate) fn is_there(&self, sample: &Sample) -> bool {
         self.range().contains(sample.dtd_m) && sample.transmission.is_some()
     }
 
-    /// Whether fog hides the aircraft from every camera that looks at it.
+    /// True if fog hides the aircraft from every camera that looks at it.
     pub(crate) fn is_hidden(&self, sample: &Sample) -> bool {
         let remains = |share| share < self.hidden_below_transmission;
         sample.transmission.is_some_and(remains)

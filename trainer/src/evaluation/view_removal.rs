@@ -8,7 +8,7 @@ use rand_chacha::ChaCha12Rng;
 use crate::evaluation::rules::RemovedViewsRules;
 use crate::samples::{Observation, ScenarioSummary};
 
-/// Which views are removed, and when.
+/// Kinds of view removal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum ViewRemoval {
     /// All but this one, always.
@@ -23,12 +23,12 @@ pub(crate) enum ViewRemoval {
 pub(crate) struct Remaining {
     /// All ticks, with what is left of them.
     pub observations: Vec<Observation>,
-    /// Whether a view was removed at a tick, whether it had seen the aircraft or not.
+    /// For each tick, true if a view was removed, whether or not it had seen the aircraft.
     pub removed: Vec<bool>,
 }
 
 impl ViewRemoval {
-    /// All removals that an evaluation tries. A single view is not removed: nothing would be left.
+    /// All removals that an evaluation tries; none for a single view, the only one.
     pub(crate) fn all(views: usize, rules: &RemovedViewsRules) -> Vec<Self> {
         if views < 2 {
             return Vec::new();
@@ -47,7 +47,7 @@ impl ViewRemoval {
         }
     }
 
-    /// What is left of whole flights.
+    /// Applies the removal to whole flights.
     pub(crate) fn apply(
         self,
         rules: &RemovedViewsRules,
@@ -72,7 +72,7 @@ impl ViewRemoval {
         remaining
     }
 
-    /// What every tick of a flight loses.
+    /// Loss at every tick of a flight.
     fn lost(self, rules: &RemovedViewsRules, id: &str, flight: &[Observation]) -> Vec<Lost> {
         let views = flight[0].boxes.len();
         let key = format!("{} {id} {self:?}", rules.seed);

@@ -1,4 +1,4 @@
-//! What a user of exported models must know: inputs, what happens when views are missing, what they were trained on, and their figures.
+//! Model card of exported models: inputs, behaviour with missing views, training data, and figures.
 
 use std::fmt::Write;
 

@@ -12,7 +12,7 @@ use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
 
 const TICKS: usize = 500;
-/// Share of views that see nothing and of shifts without a correlation, and of boxes that no training side has.
+/// Share of empty views and of shifts without a correlation, and of boxes unlike any training box.
 const MISSING: f64 = 0.2;
 const FALSE: f64 = 0.05;
 /// Share of ticks with shifts, and how far they are from the difference of the boxes, pixels.
@@ -22,7 +22,7 @@ const APART_PX: f64 = 2.0;
 /// The inputs of the models at some ticks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Probes {
-    /// How many.
+    /// Number of ticks.
     pub ticks: usize,
     /// Number of views.
     pub views: usize,
@@ -107,7 +107,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
     (probes, believed)
 }
 
-/// A box among those of the training side, mostly.
+/// A random box, mostly within the range of the training side.
 fn box_in(
     normalisation: &Normalisation,
     view: usize,

@@ -1,11 +1,11 @@
-//! A training on disk, so that one that was killed goes on where it was.
+//! Training checkpoints: a killed run resumes where it stopped.
 //!
-//! A training is a sequence of stages, each a network that [`crate::networks::training_loop`] trains. `checkpoint.json` has all stages so
-//! far, with steps, weights, optimiser, place in the random numbers and log. It is replaced atomically, while the training runs and after
-//! each stage.
+//! A training is a sequence of stages, each a network that [`crate::networks::training_loop`] trains. `checkpoint.json` contains all stages
+//! so far, with steps, weights, optimiser, position in the random numbers and log. It is replaced atomically, while the training runs and
+//! after each stage.
 //!
-//! What a training comes to depends on its [`Origin`] alone. So one with the same origin goes on from the checkpoint to the same numbers,
-//! and one with another origin begins afresh: it would replace a finished run just as well.
+//! The result of a training depends on its [`Origin`] alone. So a training with the same origin continues from the checkpoint to the same
+//! numbers, and one with another origin starts afresh: it would replace a finished run as well.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -66,7 +66,7 @@ struct Stage {
     reached: Reached,
 }
 
-/// How far a stage is.
+/// Progress of a stage.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Reached {
@@ -83,7 +83,7 @@ pub(crate) struct RunningWeights {
     pub(crate) step: usize,
     /// Its numbers.
     pub(crate) weights: Base64,
-    /// Those of the optimiser.
+    /// State of the optimiser.
     pub(crate) optimiser: Base64,
     /// The network with the lowest error so far.
     pub(crate) best: Option<KeptWeights>,
@@ -187,7 +187,8 @@ impl Checkpoints {
         self.before_s + self.began.elapsed().as_secs_f64()
     }
 
-    /// Begins the next stage: where the checkpoint has it, with the task in the state of then. `None` if it has nothing of it.
+    /// Starts the next stage: from the checkpoint, with the task restored to its saved state. `None` if the checkpoint does not contain the
+    /// stage.
     pub(crate) fn next_stage<T: Task>(&mut self, task: &mut T) -> Result<Option<Reached>> {
         let stage = self.saved.stages.get(self.begun);
         self.begun += 1;
@@ -201,7 +202,7 @@ impl Checkpoints {
         Ok(Some(stage.reached.clone()))
     }
 
-    /// Whether it is time to save.
+    /// True if it is time to save.
     pub(crate) fn is_due(&self) -> bool {
         self.path.is_some() && self.last_save.elapsed() >= SHARE_OF_TIME * self.last_save_took
     }

@@ -65,7 +65,7 @@ pub(crate) fn linear_to_onnx(layer: &Linear, graph: &mut Graph, input: &str) -> 
     }
 }
 
-/// A linear layer that gives nothing but zeros.
+/// A linear layer whose output is always 0.
 pub(crate) fn zeros(inputs: usize, outputs: usize, device: &Device) -> Linear {
     linear_of(vec![0.0; inputs * outputs], vec![0.0; outputs], device)
 }

@@ -11,7 +11,7 @@ use crate::samples::{Observation, Sample};
 /// Normalised features and true distances of many samples.
 pub(crate) struct Encoded {
     views: usize,
-    /// Sample-major, view-minor; zeros where a view saw nothing.
+    /// Sample-major, view-minor; zeros for an empty view.
     features: Vec<[f32; BOX_FEATURES]>,
     seen: Vec<bool>,
     /// Of samples; observations have none.
@@ -73,7 +73,7 @@ impl Encoded {
         self.views
     }
 
-    /// Whether a view saw the aircraft.
+    /// True if a view saw the aircraft.
     pub(crate) fn seen(&self, sample: usize, view: usize) -> bool {
         self.seen[sample * self.views + view]
     }
@@ -114,7 +114,7 @@ impl Encoded {
             .collect()
     }
 
-    /// What a network should predict under `loss`, `[batch, 1]`.
+    /// Targets of a network under `loss`, `[batch, 1]`.
     pub(crate) fn target_column(&self, batch: &[usize], loss: Loss, device: &Device) -> Tensor<2> {
         column(
             batch

@@ -1,4 +1,4 @@
-//! What all estimators share in ONNX: inputs in pixels, the boxes that count, their features, and the answer in metres.
+//! Common part of all estimators in ONNX: inputs in pixels, the boxes that count, their features, and the answer in metres.
 //!
 //! Inputs and formulas are in double precision, as in this crate: differences between views are a hundredth of a pixel in a thousand.
 
@@ -10,10 +10,10 @@ use onnx_graph::{Graph, ModelTexts};
 use crate::config::Loss;
 use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
 
-/// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN where a view saw nothing.
+/// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN for an empty view.
 pub(crate) const BOXES: &str = "boxes";
-/// Input: `[batch, views, 7]`, [`REGISTRATION_COLUMNS`] of `registrations/*.parquet` for a view. The shift of the reference view itself is
-/// 0, and NaN is where there is no registration. Where only the shift is given, no network corrects the formula.
+/// Input: `[batch, views, 7]`, [`REGISTRATION_COLUMNS`] of `registrations/*.parquet` for a view. The shift of the reference view to itself
+/// is 0; NaN marks a missing registration. If only the shift is given, no network corrects the formula.
 pub(crate) const REGISTRATIONS: &str = "registrations";
 /// Columns of a registration.
 pub(crate) const REGISTRATION_COLUMNS: [&str; 7] = [
@@ -33,7 +33,7 @@ pub(crate) struct EstimatorGraph<'a> {
     /// The nodes.
     pub(crate) graph: Graph,
     normalisation: &'a Normalisation,
-    /// Whether each view saw the aircraft, `[batch, views, 1]`.
+    /// True for each view that saw the aircraft, `[batch, views, 1]`.
     seen: String,
     takes_registrations: bool,
 }
@@ -85,13 +85,13 @@ impl<'a> EstimatorGraph<'a> {
         self.graph.node("Gather", &[value, &which], vec![axis])
     }
 
-    /// Whether a view saw the aircraft, `[batch, 1]`.
+    /// True if a view saw the aircraft, `[batch, 1]`.
     pub(crate) fn seen_by(&mut self, view: usize) -> String {
         let seen = self.seen.clone();
         self.of_view(&seen, view)
     }
 
-    /// Whether all of some views did, `[batch, 1]`.
+    /// True if all of some views saw the aircraft, `[batch, 1]`.
     pub(crate) fn seen_by_all(&mut self, views: &[usize]) -> String {
         let seen = self.seen.clone();
         let of_views = self.some_of(&seen, views.iter().copied());
@@ -113,7 +113,7 @@ impl<'a> EstimatorGraph<'a> {
         reduced(&mut self.graph, "ReduceMin", values, 2, true)
     }
 
-    /// A view's features for a network, `[batch, 4]`: 0 where it saw nothing.
+    /// A view's features for a network, `[batch, 4]`: 0 if it is empty.
     pub(crate) fn features(&mut self, view: usize) -> String {
         let dims = [1, BOX_FEATURES as i64];
         let offset = (self.graph).doubles(&dims, &self.normalisation.offset_px[view]);

@@ -1,4 +1,4 @@
-//! A stacked LSTM that runs over views and keeps its state when a view saw nothing.
+//! Stacked LSTM that runs over views and keeps its state at an empty view.
 //!
 //! burn's own `nn::Lstm` multiplies by a hidden state that is zero at the first step, which with two steps is a quarter of all
 //! work, and has no mask. Gates have separate weights, as saved runs have them, and `tanh(x) = 2 sigmoid(2 x) - 1`, which is faster
@@ -208,8 +208,8 @@ impl StackedLstm {
         }
     }
 
-    /// Output of the last layer after the last view, `[batch, width]`. A view that saw nothing is skipped, so a sequence is as
-    /// long as its number of detections. At least one view must be given.
+    /// Output of the last layer after the last view, `[batch, width]`. An empty view is skipped, so a sequence is as long as its number of
+    /// detections. At least one view must be given.
     pub(crate) fn forward(&self, views: &[ViewFeatures]) -> Tensor<2> {
         let mut states: Vec<Option<State>> = vec![None; self.layers.len()];
         let mut output = None;

@@ -168,7 +168,7 @@ fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [TrainingS
         judged.saturating_mul(sum(&m.hidden)),
     );
     let r = &config.residual;
-    // That of the formula, and one for each part of the flights.
+    // One network for the formula, and one for each part of the flights.
     let networks = 1 + MOST_PARTS as u64;
     let inputs = views.saturating_mul(REGISTRATION);
     let residual = stage(

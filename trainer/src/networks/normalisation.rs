@@ -1,10 +1,10 @@
-//! Box features in the networks' form: centre and size, shifted and scaled per camera.
+//! Box features as network inputs: centre and size, shifted and scaled per camera.
 //!
-//! Offsets and scales are mean and standard deviation over what the networks learn from, so that nothing of validation or test leaks in.
-//! Distances are in units of 10 NM.
+//! Offsets and scales are the mean and standard deviation over the samples that the networks learn from, without any information from
+//! validation or test. Distances are in units of 10 NM.
 //!
 //! The training side also determines which boxes are outliers: far from any box that contains the aircraft there, or of a very different
-//! size. An estimator can ignore such a box without knowing the truth.
+//! size. An estimator can ignore such a box without ground truth.
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
@@ -35,9 +35,9 @@ pub(crate) struct Normalisation {
 
 /// A distance at which aircraft are seen, metres.
 const FAR_M: f64 = 10_000.0;
-/// How far outside the range of the training side a box's centre may be, in parts of the range's extent.
+/// Largest distance of a box's centre outside the range of the training side, in parts of the range's extent.
 const BEYOND: f64 = 0.25;
-/// How much smaller or larger than any box of the training side a box may be.
+/// Largest factor by which a box may be smaller or larger than all boxes of the training side.
 const OTHER_SIZE: f64 = 2.0;
 
 impl Normalisation {
@@ -85,8 +85,8 @@ impl Normalisation {
         }
     }
 
-    /// The observation without the boxes that are unlike any of the training side: in size, and also in position unless the cameras
-    /// differ from those of the training side (`other_cameras`).
+    /// The observation without the boxes that differ from all boxes of the training side: in size, and also in position unless the cameras
+    /// differ from the training's (`other_cameras`).
     pub(crate) fn without_outliers(
         &self,
         observed: &Observation,
@@ -109,8 +109,8 @@ impl Normalisation {
         )
     }
 
-    /// Smallest and largest centre x, centre y, width and height of a view's boxes that are like those of the training side, pixels. The
-    /// smallest is above the largest in a view that never saw anything.
+    /// Smallest and largest centre x, centre y, width and height of a view's boxes that resemble the training side, pixels. The smallest is
+    /// above the largest in a view that never saw the aircraft.
     pub(crate) fn believed_px(&self, view: usize) -> [[f64; 2]; BOX_FEATURES] {
         let Some(range) = self.range_px[view] else {
             return [[f64::INFINITY, f64::NEG_INFINITY]; BOX_FEATURES];

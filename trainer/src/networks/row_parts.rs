@@ -1,6 +1,6 @@
-//! How the rows of a batch are divided into parts that cores share.
+//! Division of the rows of a batch into parts that cores share.
 //!
-//! The division depends on the batch alone, so that the same seed gives the same weights on any number of cores.
+//! It depends on the batch alone, so that the same seed gives the same weights on any number of cores.
 
 use std::ops::Range;
 

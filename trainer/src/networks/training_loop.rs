@@ -35,9 +35,9 @@ fn learning_rate(settings: &Optimisation, step: usize) -> f64 {
     settings.learning_rate * factor
 }
 
-/// What every task needs besides samples and settings.
+/// Inputs of every task besides samples and settings.
 pub(crate) struct Setup {
-    /// What is minimised.
+    /// Loss that is minimised.
     pub(crate) loss: Loss,
     /// With autodiff.
     pub(crate) device: Device,
@@ -51,13 +51,13 @@ impl Setup {
         self.device.clone().inner()
     }
 
-    /// Whether that is the processor.
+    /// True if the device is the CPU.
     pub(crate) fn is_on_processor(&self) -> bool {
         self.device == Device::flex()
     }
 }
 
-/// What accompanies a training.
+/// Companions of a training: checkpoints and progress.
 pub(crate) struct Watch<'a> {
     /// Keeps it on disk.
     pub(crate) checkpoints: &'a mut Checkpoints,
@@ -65,11 +65,11 @@ pub(crate) struct Watch<'a> {
     pub(crate) progress: &'a mut dyn Progress,
 }
 
-/// What a network learns.
+/// Training task of a network.
 pub(crate) trait Task {
     /// The network.
     type Network: Module;
-    /// What it remembers of the steps so far, besides the place in its random numbers.
+    /// State from the steps so far, apart from the position in the random numbers.
     type State: Serialize + DeserializeOwned;
     /// Its name in errors.
     const NAME: &'static str;
@@ -77,14 +77,14 @@ pub(crate) trait Task {
     const STAGE: &'static str;
     /// Steps between two judgements. The last step is always judged.
     fn judged_every(&self) -> usize;
-    /// Judgements in a row without a new lowest error that end the training. With patience, the network with the lowest error is kept, be
-    /// it the one before the first step; without, that of the last step.
+    /// Judgements in a row without a new lowest error that end the training. With patience, the network with the lowest error is kept, even
+    /// if it is the initial one; without, the network after the last step.
     fn patience(&self) -> Option<usize> {
         None
     }
-    /// What draws its batches.
+    /// Random numbers that draw its batches.
     fn random(&mut self) -> &mut ChaCha12Rng;
-    /// What a checkpoint keeps of it.
+    /// State for a checkpoint.
     fn state(&self) -> Self::State;
     /// Goes back to such a state.
     fn restore(&mut self, state: Self::State);
@@ -323,7 +323,7 @@ mod tests {
         assert!(rates[25..].windows(2).all(|pair| pair[1] <= pair[0]));
     }
 
-    /// Learns nothing, and notes when it is asked for what.
+    /// Task that does not learn, and records the calls to it.
     struct Diary {
         entries: Vec<String>,
         /// After each number of steps, as planned.
@@ -402,7 +402,7 @@ mod tests {
         )[0]
     }
 
-    /// What a training reports.
+    /// Messages reported by a training.
     #[derive(Default)]
     struct Notes(Vec<String>);
 
@@ -456,7 +456,7 @@ mod tests {
             let then = diary.weights.get(kept.step);
             assert!(then.is_none_or(|&then| then == weight(&kept.network)));
         }
-        // Nothing was better than the beginning.
+        // No step improved on the initial network.
         let mut diary = Diary::of(&[1.0, 8.0, 3.0, 2.0, 4.0], Some(1));
         let (kept, reported) = learn_steps(&mut diary, 4).unwrap();
         assert_eq!(kept.step, 0);

@@ -1,4 +1,4 @@
-//! Which views a mini-batch of the estimator's training may use, so that it also learns to work without the others.
+//! View dropout: the views that a mini-batch of the estimator's training may use, so that it also learns to work without the others.
 //!
 //! With N views, each is used alone in 1 / (N + 1) of the batches and all together in the rest: thirds for the paper's two views.
 
@@ -22,7 +22,7 @@ pub(crate) struct BatchKind<'a> {
     pub selection: ViewSelection,
     /// Source of its samples.
     pub samples: &'a Encoded,
-    /// Which of them it may draw.
+    /// Views that it may draw.
     pub from: Vec<usize>,
 }
 

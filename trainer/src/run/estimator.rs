@@ -40,7 +40,7 @@ pub(crate) enum Estimator {
     MonoPinhole,
 }
 
-/// How an estimator is presented.
+/// Presentation of an estimator.
 pub(crate) struct Description {
     /// Name in `metrics.json` and, followed by `_dtd_m`, in `predictions.parquet`.
     pub(crate) name: &'static str,

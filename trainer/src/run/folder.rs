@@ -80,7 +80,7 @@ impl RunFolder {
         DONE,
     ];
 
-    /// Whether a folder contains a finished run.
+    /// True if the folder contains a finished run.
     pub fn is_at(root: &Path) -> bool {
         [Self::SUMMARY, Self::CONFIG]
             .iter()

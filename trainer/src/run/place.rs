@@ -1,4 +1,4 @@
-//! The location of a run: where it is built, and how it is replaced atomically.
+//! Location of a run: it is built beside the final folder, which it replaces atomically.
 //!
 //! ```text
 //! RUN             the run that counts
@@ -10,10 +10,9 @@
 //! ```
 //!
 //! A run is built in `new/`, which records from the start which run it replaces (`replaces.json`), and sealed like a scenario
-//! (`MANIFEST.b3`, then `DONE.json`). The seal commits the change: `RUN` moves to `old/`, `new/` to `RUN`, and `old/` is deleted.
-//! The next holder of the claim completes a committed change and drops an uncommitted one. Only the run that existed when the new
-//! one was started is ever replaced, and only files of a run are ever deleted. An evaluation, too, builds a complete run: the
-//! training's files, and its own.
+//! (`MANIFEST.b3`, then `DONE.json`). The seal commits the change: `RUN` moves to `old/`, `new/` to `RUN`, and `old/` is deleted. The next
+//! holder of the claim completes a committed change and drops an uncommitted one. Only the run that existed when the new one was started is
+//! ever replaced, and only files of a run are ever deleted. An evaluation also builds a complete run: the training's files, and its own.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -51,7 +50,7 @@ impl RunPlace {
         Self::take_if(run, |_| true)
     }
 
-    /// Takes a location in which there is nothing yet, for results that belong to no run's folder.
+    /// Takes a vacant location, for results that do not belong in a run's folder.
     pub(crate) fn take_vacant(folder: &Path) -> Result<Self> {
         let refused = |fault| Err(Error::run(folder, fault));
         if !is_vacant(folder) {
@@ -135,7 +134,7 @@ impl RunPlace {
         Ok(RunFolder::at(&new))
     }
 
-    /// Where a training is kept until its run is in place.
+    /// Checkpoint folder of a training until its run is in place.
     pub(crate) fn checkpoint(&self) -> PathBuf {
         self.training().join(RunFolder::CHECKPOINT)
     }
@@ -343,7 +342,7 @@ fn real_path(run: &Path) -> Result<PathBuf> {
     }
 }
 
-/// Whether nothing is there, or an empty folder.
+/// True if the location does not exist or is an empty folder.
 fn is_vacant(run: &Path) -> bool {
     match fs::read_dir(run) {
         Ok(mut entries) => entries.next().is_none(),

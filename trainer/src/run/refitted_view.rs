@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::estimators::inverse_range::RefittedResidual;
 
-/// What was fitted again (`run.json`).
+/// Record of a refit (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refit {
     /// The view.
@@ -15,7 +15,7 @@ pub struct Refit {
     pub frozen_before_blake3: String,
     /// The same after.
     pub frozen_after_blake3: String,
-    /// What the network on the residual of `inverse_range` is worth, if a fit of the view had one and there are several flights.
+    /// Errors with and without the network on the residual of `inverse_range`, if a fit of the view had one and there are several flights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual: Option<RefittedResidual>,
     /// Wall-clock time, seconds.

@@ -1,4 +1,4 @@
-//! What a training learned: in memory, and as files of a run folder.
+//! Results of a training: in memory, and as files of a run folder.
 
 use std::collections::BTreeSet;
 
@@ -38,7 +38,7 @@ use crate::samples::rig::{Cameras, Rig};
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
 pub(crate) const RUN_FORMAT: u32 = 4;
 
-/// What tells whether a run can be read.
+/// Version information that shows whether a run can be read.
 #[derive(Deserialize)]
 struct FormatStamp {
     /// Missing in runs written before formats were numbered.
@@ -62,7 +62,7 @@ pub(crate) struct RunSummary {
     pub rig: String,
     /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
     pub cameras: Cameras,
-    /// Whether other scenarios had cameras of the rig in other positions or directions.
+    /// True if other scenarios had cameras of the rig in other positions or directions.
     pub cameras_vary: bool,
     /// The cameras as planned, before scenarios misplace or aim them; missing without a plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -71,7 +71,7 @@ pub(crate) struct RunSummary {
     pub training_trajectories: BTreeSet<String>,
     /// Trajectories on the validation side.
     pub validation_trajectories: BTreeSet<String>,
-    /// What these trajectories are, whatever they are called.
+    /// Identities of these trajectories, independent of their names.
     pub training_flights: BTreeSet<String>,
     /// The same of the validation side.
     pub validation_flights: BTreeSet<String>,
@@ -92,7 +92,7 @@ pub(crate) struct RunSummary {
     pub samples_blake3: String,
     /// Error of `paper_lstm` on the validation side, percent.
     pub validation_mape_pct: f64,
-    /// What the network on the residual of `inverse_range` was worth; missing where it could not be trained.
+    /// Errors with and without the network on the residual of `inverse_range`; missing if it could not be trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual: Option<ResidualRecord>,
     /// The recommended estimator.
@@ -108,7 +108,7 @@ pub(crate) struct RunSummary {
 }
 
 impl RunSummary {
-    /// That of these files; an error if they are in another format.
+    /// The summary in these files; an error if they have another format.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
         const WHAT: &str = "run summary";
         let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, WHAT)?;
@@ -155,7 +155,7 @@ impl RunSummary {
         Some([rig.planned()?, self.planned_cameras.as_ref()?])
     }
 
-    /// Whether a flight was used for training or its decisions.
+    /// True if a flight was used for training or for its decisions.
     pub(crate) fn knows(&self, scenario: &ScenarioSummary) -> bool {
         [&self.training_flights, &self.validation_flights]
             .iter()
@@ -193,7 +193,7 @@ pub(crate) struct Baselines {
     pub self_calibrated: Option<SelfCalibrated>,
     /// `inverse_range_filtered` and `inverse_range_smoothed`.
     pub flight_filter: FlightFilter,
-    /// What `backgrounds.png` shows; missing without it.
+    /// Content of `backgrounds.png`; missing without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backgrounds: Option<Vec<StoredView>>,
 }
@@ -335,12 +335,12 @@ pub(crate) struct TrainedRun {
     pub networks: Networks,
     /// Logs.
     pub convergence: Convergence,
-    /// What cameras are aligned with, if the settings say so.
+    /// References for aligning cameras, if the settings ask for it.
     pub backgrounds: Option<Backgrounds>,
 }
 
 impl TrainedRun {
-    /// What was done otherwise than in the paper; empty for its method.
+    /// Deviations from the paper; empty for its method.
     pub(crate) fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
         let mut found = self.config.deviations_from_paper();
         if !self.summary.refits.is_empty() {

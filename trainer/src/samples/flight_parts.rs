@@ -7,7 +7,7 @@ use crate::samples::{Sample, Samples};
 /// Parts at most.
 pub(crate) const MOST_PARTS: usize = 10;
 
-/// The flights of some ticks, told apart by their content: a copy of a flight is in the same part.
+/// The flights of some ticks, identified by content: a copy of a flight is in the same part.
 #[derive(Debug, Clone)]
 pub(crate) struct FlightParts {
     /// By scenario, the number of what is flown; `None` of a scenario without such ticks.
@@ -17,7 +17,7 @@ pub(crate) struct FlightParts {
 }
 
 impl FlightParts {
-    /// Those of these ticks.
+    /// The flights of these ticks.
     pub(crate) fn of<'t>(samples: &Samples, ticks: impl Iterator<Item = &'t Sample>) -> Self {
         let flight = |scenario: usize| &samples.scenarios[scenario].flight;
         let flights: BTreeSet<&String> = ticks.map(|tick| flight(tick.scenario)).collect();
@@ -28,7 +28,7 @@ impl FlightParts {
                 .map(|scenario| flights.binary_search(&flight(scenario)).ok())
                 .collect(),
             count: match flights.len() {
-                // The errors of what has seen the only flight tell nothing about those on others.
+                // Errors after learning from the only flight would not predict errors on others.
                 0 | 1 => 0,
                 flights => flights.min(MOST_PARTS),
             },
@@ -49,13 +49,13 @@ impl FlightParts {
         self.flown[tick.scenario]
     }
 
-    /// Whether a tick is of a flight of this part.
+    /// True if a tick belongs to a flight of this part.
     pub(crate) fn contains(&self, part: usize, tick: &Sample) -> bool {
         let flown = self.flown(tick);
         self.count > 0 && flown.is_some_and(|flown| flown % self.count == part)
     }
 
-    /// For each part, one at a time, those of these ticks that are of other flights.
+    /// For each part in turn, the ticks that belong to other flights.
     pub(crate) fn others<'s>(&self, ticks: &[&'s Sample]) -> impl Iterator<Item = Vec<&'s Sample>> {
         let outside = move |part| {
             let ticks = ticks.iter().copied();

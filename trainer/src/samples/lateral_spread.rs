@@ -1,4 +1,4 @@
-//! How far training flights spread to either side of their common path.
+//! Lateral spread of training flights around their common path.
 
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 

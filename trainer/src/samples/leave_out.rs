@@ -14,7 +14,7 @@ pub(crate) enum LeftOut<'a> {
 }
 
 impl<'a> LeftOut<'a> {
-    /// What a setting may be.
+    /// Allowed values of the setting.
     pub(crate) const EXPECTED: &'static str = "weather=NAME or time=HH:MM, as in scenario.json";
 
     /// Reads `weather=stormy` or `time=18:00`.
@@ -34,8 +34,8 @@ impl<'a> LeftOut<'a> {
         }
     }
 
-    /// Splits again: the scenarios of this condition are the test side, and none that fly the same flights in other conditions are used.
-    /// What remains of the test side validates. Returns whether there is such a scenario.
+    /// Splits again: the scenarios of this condition become the test side, and scenarios that fly the same flights in other conditions are
+    /// unused. The rest of the test side validates. Returns whether there is such a scenario.
     pub(crate) fn split(self, samples: &mut Samples) -> bool {
         let tested: Vec<String> = (samples.scenarios.iter())
             .filter(|scenario| self.has(scenario))

@@ -23,7 +23,7 @@ pub(crate) fn leave_out(samples: &mut Samples) -> Vec<String> {
     ids
 }
 
-/// What a training says about the scenarios that it leaves out.
+/// Message of a training about the scenarios that it leaves out.
 pub(crate) fn left_out_line(ids: &[String]) -> String {
     const NAMED: usize = 5;
     let named = ids.iter().take(NAMED).map(String::as_str);

@@ -19,11 +19,11 @@ pub(crate) struct Rig {
     pub name: String,
     /// The cameras of the first scenario.
     pub cameras: Cameras,
-    /// The cameras as planned, before scenarios misplace or aim them; those of the first scenario in a corpus without a plan.
+    /// The cameras as planned, before scenarios misplace or aim them; in a corpus without a plan, the cameras of the first scenario.
     pub nominal: Cameras,
-    /// Whether these are from a plan.
+    /// True if these are from a plan.
     pub is_planned: bool,
-    /// Whether the cameras of other scenarios differ: jittered or turned.
+    /// True if the cameras of other scenarios differ: jittered or turned.
     pub cameras_vary: bool,
 }
 
@@ -83,7 +83,7 @@ impl Rig {
         self.is_planned.then_some(&self.nominal)
     }
 
-    /// Makes this rig, of the corpus `first`, one for the scenarios of another corpus, too, if they were planned with the same one.
+    /// Extends this rig, of the corpus `first`, to the scenarios of another corpus that was planned with the same rig.
     pub(crate) fn join(&mut self, first: &Corpus, corpus: &Corpus, other: &Self) -> Result<()> {
         let differences = differences((&other.name, &other.nominal), (&self.name, &self.nominal));
         if !differences.is_empty() {
@@ -103,7 +103,7 @@ pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
     cameras.iter().map(form).collect()
 }
 
-/// What differs between two rigs, each as its name and cameras: path of the value, here and there.
+/// Differences between two rigs, each given as its name and cameras: path of the value, here and there.
 pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Vec<String> {
     let mut found = Vec::new();
     if here.0 != there.0 {
@@ -133,7 +133,7 @@ pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Ve
     named(found)
 }
 
-/// Whether all cameras have the same places and optics, however degraded their pictures are.
+/// True if all cameras have the same positions and optics, however degraded their images are.
 pub(crate) fn are_same(a: &Cameras, b: &Cameras) -> bool {
     let sound = |cameras: &Cameras| -> Cameras {
         let mut sound = cameras.clone();

@@ -7,7 +7,7 @@ use dataset::tables::pixel_box::PixelBox;
 
 use crate::samples::view_shift::ViewShift;
 
-/// What the cameras saw at one tick. An estimator knows nothing else about it.
+/// Observation at one tick: the only input of an estimator.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Observation {
     /// Index into [`super::Samples::scenarios`].
@@ -16,9 +16,9 @@ pub(crate) struct Observation {
     pub tick: u32,
     /// Time since the scenario's first tick, nanoseconds.
     pub time_ns: i64,
-    /// What each view saw, in the order of [`super::Samples::views`].
+    /// Box of each view, in the order of [`super::Samples::views`].
     pub boxes: Vec<Option<PixelBox>>,
-    /// Where the aircraft of each view is by registration, in the same order.
+    /// Position of the aircraft in each view by registration, in the same order.
     pub shifts: Vec<Option<ViewShift>>,
     /// Views whose only boxes are cut off by the picture's edge, which are not in `boxes`.
     pub cut_off: usize,
@@ -49,7 +49,7 @@ impl Observation {
 /// An observation with its truth. It dereferences to the observation: whatever takes an [`Observation`] cannot see the truth.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sample {
-    /// What the cameras saw.
+    /// The observation.
     pub observed: Observation,
     /// True distance to touchdown, metres.
     pub dtd_m: f64,

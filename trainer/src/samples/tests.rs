@@ -49,7 +49,7 @@ fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
     let undisturbed = samples.with_true_boxes(Side::Train);
     let recorded: Vec<_> = samples.of_side(Side::Train).into_iter().cloned().collect();
     assert_eq!(undisturbed, recorded, "nothing to leave out yet");
-    // A view that saw nothing now sees something else.
+    // Empty views now contain a box of something else.
     let mut added = 0;
     for sample in &mut samples.samples {
         for seen in sample

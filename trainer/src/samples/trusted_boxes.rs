@@ -1,14 +1,14 @@
-//! Which of a detector's boxes formulas are fitted to, and which are no measurement at all.
+//! Selection of a detector's boxes: which ones formulas are fitted to, and which ones do not count as measurements.
 //!
-//! A detector also reports boxes of other objects, and of parts of an aircraft that leaves the picture. A few of them in thousands
-//! ruin a least-squares fit: such a box is wrong by hundreds of percent where a true one is wrong by one. Two rules keep them out,
-//! and every consumer of samples gets them from [`crate::samples`]:
+//! A detector also reports boxes of other objects, and of parts of an aircraft that leaves the picture. A few of them in thousands ruin a
+//! least-squares fit: such a box is wrong by hundreds of percent, a correct one by one percent. Two rules keep them out, and every consumer
+//! of samples gets them from [`crate::samples`]:
 //!
 //! - **Whole** needs no truth and applies to all sides: a box that touches the picture's edge is cut off there, so neither its
 //!   centre nor its size is the aircraft's.
 //! - **Contains the aircraft** needs the truth, so it applies to the training side only, and there to the formulas and to the ranges of
-//!   [`crate::networks::normalisation`]; to the networks only if the settings say so, because the paper's learn from what the detector
-//!   found.
+//!   [`crate::networks::normalisation`]; to the networks only if the settings ask for it, because the paper's networks learn from all
+//!   detections.
 //!
 //! A tick without any box left gets no answer.
 
@@ -20,7 +20,7 @@ use glam::DVec2;
 /// A box that ends this near the picture's edge touches it, pixels: a detector places an invisible edge within a pixel or two.
 const EDGE_PX: f64 = 2.0;
 
-/// Whether a box is completely in the picture.
+/// True if a box is completely within the image.
 pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
     let [left, top, right, bottom] = seen.edges();
     // Pixel (0, 0) covers -0.5 to 0.5.
@@ -30,7 +30,7 @@ pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
         && bottom < f64::from(camera.height_px) - 0.5 - EDGE_PX
 }
 
-/// Whether a box is that of the aircraft at `position`: its centre is within its own size of where the aircraft appears.
+/// True if a box contains the aircraft at `position`: its centre is within its own size of the projected position.
 pub(crate) fn holds_aircraft(seen: &PixelBox, camera: &Camera, position: Geodetic) -> bool {
     let (centre, size) = centre_and_size(seen);
     camera

@@ -1,7 +1,7 @@
-//! Where the boxes of one aircraft are in several views, as precisely as the pictures tell.
+//! Relative positions of one aircraft in several views, as precisely as the images allow.
 //!
-//! Each box has errors of its own, and distance follows from the differences between views. Where views are registered with each other
-//! ([`dataset::tables::registrations`]), that difference is measured several times more precisely than by two boxes.
+//! Each box has independent errors, and distance follows from the differences between views. For registered views
+//! ([`dataset::tables::registrations`]) that difference is several times more precise than from two boxes.
 
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
@@ -10,7 +10,7 @@ use glam::DVec2;
 use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
 
-/// Where the aircraft is in a view, minus where it is in the reference view.
+/// Position of the aircraft in a view minus its position in the reference view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewShift {
     /// Index of the reference view.
@@ -19,7 +19,7 @@ pub(crate) struct ViewShift {
     pub shift_px: DVec2,
     /// Its standard deviation, pixels.
     pub sd_px: DVec2,
-    /// How the aircraft looks in the view, over how it looks in the reference view: its size ...
+    /// Appearance of the aircraft in the view relative to the reference view: its size ...
     pub scale: f64,
     /// ... and its contrast.
     pub gain: f64,
@@ -33,8 +33,8 @@ impl ViewShift {
         self.sd_px.length_squared() / 2.0
     }
 
-    /// A registered shift between the views of two boxes; `None` if it is of something else than these boxes: the point that was followed
-    /// is outside the box of the reference view, or what it was found at outside that of the view.
+    /// A registered shift between the views of two boxes; `None` if it does not belong to these boxes: the tracked point is outside the box
+    /// of the reference view, or its match is outside the box of the other view.
     pub(crate) fn between(
         (reference, in_reference): (usize, &PixelBox),
         in_view: &PixelBox,
@@ -68,7 +68,7 @@ pub(crate) struct Places {
 }
 
 impl Places {
-    /// The centres of the boxes; `None` if one of the views saw nothing.
+    /// The centres of the boxes; `None` if one of the views is empty.
     pub(crate) fn of_boxes(observed: &Observation, views: &[usize]) -> Option<Self> {
         let centre = |&view: &usize| Some(centre_and_size(observed.boxes[view].as_ref()?).0);
         Some(Self {
@@ -77,8 +77,8 @@ impl Places {
         })
     }
 
-    /// Places whose differences are the registered shifts and whose mean is that of the boxes; `None` if the views are not registered with
-    /// one of them.
+    /// Positions whose differences are the registered shifts and whose mean is the mean of the boxes; `None` if the views are not
+    /// registered with one of them.
     pub(crate) fn registered(observed: &Observation, views: &[usize]) -> Option<Self> {
         let boxes = Self::of_boxes(observed, views)?;
         let reference = views

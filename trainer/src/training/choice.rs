@@ -1,8 +1,8 @@
-//! Which of our two estimators a training recommends, and why.
+//! Choice of the estimator that a training recommends, and its reason.
 //!
-//! `inverse_range` learns from the training flights whatever the pictures show, also what no camera model has, but only near where they
-//! flew: `docs/estimators.md` has figures. Fitted cameras know what is beside the flights. So flights that keep closely to one line call
-//! for `self_calibrated`, and others for `inverse_range`.
+//! `inverse_range` learns everything that the images show from the training flights, including effects outside any camera model, but only
+//! near these flights: `docs/estimators.md` has figures. Fitted cameras also apply away from the flights. So flights that keep closely to
+//! one line call for `self_calibrated`, and others for `inverse_range`.
 
 use crate::run::choice::Choice;
 use crate::run::estimator::Estimator;

@@ -1,4 +1,4 @@
-//! What the networks of a training see: encoded samples, with mixtures of flights if the settings ask for them.
+//! Input of the networks of a training: encoded samples, with mixtures of flights if the settings ask for them.
 
 use crate::config::TrainConfig;
 use crate::estimators::paper_lstm::EstimatorSamples;

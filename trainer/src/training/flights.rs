@@ -16,7 +16,7 @@ use crate::samples::{DistanceRange, Sample, Samples};
 pub(crate) struct Flights {
     /// Of all sides.
     pub(crate) samples: Samples,
-    /// Where the cameras look, if the settings ask for it.
+    /// Directions of the cameras, if the settings ask for them.
     pub(crate) backgrounds: Option<Backgrounds>,
     /// The training side with its true boxes alone.
     pub(crate) true_boxes: Vec<Sample>,

@@ -13,11 +13,11 @@ use crate::run::trained::{Convergence, Networks};
 use crate::training::encoded_flights::EncodedFlights;
 use crate::training::stream::Stream;
 
-/// What the networks came to.
+/// Result of training the networks.
 pub(crate) struct TrainedNetworks {
     /// On the processor.
     pub(crate) networks: Networks,
-    /// How they got there.
+    /// Convergence logs.
     pub(crate) convergence: Convergence,
     /// Error of `paper_lstm` on the validation side, percent.
     pub(crate) validation_mape_pct: f64,

@@ -1,12 +1,13 @@
-//! A new, moved or turned camera: what belongs to it is fitted again from a few labelled approaches, and nothing else is touched.
+//! Refit for a new, moved or turned camera: everything that depends on it is fitted again to a few labelled approaches, and the rest stays
+//! untouched.
 //!
 //! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the network
 //! on the residual of one of them, the errors that the filter expects of them, its pinhole and centre offset, its calibration network (the
-//! paper's way), and the offset and scale of its features. These follow from the old and the new fitted camera: they make of a box in the
-//! new picture what the old camera would have given, so that the networks start where they were. The fingerprint of everything else
-//! ([`frozen`]) is compared and recorded.
+//! paper's way), and the offset and scale of its features. Offset and scale follow from the old and the new fitted camera: they map a box
+//! in the new image to the features that the old camera would have given, so that the networks start where they were. The fingerprint of
+//! everything else ([`frozen`]) is compared and recorded.
 //!
-//! Networks, formulas and features store by view what belongs to a view, so that everything else can be fingerprinted.
+//! Networks, formulas and features are stored by view, so that everything else can be fingerprinted.
 
 mod frozen;
 mod network_refit;
@@ -48,12 +49,13 @@ use network_refit::{RefitSamples, refit_network};
 
 /// Approaches that a refit may use.
 pub const MOST_APPROACHES: usize = 10;
-/// Fewer different flights tell too little about errors: with three, 90 % intervals hold less than two thirds of the truth.
+/// Number of different flights below which errors are poorly known: with three, 90 % intervals contain less than two thirds of the true
+/// values.
 const FEW_FLIGHTS: usize = 5;
 /// One approach of this many is for judging, if there are several.
 const JUDGED_ONE_OF: usize = 5;
 
-/// What to fit again.
+/// Settings of a refit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefitConfig {
     /// The view of the camera.
@@ -128,7 +130,7 @@ pub fn refit(
     Ok(record)
 }
 
-/// Rejects a corpus whose other cameras are not those of the run: they stay as they are.
+/// Rejects a corpus whose other cameras differ from the run's: they stay as they are.
 fn check_others(
     run: &RunFolder,
     corpus: &Corpus,
@@ -202,7 +204,7 @@ fn ids(samples: &Samples, scenarios: &[usize]) -> Vec<String> {
     scenarios.iter().map(id).collect()
 }
 
-/// Fits camera, formulas and features of the view, and tells what the network on the residual is worth, if that was judged.
+/// Fits camera, formulas and features of the view, and returns the errors with and without the network on the residual, if it was judged.
 fn fit_formulas(
     corpus: &Corpus,
     run: &mut TrainedRun,
@@ -289,7 +291,7 @@ fn fit_formulas(
     Ok(refitted.residual)
 }
 
-/// What draws the batches of a network.
+/// Random numbers for the batches of a network.
 fn random(config: &TrainConfig) -> ChaCha12Rng {
     ChaCha12Rng::seed_from_u64(config.seed)
 }

@@ -1,6 +1,6 @@
-//! Trainings with several settings and seeds, compared by their errors on the validation side.
+//! Comparison of trainings with several settings and seeds by their errors on the validation side.
 //!
-//! Each is a run of its own, beside the others. One that is finished stays, one that was killed goes on from its checkpoint, so a search
+//! Each training is a separate run, beside the others. Finished runs stay, and killed ones continue from their checkpoint, so a search
 //! resumes. A setting counts by its mean over the seeds: differences below their spread are chance.
 
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ const TABLE: &str = "search.json";
 /// Name of the link to the best run.
 const BEST: &str = "best";
 
-/// What to try.
+/// Variants to train.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Search {
     /// Settings by name, whatever their seeds.

@@ -1,8 +1,8 @@
-//! Another run as the start of a training: its networks, and the features that they know.
+//! Another run as the start of a training: its networks, and the features that they were trained on.
 //!
-//! The networks need the same layers and mean the same numbers. Features mean what they meant to them: under the same cameras offset and
-//! scale are those of the run, and under others they follow from the fitted cameras, as when a camera was moved
-//! ([`crate::training::refit`]). Formulas are fitted to the new flights alone. What the run has learned from, the new one knows, too.
+//! The networks need the same layers, and numbers with the same meaning. If the cameras are the same, offset and scale of the features are
+//! taken from the run; otherwise they follow from the fitted cameras, as for a camera that was moved ([`crate::training::refit`]). Formulas
+//! are fitted to the new flights alone. Flights that the run learned from also count as known to the new one.
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
@@ -87,7 +87,7 @@ impl Start {
     }
 }
 
-/// What the networks of two trainings must have in common.
+/// Settings that the networks of two trainings must share.
 fn networks(config: &TrainConfig) -> Value {
     let (c, e) = (&config.calibration, &config.estimator);
     json!({
@@ -165,7 +165,7 @@ mod tests {
         }
     }
 
-    /// Starts from the run in this folder, and learns next to nothing.
+    /// Starts from the run in this folder, with a negligible learning rate.
     fn continued(folder: &Path) -> TrainConfig {
         settings(1, 1e-9, Some(folder.join("run")))
     }

@@ -20,7 +20,7 @@ fn crop(darker_by: f64) -> (Vec<f32>, Vec<f32>, CropTruth) {
     (pixels, cover, truth)
 }
 
-/// Nothing but what a test switches on, in every crop.
+/// All augmentations off and no plain crops; each test enables its own.
 fn nothing() -> Augmentation {
     Augmentation {
         plain_share: 0.0,
@@ -102,7 +102,7 @@ fn without_lights_nothing_on_the_aircraft_is_brighter_than_its_sky_and_it_stays_
     assert_eq!(pixels[..lamp.start], before[..lamp.start]);
     assert!(after.visible);
 
-    // Nothing but the lamps shows in front of a sky of its own colour: it would be hidden, and stays as it is.
+    // Against a sky of the aircraft's own colour only the lamps are visible: without them it would be hidden, so it is left as it is.
     let mut night = crop(0.0).0;
     night[lamp].fill(1.0);
     let mut pixels = night.clone();

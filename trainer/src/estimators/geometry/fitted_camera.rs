@@ -1,4 +1,4 @@
-//! A camera of the rig as labelled flights show it: that of the plan, turned, zoomed and moved a little.
+//! A camera of the rig as fitted to labelled flights: the planned camera, slightly turned, zoomed and moved.
 
 use dataset::corpus::calibration::CameraEntry;
 use dataset::geometry::camera::Camera;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// Number of unknowns of a camera.
 pub(crate) const UNKNOWNS: usize = 7;
 
-/// How a camera differs from that of the rig, or the standard deviation of each difference.
+/// Differences of a camera from the rig's camera, or their standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct Adjustment {
     /// Turn of the optical axis to the right, degrees.

@@ -1,12 +1,12 @@
-//! `self_calibrated`: cameras fitted to labelled flights, and the point where the aircraft then has to be.
+//! `self_calibrated`: cameras fitted to labelled flights, and triangulation of the aircraft with them.
 //!
-//! Each labelled tick says where the aircraft was; its boxes and registered shifts say where the views saw it ([`measured`]). The cameras
-//! for which the two agree best are fitted ([`bundle`]): pan, tilt, roll, focal length and position of each, and where on the aircraft the
-//! measured point is. The fit starts from the rig of the plan, and so do the prior deviations of the settings; the calibration of the
-//! scenarios, which has what jitter and aims made of the rig, is not read. Lenses are those of the rig.
+//! Each labelled tick gives the aircraft's position; its boxes and registered shifts give the positions in the views ([`measured`]). The
+//! cameras that best reconcile the two are fitted ([`bundle`]): pan, tilt, roll, focal length and position of each, and the position of the
+//! measured point on the aircraft. The fit starts from the rig of the plan, with prior deviations from the settings; the calibration of the
+//! scenarios, which includes jitter and aims, is not read. Lens distortion is taken from the rig.
 //!
-//! At a tick, the same measurements give the position of the aircraft by weighted least squares, from two views on. A single view gives no
-//! answer.
+//! At a tick, the same measurements give the position of the aircraft by weighted least squares, from at least two views. A single view
+//! gives no answer.
 
 mod bundle;
 mod measured;
@@ -50,7 +50,7 @@ const PROBE_M: f64 = 1.0;
 pub(crate) struct SelfCalibrated {
     /// By view; `null` for a view that saw the aircraft too rarely.
     cameras: Vec<Option<FittedCamera>>,
-    /// Where the measured point is.
+    /// Position of the measured point.
     point: PointOnAircraft,
     /// Its standard deviations.
     point_sd: PointOnAircraft,
@@ -186,7 +186,7 @@ impl SelfCalibrated {
         }
     }
 
-    /// Whether it has as many cameras as there are views.
+    /// True if there are as many cameras as views.
     pub(crate) fn is_of(&self, views: usize) -> bool {
         self.cameras.len() == views
     }

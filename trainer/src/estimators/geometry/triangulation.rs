@@ -72,15 +72,15 @@ fn weighted_line(rows: &[[f64; 2]]) -> Option<(f64, f64)> {
     Some((constant, mean_ratio - constant * mean_inverse))
 }
 
-/// Where rays of one aircraft meet; `None` if one of them passes the others too far off.
+/// Point where the rays of one aircraft meet; `None` if one of them misses the others by too much.
 fn common_point_m(rays: &[Ray]) -> Option<DVec3> {
     let point_m = meeting_point_m(rays)?;
     let meets = |ray: &Ray| ray.off_m(point_m) <= MEET_WITHIN_M / 2.0;
     rays.iter().all(meets).then_some(point_m)
 }
 
-/// Which rays are of one aircraft: all of them, or else the largest group that meets. `None` if no two meet, or if two different groups
-/// are equally large: nothing says then which of them is right.
+/// Indices of the rays that belong to one aircraft: all of them, or else the largest group that meets. `None` if no two meet, or if two
+/// different groups are equally large, which leaves open which of them is right.
 pub(crate) fn of_one_aircraft(rays: &[Ray]) -> Option<Vec<usize>> {
     if common_point_m(rays).is_some() {
         return Some((0..rays.len()).collect());

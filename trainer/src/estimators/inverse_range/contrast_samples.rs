@@ -72,7 +72,7 @@ pub(super) fn without_network(fits: &InverseRange) -> InverseRange {
     }
 }
 
-/// Mean error at those of the ticks that have a shift, of the distance.
+/// Mean relative error of the distance, over the ticks that have a shift.
 pub(super) fn error(fits: &InverseRange, ticks: &[&Sample]) -> f64 {
     let answered = ticks.iter().filter_map(|sample| {
         let measured = fits.measurement(0, sample)?;

@@ -1,5 +1,5 @@
-//! The formulas fitted to all flights, and again without each part of them: what is off on flights that a fit has not seen tells
-//! how far off it will be on new ones.
+//! The formulas fitted to all flights, and again without each part of them: the errors on flights that a fit has not seen predict its
+//! errors on new ones.
 
 use dataset::corpus::splits::Side;
 

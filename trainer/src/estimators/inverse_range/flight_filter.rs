@@ -39,7 +39,7 @@ use gaussian::Gaussian;
 use labelled_flight::LabelledFlight;
 use motion::Motion;
 
-/// What a training learned about motion and errors.
+/// Model of motion and measurement errors, learned in training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FlightFilter {
     motion: Motion,
@@ -53,7 +53,7 @@ pub(crate) struct FlightFilter {
     smoothed: HalfWidths,
 }
 
-/// Which ticks an answer may know.
+/// Ticks that an estimate may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Knowing {
     /// Its own and those before: what a controller's screen can show.
@@ -74,8 +74,8 @@ impl FlightFilter {
         Self::fit_to(&flights, fits.all.deviations())
     }
 
-    /// The same with the errors of those fits that contain the view of a new camera, which its approaches tell: each is measured by fits
-    /// that did not see it. Of one approach nothing is learned.
+    /// Copy for a new camera: the errors of fits that contain its view are estimated from its approaches, each measured by fits that did
+    /// not see it. A single approach changes no errors.
     pub(crate) fn with_camera_refitted(
         &self,
         view: usize,
@@ -107,7 +107,7 @@ impl FlightFilter {
         }
     }
 
-    /// `deviations`: what is known about the errors of fits that no flight tells about.
+    /// `deviations`: standard deviations for fits without errors on any flight.
     fn fit_to(flights: &[LabelledFlight], deviations: impl Iterator<Item = f64>) -> Self {
         let labels: Vec<_> = flights.iter().map(LabelledFlight::labels).collect();
         let errors_of = |fit: usize, is_used: &dyn Fn(&LabelledFlight) -> bool| -> Vec<_> {
@@ -125,7 +125,7 @@ impl FlightFilter {
             filtered: HalfWidths::NORMAL,
             smoothed: HalfWidths::NORMAL,
         };
-        // A flight is judged by what other flights tell about the size of errors, as a new flight will be.
+        // Each part of the flights is evaluated with error sizes from the other flights, like a new flight.
         let parts: Vec<Self> = (0..MOST_PARTS)
             .map(|part| {
                 let is_outside = |flight: &LabelledFlight| flight.flown % MOST_PARTS != part;
@@ -182,7 +182,7 @@ impl FlightFilter {
             .collect()
     }
 
-    /// Whether it has an error for each fit, and numbers that are possible.
+    /// True if there is an error for each fit, and all numbers are plausible.
     pub(crate) fn is_of(&self, fits: &InverseRange) -> bool {
         let whole = |error: &CorrelatedError| {
             !error.distances_m.is_empty()
@@ -227,7 +227,7 @@ fn usual_tick_s(flights: &[LabelledFlight]) -> Option<f64> {
     (usual.median > 0.0).then_some(usual.median)
 }
 
-/// What the fits measure at each tick of a flight.
+/// Measurements of the fits at each tick of a flight.
 fn ticks<O: Borrow<Observation>>(
     fits: &InverseRange,
     flight: impl IntoIterator<Item = O>,

@@ -1,4 +1,4 @@
-//! What the fits tell about a tick one by one, to be weighed against each other and against the ticks before.
+//! Measurements of the single fits at a tick, to be weighed against each other and against earlier ticks.
 
 use super::Fit;
 use super::InverseRange;
@@ -11,7 +11,7 @@ use crate::samples::{Observation, Sample};
 pub(crate) struct Measurement {
     /// Number of the fit, from the most precise one.
     pub fit: usize,
-    /// Whether it needs one view only.
+    /// True if it needs one view only.
     pub of_one_view: bool,
     /// Distance to touchdown, metres.
     pub distance_m: f64,
@@ -26,20 +26,20 @@ impl Measurement {
     }
 }
 
-/// What relative errors are relative to, metres: near touchdown no longer the distance.
+/// Reference of relative errors, metres: the distance, except near touchdown.
 pub(crate) fn scale_m(distance_m: f64) -> f64 {
     distance_m.max(NEAREST_M)
 }
 
 impl InverseRange {
-    /// What each fit measures whose views all saw the aircraft, the most precise first.
+    /// Measurements of all fits whose views all saw the aircraft, the most precise first.
     pub(crate) fn measurements(&self, observed: &Observation) -> Vec<Measurement> {
         let fits = 0..self.fits.len();
         fits.filter_map(|fit| self.measurement(fit, observed))
             .collect()
     }
 
-    /// What one fit measures; `None` if a view of it saw nothing, or its formula has no distance for such places.
+    /// Measurement of one fit; `None` if one of its views is empty, or its formula gives no distance at these positions.
     pub(super) fn measurement(&self, fit: usize, observed: &Observation) -> Option<Measurement> {
         let formula = self.formula(fit, observed)?;
         Some(
@@ -72,8 +72,8 @@ impl InverseRange {
         self.fits.iter().map(|fit| fit.deviation)
     }
 
-    /// The same fits in the same order with coefficients from other samples, and nothing on their residual. A fit that these do not
-    /// determine stays as it is.
+    /// The same fits in the same order with coefficients from other samples, and without a network on their residual. A fit that these
+    /// samples do not determine stays as it is.
     pub(crate) fn refitted(&self, training: &[&Sample]) -> Self {
         let refitted = |fit: &Fit| {
             let (rows, scales) = fit.set.rows(training);

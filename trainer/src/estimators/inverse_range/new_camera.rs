@@ -1,11 +1,11 @@
-//! A new camera: the fits that contain its view learn it from a few approaches, and the network on the residual of one of them is trained
-//! on.
+//! Adaptation to a new camera: the fits that contain its view are refitted to a few approaches, and the network on the residual of one of
+//! them continues training.
 //!
-//! What light and distance do to a shift depends on the camera, but not on it alone, and ten approaches show only some light. So the
-//! network keeps what it has learned: it expects the scale that the new camera gives, its fit is such that both together give the distances
-//! of the approaches, and then it is trained on at a low rate. The same is done without each part of the approaches in turn, whose errors
-//! then tell what is best: the network as it was, as it came to be, or the formula alone. Of a single flight nothing is learned about that,
-//! and the network stays as it was.
+//! The effect of light and distance on a shift depends on the camera, but not on it alone, and ten approaches show only some light. So the
+//! network keeps what it has learned: its expected scale is adjusted to the new camera, its fit is chosen such that both together give the
+//! distances of the approaches, and then it continues training at a low rate. The same is done without each part of the approaches in turn,
+//! whose errors then decide what is best: the original network, the adapted one, or the formula alone. A single flight does not allow this
+//! decision, and the network stays as it was.
 
 use std::fmt;
 
@@ -22,8 +22,8 @@ use crate::networks::training_loop::{Watch, learn};
 use crate::samples::Sample;
 use crate::samples::flight_parts::FlightParts;
 
-/// Steps, and what the learning rate of a training from the start is multiplied by: at approaches left out in turn (those of
-/// docs/results.md) the error is less than after 500 steps at a tenth of the rate.
+/// Steps, and the factor on the learning rate of a training from scratch: on approaches left out in turn (see docs/results.md) the error is
+/// lower than after 500 steps at a tenth of the rate.
 const STEPS: usize = 1_000;
 const RATE_FACTOR: f64 = 0.2;
 
@@ -40,13 +40,13 @@ pub(crate) struct NewCamera {
 pub(crate) struct Refitted {
     /// In the order of those before.
     pub(crate) fits: CrossFitted,
-    /// What became of the network on the residual, if a fit of the view had one and there are flights to judge it.
+    /// Outcome for the network on the residual, if a fit of the view had one and there are flights to judge it.
     pub(crate) residual: Option<RefittedResidual>,
 }
 
-/// What a network on the residual is worth for a new camera (`run.json`): errors of `inverse_range` at approaches that were left out in
-/// turn from what was fitted and trained, where the fit with the network applies, mean of their sizes, percent of the formula's distance
-/// (below 0.5 NM: of 0.5 NM).
+/// Benefit of a network on the residual for a new camera (`run.json`): errors of `inverse_range` at approaches that were left out in turn
+/// from fitting and training, where the fit with the network applies; mean absolute errors, percent of the formula's distance (below 0.5
+/// NM: of 0.5 NM).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RefittedResidual {
     /// Of the formula alone.
@@ -55,11 +55,11 @@ pub struct RefittedResidual {
     pub as_it_was_mape_pct: f64,
     /// With the network trained on.
     pub trained_on_mape_pct: f64,
-    /// What the least of these errors made of the network.
+    /// Outcome with the lowest of these errors.
     pub network: Outcome,
 }
 
-/// What became of a network.
+/// Outcome for a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -100,8 +100,8 @@ impl fmt::Display for RefittedResidual {
 }
 
 impl InverseRange {
-    /// The same fits in the same order for a new camera, those of sets that contain its view fitted to `approaches`; `None` if these are
-    /// too few for one of them. `config` is that of the training of its network.
+    /// The same fits in the same order for a new camera, with the sets that contain its view fitted to `approaches`; `None` if these are
+    /// too few for one of them. `config`: settings of the training of the network.
     pub(crate) fn for_new_camera(
         &self,
         new: NewCamera,
@@ -139,7 +139,7 @@ impl InverseRange {
         Ok(Some(refitted))
     }
 
-    /// Those of sets that contain the view fitted again to these approaches, without a network on one of them.
+    /// The sets that contain the view fitted again to these approaches, without a network on one of them.
     fn alone_with_view_refitted(&self, view: usize, approaches: &[&Sample]) -> Option<Self> {
         let refitted = |fit: &Fit| match fit.set.views.contains(&view) {
             true => Fit::of(fit.set.clone(), approaches),
@@ -173,13 +173,13 @@ impl CrossFitted {
         let all = self.all.corrected(residual, &with_error);
         Self {
             others: others.collect(),
-            // Samples that determine a fit alone determine it with any other distances, too.
+            // Samples that determine a fit alone also determine it with any other distances.
             all: all.unwrap_or_else(|| self.all.clone()),
             parts: self.parts.clone(),
         }
     }
 
-    /// What is best: these, with the network trained on or as it was, or the formulas alone.
+    /// Chooses the best: these fits, with the network trained on or as it was, or the formulas alone.
     fn trained_on(
         mut self,
         alone: Self,

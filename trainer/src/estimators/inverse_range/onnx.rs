@@ -24,7 +24,7 @@ impl InverseRange {
 }
 
 impl ViewSet {
-    /// Whether all of its places are there, `[batch, 1]`.
+    /// True if all of its positions are available, `[batch, 1]`.
     fn applies_to_onnx(&self, graph: &mut EstimatorGraph) -> String {
         let seen = graph.seen_by_all(&self.views);
         if !self.registered {

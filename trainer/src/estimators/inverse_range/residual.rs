@@ -1,12 +1,12 @@
-//! What a formula of registered views leaves of the error, predicted by a small network from what the registrations are like.
+//! Network on the residual of a formula of registered views: it predicts the remaining error from properties of the registrations.
 //!
-//! A shift follows those parts of the aircraft that both views show, and which these are depends on the light, on the distance and on the
-//! sides that the views see. A formula of places knows nothing of it; scale, gain, correlation and standard deviation of the registrations
-//! tell some. For each registered view the network sees these numbers, relative to what is usual at that distance, and the inverse range.
-//! It predicts the relative error of the formula in standard deviations, which is subtracted. Inputs are limited, so that what looks like
-//! nothing in the training moves the distance no further than what does.
+//! A shift follows the parts of the aircraft that both views show, which depend on the light, on the distance and on the sides that the
+//! views see. A formula of positions cannot account for that; scale, gain, correlation and standard deviation of the registrations carry
+//! some of this information. The network's inputs are these numbers for each registered view, relative to their usual values at that
+//! distance, and the inverse range. It predicts the relative error of the formula in standard deviations, which is subtracted. Inputs are
+//! limited, so that a tick unlike all of the training moves the distance no further than training ticks do.
 //!
-//! One fit has a network: that which answers most ticks. Training: [`super::residual_training`]; for a new camera: [`super::new_camera`].
+//! One fit has a network: the fit that answers most ticks. Training: [`super::residual_training`]; for a new camera: [`super::new_camera`].
 //! The numbers are stored with the formulas.
 
 use burn::tensor::Device;
@@ -28,10 +28,10 @@ use crate::samples::{Observation, Sample};
 const NUMBERS: usize = 4;
 /// Largest input, in standard deviations.
 const LARGEST_INPUT: f64 = 4.0;
-/// A number that hardly varies counts as varying by this much: what is less says nothing.
+/// Lower limit of the deviation of a number: smaller variations carry no information.
 const LEAST_DEVIATION: f64 = 5e-3;
 
-/// What the inputs are relative to, and the network.
+/// The network, and the normalisation of its inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Residual {
     #[serde(flatten)]
@@ -40,24 +40,24 @@ pub(crate) struct Residual {
     pub(super) layers: Vec<Layer>,
 }
 
-/// How a tick becomes the input of a network.
+/// Conversion of a tick to the input of a network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Inputs {
     /// Number of the fit.
     pub(super) fit: usize,
     /// Indices of the views whose registrations the network sees, ascending.
     views: Vec<usize>,
-    /// How far the cameras stand behind the touchdown target, metres.
+    /// Distance of the cameras behind the touchdown target, metres.
     setback_m: f64,
     /// Standard deviation of the relative error of the formula.
     pub(super) deviation: f64,
     /// Mean and standard deviation of the inverse range, 1/m.
     inverse_range_per_m: [f64; 2],
-    /// What the numbers of the registrations usually are, view by view.
+    /// Usual values of the numbers of the registrations, view by view.
     usual: Vec<[Usual; NUMBERS]>,
 }
 
-/// What a number of a registration usually is at some distance.
+/// Usual value of a number of a registration as a function of the distance.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Usual {
     /// Of 1, the normalised inverse range and its square.
@@ -67,7 +67,8 @@ struct Usual {
 }
 
 impl Inputs {
-    /// What is usual at these ticks, each with what the formula of the fit with this number measures; `None` if they do not determine it.
+    /// Usual values at these ticks, each given with the measurement of the formula of the fit with this number; `None` if the ticks do not
+    /// determine them.
     pub(super) fn of(number: usize, fit: &Fit, ticks: &[(&Sample, Measurement)]) -> Option<Self> {
         let (first, _) = ticks.first()?;
         let views = fit.set.views.iter().copied();
@@ -261,8 +262,8 @@ impl Residual {
         self.inputs.fit
     }
 
-    /// The distance without the error that the network expects of the formula's, metres; that of the formula if a registration is missing,
-    /// or if the correction would lead behind the target.
+    /// The distance after subtraction of the error that the network predicts for the formula, metres; the formula's distance if a
+    /// registration is missing, or if the correction would lead behind the target.
     pub(super) fn corrected_m(&self, observed: &Observation, distance_m: f64) -> f64 {
         let inputs = self.inputs.at(observed, distance_m);
         let corrected = inputs.map(|inputs| {
@@ -306,7 +307,7 @@ impl Residual {
         with_error
     }
 
-    /// Whether it is one on the residual of this fit, and has layers for its inputs.
+    /// True if this network belongs to the fit, and has layers for its inputs.
     pub(super) fn is_of(&self, fit: &Fit) -> bool {
         let mut inputs = self.inputs.len();
         let goes_on = |layer: &Layer| {
@@ -349,7 +350,7 @@ impl Residual {
     }
 }
 
-/// Those of the ticks that the formula of a fit answers.
+/// The ticks that the formula of a fit answers.
 pub(super) fn answered<'a>(
     fits: &InverseRange,
     fit: usize,

@@ -1,9 +1,9 @@
-//! Trains the networks of [`super::residual`]: that of the formula, and for each part of the flights that of the formula which did not see
-//! them, all at once.
+//! Training of the networks of [`super::residual`]: one for the formula, and for each part of the flights one for the formula that did not
+//! see them, all at once.
 //!
-//! Networks start at zero, where they change nothing, or for a new camera ([`super::new_camera`]) from what is known. They learn from ticks
-//! that their formula learned from, under a loss that is square for small errors and linear for large ones, because the latter are wrong
-//! shifts. Flights that they did not learn from decide whether they are kept.
+//! Networks start at zero, where they change no distance, or for a new camera ([`super::new_camera`]) from the existing network. They learn
+//! from the ticks that their formula learned from, under a loss that is square for small errors and linear for large ones, because the
+//! latter are wrong shifts. Flights that they did not learn from decide whether they are kept.
 
 use std::fmt;
 
@@ -26,13 +26,13 @@ use crate::networks::encoded::{column, numbers};
 use crate::networks::training_loop::{Task, Watch, learn};
 use crate::samples::Sample;
 
-/// Ticks that a network learns from at most: those of 30 pictures a second are much alike.
+/// Maximum number of ticks that a network learns from: at 30 images per second they are much alike.
 const MOST_TICKS: usize = 50_000;
 /// Steps between two looks at the flights that judge.
 const JUDGED_EVERY: usize = 250;
 
-/// What a network on the residual was worth (`run.json`): errors of `inverse_range` on the validation side where the fit with the network
-/// applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
+/// Benefit of a network on the residual (`run.json`): errors of `inverse_range` on the validation side where the fit with the network
+/// applies; mean absolute errors, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ResidualRecord {
     /// Of the formula alone.
@@ -42,7 +42,7 @@ pub(crate) struct ResidualRecord {
 }
 
 impl ResidualRecord {
-    /// Whether `inverse_range` has the network.
+    /// True if `inverse_range` keeps the network.
     pub(crate) fn is_kept(&self) -> bool {
         self.corrected_mape_pct < self.formula_mape_pct
     }
@@ -60,8 +60,8 @@ impl fmt::Display for ResidualRecord {
 }
 
 impl CrossFitted {
-    /// Trains networks on what the registered fit leaves that answers most ticks, keeps them if they improve the validation side, and says
-    /// what they were worth; `None` where there is nothing to learn from or to judge by. `training`: what the fits were fitted to.
+    /// Trains networks on the residual of the registered fit that answers most ticks, keeps them if they improve the validation side, and
+    /// returns their errors; `None` without ticks to learn from or to judge by. `training`: the samples that the fits were fitted to.
     pub(crate) fn learn_residuals(
         &mut self,
         training: &[&Sample],
@@ -150,9 +150,9 @@ struct SeenTicks {
     width: usize,
     /// Rows of inputs, one after the other.
     rows: Vec<f32>,
-    /// What the network should predict for each.
+    /// Target of the network for each tick.
     targets: Vec<f32>,
-    /// What each counts for.
+    /// Weight of each tick.
     precisions: Vec<f32>,
 }
 
@@ -196,7 +196,7 @@ pub(super) struct Trainee {
 }
 
 impl Trainee {
-    /// `None` if there is nothing to learn from.
+    /// `None` without ticks to learn from.
     pub(super) fn of(
         inputs: Inputs,
         learned_from: &[(&Sample, Measurement)],
@@ -212,7 +212,7 @@ impl Trainee {
         (!trainee.ticks.targets.is_empty()).then_some(trainee)
     }
 
-    /// Whether flights that it did not learn from judge it.
+    /// True if there are flights to judge it that it did not learn from.
     pub(super) fn is_judged(&self) -> bool {
         !self.judges.targets.is_empty()
     }
@@ -234,7 +234,7 @@ impl Trainee {
     }
 }
 
-/// Those of all trainees.
+/// Networks of all trainees.
 #[derive(Module, Debug)]
 pub(super) struct Networks {
     of_trainees: Vec<Dense>,
@@ -264,7 +264,7 @@ impl Networks {
         Self { of_trainees }.no_grad()
     }
 
-    /// What corrects the formulas of these trainees.
+    /// Residual corrections for the formulas of these trainees.
     pub(super) fn residuals(&self, trainees: Vec<Trainee>) -> impl Iterator<Item = Residual> {
         let trainees = trainees.into_iter().zip(&self.of_trainees);
         trainees.map(|(trainee, network)| Residual {

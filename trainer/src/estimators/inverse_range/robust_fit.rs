@@ -19,7 +19,7 @@ const FLOOR_SD_PX: f64 = 0.05;
 const ITERATIONS: usize = 200;
 /// Change of the deviation below which it is kept.
 const SETTLED: f64 = 1e-3;
-/// A smaller deviation is that of exact places: weights need some.
+/// Lower limit of the deviation, which keeps the weights of exact positions finite.
 const LEAST_DEVIATION: f64 = 1e-9;
 /// Errors at smaller distances count as at this one, 0.5 NM: percentages explode at touchdown.
 pub(super) const NEAREST_M: f64 = 926.0;
@@ -90,12 +90,12 @@ pub(super) fn normalise(coordinates: &mut [f64], offset_px: &[f64], scale_px: &[
     }
 }
 
-/// What an error of the inverse range is multiplied by to be a relative error of the distance.
+/// Factor that converts an error of the inverse range to a relative error of the distance.
 pub(super) fn sensitivity_m(distance_m: f64, setback_m: f64) -> f64 {
     (distance_m + setback_m).powi(2) / distance_m.max(NEAREST_M)
 }
 
-/// What a fit learns from, tick by tick.
+/// Data of a fit, tick by tick.
 pub(super) struct Rows {
     /// Coordinates of a tick.
     pub(super) width: usize,

@@ -218,7 +218,7 @@ fn a_view_by_itself_is_less_precise_far_from_the_flights_that_it_learned_from_an
     let samples = read(&registered());
     let fitted = fit(&samples, &samples.of_side(Side::Train));
     let test = samples.of_side(Side::Test);
-    // Where flights have long joined the usual path.
+    // At a distance at which flights have long joined the usual path.
     let sample = test.iter().find(|sample| sample.dtd_m < 6_000.0).unwrap();
     let moved = |right_px: f64| {
         let boxes = sample.boxes.iter().map(|seen| {
@@ -246,7 +246,7 @@ fn a_view_by_itself_is_less_precise_far_from_the_flights_that_it_learned_from_an
         }
     }
     assert_eq!(alone, 2);
-    // Where covariances are not known, all measurements have the same precision.
+    // Without covariances, all measurements have the same precision.
     let mut unknown = fitted;
     for fit in &mut unknown.fits {
         fit.covariance_per_m2.clear();

@@ -14,7 +14,7 @@ use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::normalisation::BOX_FEATURES;
 use crate::networks::training_loop::{Setup, Task, Watch, learn};
 
-/// Which of a box's features the network sees.
+/// Box features that the network sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum MonoInputs {
     /// Width and height: `mono_network`.
@@ -60,7 +60,7 @@ impl MonoNetworks {
         }
     }
 
-    /// Trains the network of each view on what that view saw, from random ones or those of `start`.
+    /// Trains the network of each view on the boxes of that view, starting from random networks or from `start`.
     pub(crate) fn train_from(
         start: Option<&Self>,
         inputs: MonoInputs,

@@ -73,7 +73,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// Logarithm of width times range, which is that of k S if the setback is right.
+    /// Logarithm of width times range, which equals the logarithm of k S if the setback is right.
     fn log_width_times_range(&self, setback_m: f64) -> f64 {
         (self.width_px * (self.dtd_m + setback_m)).ln()
     }
@@ -116,7 +116,7 @@ pub(crate) fn to_onnx(pinholes: &[Option<Pinhole>], graph: &mut EstimatorGraph) 
     /// Column of the width of a box.
     const WIDTH: usize = 2;
     let (nothing, none) = (graph.graph.double(0.0), graph.graph.double(f64::NAN));
-    // Nothing of nothing is none.
+    // Both sums start at 0, so that they exist even without pinholes; a count of 0 means no answer.
     let (mut distances, mut counts) = (vec![nothing.clone()], vec![nothing.clone()]);
     for (view, pinhole) in pinholes.iter().enumerate() {
         let Some(pinhole) = pinhole else { continue };

@@ -125,7 +125,8 @@ impl CalibrationNetworks {
         self.head.forward(self.features(view, boxes))
     }
 
-    /// Of these gradients those of what trains: the head only together with all views. A parameter without a gradient stays as it is.
+    /// The gradients of the parameters that are being trained: the head only together with all views. A parameter without a gradient stays
+    /// as it is.
     fn gradients(&self, mut all: Gradients, balance: &GapBalance) -> GradientsParams {
         let mut selected = GradientsParams::new();
         for (network, optimised) in self.views.iter().zip(balance.optimised()) {
@@ -139,7 +140,7 @@ impl CalibrationNetworks {
         selected
     }
 
-    /// Of these gradients those of the network of one view.
+    /// The gradients of one view's network.
     pub(crate) fn gradients_of_view(&self, view: usize, mut all: Gradients) -> GradientsParams {
         let mut of_view = GradientsParams::new();
         take_gradients(&mut all, &self.views[view], &mut of_view);
@@ -154,11 +155,11 @@ pub(crate) struct CalibrationLogEntry {
     pub step: usize,
     /// Error of each view's own prediction on the validation side, percent; `null` for a view without samples there.
     pub validation_mape_pct: Vec<Option<f64>>,
-    /// Which views trained until the next entry.
+    /// For each view, true if it was trained until the next entry.
     pub optimised: Vec<bool>,
 }
 
-/// Trains the networks, from random ones or those of `start`.
+/// Trains the networks, starting from random ones or from `start`.
 pub(crate) fn train_calibration(
     start: Option<&CalibrationNetworks>,
     training: &Encoded,

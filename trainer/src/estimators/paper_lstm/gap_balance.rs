@@ -37,12 +37,12 @@ impl GapBalance {
         }
     }
 
-    /// Which views are optimised.
+    /// For each view, true if it is being optimised.
     pub(crate) fn optimised(&self) -> &[bool] {
         &self.optimised
     }
 
-    /// Whether all views are optimised, and with them the shared head.
+    /// True if all views are optimised, and with them the shared head.
     pub(crate) fn all_optimised(&self) -> bool {
         self.optimised.iter().all(|&optimised| optimised)
     }

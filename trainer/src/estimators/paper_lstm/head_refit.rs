@@ -9,8 +9,8 @@ use burn::nn::Linear;
 use burn::tensor::{Device, TensorData};
 use dataset::numbers::least_squares::NormalEquations;
 
-/// Strength of the ridge, relative to the mean square of the hidden values: enough to keep the solution small where they are
-/// redundant, too little to affect the result.
+/// Strength of the ridge, relative to the mean square of the hidden values: enough to keep the solution small if they are redundant, small
+/// enough not to affect the result.
 const RIDGE: f64 = 1e-9;
 
 /// Accumulates the normal equations of `target = weights . hidden + bias`.

@@ -50,7 +50,7 @@ impl Track {
     }
 }
 
-/// How far mixed samples may deviate from the flown paths.
+/// Largest deviation of mixed samples from the flown paths.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Corridor {
     /// Beyond the two trajectories that are mixed, in parts of their separation.
@@ -244,7 +244,7 @@ mod tests {
             max_nm: None,
         };
         let samples = Samples::read(&corpus, None, range).unwrap();
-        // One flight alone: nothing separates it from itself.
+        // A single flight, so the separation of two trajectories is 0.
         let alone: Vec<_> = samples.samples.iter().filter(|s| s.scenario == 0).collect();
         let track = Track::of(&alone, 0);
         let farthest_m = |deviation_m: f64| {

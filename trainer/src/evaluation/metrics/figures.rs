@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Outcome;
 
-/// Errors over some ticks, and their coverage. Errors are those of the answered ticks; coverage counts all. Over nothing: `None`.
+/// Errors over some ticks, and their coverage. Errors cover the answered ticks; coverage counts all. `None` without any tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ErrorFigures {
     /// Mean absolute percentage error.
@@ -96,7 +96,7 @@ pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     sorted.get(rank.saturating_sub(1)).copied()
 }
 
-/// Mean of finite numbers: finite, because nothing is added before it is divided; `None` if there are none.
+/// Mean of finite numbers: finite, because each number is divided before it is added; `None` if there are none.
 fn mean(numbers: &[f64]) -> Option<f64> {
     let count = numbers.len() as f64;
     let sum = numbers.iter().map(|number| number / count).sum();

@@ -1,4 +1,4 @@
-//! Whether the 90 % intervals that an estimator states hold the truth.
+//! Coverage of the 90 % intervals that an estimator states.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What an estimator saw at its best, a typical and its worst tick: the pictures around the boxes.
+//! Images around the boxes at an estimator's best, a typical and its worst tick.
 
 use dataset::corpus::Corpus;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
@@ -14,7 +14,7 @@ use crate::samples::{Sample, Samples};
 /// A tick, and what its views saw.
 #[derive(Serialize)]
 pub(super) struct Example {
-    /// Which of the three it is.
+    /// Title: one of the three kinds.
     title: &'static str,
     scenario: String,
     tick: u32,
@@ -25,14 +25,14 @@ pub(super) struct Example {
     views: Vec<Shown>,
 }
 
-/// What one view saw.
+/// Content of one view.
 #[derive(Serialize)]
 struct Shown {
     view: String,
     crop: Option<Crop>,
     /// Left, top, width and height of the line around the box in the crop, pixels.
     box_px: Option<[f64; 4]>,
-    /// Why there is no picture.
+    /// Reason for a missing image.
     absent: Option<String>,
 }
 

@@ -23,7 +23,7 @@ fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
     values.get(place).copied()
 }
 
-/// How far an axis of percentage errors reaches to either side.
+/// End of an axis of percentage errors, on either side.
 fn reach_pct(typical: Option<f64>, least: f64, margin: f64) -> f64 {
     typical.unwrap_or(1.0).clamp(least, FARTHEST_PCT) * margin
 }
@@ -66,7 +66,7 @@ impl FiveNumbers {
     }
 }
 
-/// Whether boxes and points of an estimator are not filled: there are more estimators than colours that everybody can tell apart.
+/// True if boxes and points of an estimator are hollow: there are more estimators than colours that everybody can distinguish.
 pub(super) fn is_hollow(which: usize) -> bool {
     which >= COLOURS.len()
 }
@@ -213,7 +213,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
     lines.push(("distance estimator (stage two)".into(), estimator));
     let points = || lines.iter().flat_map(|(_, points)| points.iter().copied());
     let last = points().map(|p| p.0).fold(1.0, f64::max);
-    // The first entries are those of hardly trained networks: they may leave the plot.
+    // The first entries, of hardly trained networks, may leave the plot.
     let errors = points().map(|p| p.1).filter(|error| error.is_finite());
     let high = reach_pct(quantile(errors.collect(), 0.95), 0.01, 1.2);
     let [steps, errors] = [axis(0.0, last), axis(0.0, high)];
@@ -234,7 +234,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             .x_desc("training step (mini-batches)")
             .y_desc("validation MAPE, %")
             .draw()?;
-        // Where only some views continue training: a bar along the top in the colour of each view that does.
+        // Phases in which only some views continue training: a bar along the top in the colour of each of them.
         let phases: Vec<_> = log
             .calibration
             .chunk_by(|a, b| a.optimised == b.optimised)

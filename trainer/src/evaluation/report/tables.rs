@@ -53,7 +53,7 @@ pub(super) struct HeadlineRow {
     stated: Option<StatedCells>,
 }
 
-/// How many of the intervals that an estimator states hold the truth, percent.
+/// Share of an estimator's stated intervals that contain the true value, percent.
 #[derive(Serialize)]
 struct StatedCells {
     held: String,
@@ -120,7 +120,7 @@ pub(super) struct ConditionRow {
     paper: Option<[String; 4]>,
 }
 
-/// What simulators reported at the aircraft under one planned weather.
+/// Weather that simulators reported at the aircraft under one planned weather.
 #[derive(Serialize)]
 pub(super) struct WeatherRow<'a> {
     name: &'a str,
@@ -197,7 +197,7 @@ pub(super) fn headline(metrics: &Metrics) -> Vec<HeadlineRow> {
         .collect()
 }
 
-/// Whether `paper_lstm` is the paper's method, in words.
+/// States in words whether `paper_lstm` is the paper's method.
 fn faithfulness(metrics: &Metrics) -> String {
     let deviations = metrics.deviations_from_paper.iter();
     let named: Vec<_> = deviations.map(ToString::to_string).collect();

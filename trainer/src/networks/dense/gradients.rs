@@ -10,7 +10,7 @@ use burn::tensor::{Tensor, TensorData};
 use super::{Dense, LEAKY_SLOPE};
 use crate::networks::encoded::numbers;
 
-/// What a stack leaves for the way back.
+/// Values of the forward pass that the backward pass needs.
 pub(crate) struct DenseTrace<'a> {
     dense: &'a Dense,
     /// Of each layer, `[rows, inputs]`.
@@ -108,7 +108,7 @@ fn with_bias(product: Tensor<2>, layer: &Linear, slope: f32) -> Tensor<2> {
     Tensor::from_data(TensorData::new(values, dims), &device)
 }
 
-/// The gradient of what went into a LeakyReLU, from that of what came out and from the latter.
+/// Gradient of a LeakyReLU's input, from the gradient of its output and the output.
 fn before_activation(gradient: Tensor<2>, activated: Tensor<2>) -> Tensor<2> {
     let (dims, device) = (gradient.dims(), gradient.device());
     let mut values = numbers(gradient);

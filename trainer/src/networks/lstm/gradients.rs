@@ -1,8 +1,8 @@
-//! Gradients of the stacked LSTM, by hand.
+//! Hand-written gradients of the stacked LSTM.
 //!
-//! burn's autodiff computes the same on one core: it keeps and walks a graph of some eighty small operations per view, each with a tensor
-//! of its own, and of a batch of 256 only few products are large enough for two. Here the gates of a layer are one product, what follows
-//! it is one pass over its rows, and the rows of a batch are divided into [parts that cores share](row_parts).
+//! burn's autodiff computes the same on one core: it keeps and walks a graph of some eighty small operations per view, each with a separate
+//! tensor, and with a batch of 256 few products are large enough for two cores. Here the gates of a layer are one product, what follows it
+//! is one pass over its rows, and the rows of a batch are divided into [parts that cores share](row_parts).
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ struct State {
     cell: Arc<Vec<f32>>,
 }
 
-/// What one step of a layer leaves for the way back.
+/// Values of one step of a layer that the backward pass needs.
 struct Step {
     input: Tensor<2>,
     before: Option<State>,
@@ -284,7 +284,7 @@ impl Part {
     /// Gradients of each layer, for this gradient of the output.
     fn back(self, weights: &[Weights], output: Tensor<2>) -> Vec<LayerGradients> {
         let mut gradients: Vec<Option<LayerGradients>> = weights.iter().map(|_| None).collect();
-        // Of the states after a view, by layer: nothing but the last output counts.
+        // Gradients of the states after a view, by layer: only the last output contributes.
         let nothing = |weights: &Weights| vec![0.0; self.rows * weights.width];
         let mut hidden: Vec<Vec<f32>> = weights.iter().map(nothing).collect();
         let mut cell = hidden.clone();
@@ -336,7 +336,7 @@ impl Step {
         for row in 0..rows {
             let places = row * width..(row + 1) * width;
             let (hidden, cell) = (&mut hidden[places.clone()], &mut cell[places.clone()]);
-            // A row that the view did not see keeps its state: all of the gradient goes past the gates, or nothing.
+            // A row that the view did not see keeps its state: the gradient bypasses the gates entirely (`present` 0) or not at all (1).
             let present = self.present.as_ref().map_or(1.0, |present| present[row]);
             let shown = &self.shown[places.clone()];
             let gates = &self.gates[row * used * width..][..used * width];
@@ -368,7 +368,7 @@ impl Step {
 }
 
 impl LayerGradients {
-    /// Those of fewer gates count for these.
+    /// Adds gradients, possibly of fewer gates: missing ones count as 0.
     fn add(&mut self, other: Self) {
         let [rows, columns] = other.input.dims();
         let wide = self.input.clone();

@@ -37,7 +37,7 @@ pub(super) fn fingerprint(run: &TrainedRun, view: usize, folder: &RunFolder) -> 
     Ok(hasher.finalize().to_string())
 }
 
-/// Settings and formulas without those of the view.
+/// Settings and formulas, except those for the view.
 fn others(run: &TrainedRun, view: usize) -> Value {
     let baselines = &run.baselines;
     let normalisation = &run.normalisation;
@@ -64,7 +64,7 @@ fn without<T>(view: usize, of_views: &[T]) -> Vec<&T> {
         .collect()
 }
 
-/// Where the tensors of a Safetensors file are in it, by name; `None` if it is not one.
+/// Byte ranges of the tensors in a Safetensors file, by name; `None` if it is not one.
 fn tensors(file: &[u8]) -> Option<BTreeMap<String, Range<usize>>> {
     let length = u64::from_le_bytes(file.get(..8)?.try_into().ok()?);
     let data = 8_usize.checked_add(usize::try_from(length).ok()?)?;

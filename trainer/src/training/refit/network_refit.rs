@@ -1,8 +1,8 @@
-//! Trains the calibration network of one view; the shared head, the other networks and the estimator stay as they are.
+//! Training of one view's calibration network; the shared head, the other networks and the estimator stay as they are.
 //!
-//! The loss is that of stage one for this view, plus the error of the estimator's answer: an estimator that compares views needs features
-//! that mean the same as before to a fraction of a pixel, which the head alone does not ask for. The networks with the lowest error on the
-//! judged approaches are kept, be they those from before the first step.
+//! The loss is the loss of stage one for this view, plus the error of the estimator's answer: an estimator that compares views needs
+//! features that keep their meaning to a fraction of a pixel, which the head alone does not require. The networks with the lowest error on
+//! the judged approaches are kept, even if they are the initial ones.
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
@@ -31,7 +31,7 @@ pub(super) struct RefitSamples<'a> {
     pub(super) judged: &'a Encoded,
 }
 
-/// The calibration networks with that of `view` trained.
+/// The calibration networks after training the network of `view`.
 pub(super) fn refit_network(
     view: usize,
     networks: &CalibrationNetworks,
@@ -85,7 +85,7 @@ struct NetworkRefit<'a> {
 }
 
 impl NetworkRefit<'_> {
-    /// Features of all views, with a gradient for those of the view alone.
+    /// Features of all views, with a gradient for this view alone.
     fn features(&self, networks: &CalibrationNetworks, batch: &[usize]) -> Vec<ViewFeatures> {
         let device = &self.setup.device;
         let plain_device = self.setup.plain_device();

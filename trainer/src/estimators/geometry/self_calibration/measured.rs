@@ -1,7 +1,7 @@
-//! What a tick says about where the aircraft is: the centres of its boxes, and the registered shifts between them.
+//! Measurements of the aircraft's position at a tick: the centres of its boxes, and the registered shifts between them.
 //!
-//! A shift is measured several times more precisely than two boxes, and its error has nothing to do with theirs, so both count, each by its
-//! own standard deviation.
+//! A shift is several times more precise than two boxes, and its error is independent of theirs, so both count, weighted by their standard
+//! deviations.
 
 use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
@@ -12,7 +12,7 @@ use crate::samples::trusted_boxes::centre_and_size;
 
 /// Error of shifts that their stated standard deviation leaves out, pixels: perspective, and lights seen from two sides.
 const FLOOR_SD_PX: f64 = 0.05;
-/// Smaller deviations are those of exact measurements: weights need some. Pixels, and a ratio.
+/// Lower limit of standard deviations, which keeps the weights of exact measurements finite. Pixels, and a ratio.
 const LEAST_DEVIATION: f64 = 1e-3;
 
 /// A place in a view, or a difference between two views, pixels.
@@ -24,7 +24,7 @@ pub(super) struct Measured {
     pub(super) reference: Option<usize>,
     /// Right and down, pixels.
     px: DVec2,
-    /// Standard deviations relative to those of other measurements of the kind.
+    /// Standard deviations relative to other measurements of the kind.
     spread: DVec2,
 }
 
@@ -38,7 +38,7 @@ pub(crate) struct Deviations {
 }
 
 impl Measured {
-    /// Those of a tick, in views that are used.
+    /// Measurements of a tick, in views that are used.
     pub(super) fn in_tick(observed: &Observation, is_used: impl Fn(usize) -> bool) -> Vec<Self> {
         let used = || (0..observed.boxes.len()).filter(|&view| is_used(view));
         let centres = used().filter_map(|view| {
@@ -63,7 +63,7 @@ impl Measured {
         centres.chain(shifts).collect()
     }
 
-    /// Where the aircraft would be, minus the measurement, in parts of `spread`; `None` if one of the views could not see it there.
+    /// Predicted minus measured position, in units of `spread`; `None` if one of the views could not see the aircraft there.
     pub(super) fn residual(&self, places_px: &[Option<DVec2>]) -> Option<DVec2> {
         let place = places_px[self.view]?;
         let from = match self.reference {
@@ -73,7 +73,7 @@ impl Measured {
         Some((place - from - self.px) / self.spread)
     }
 
-    /// Derivative of the residual, from those of the places in the views.
+    /// Derivative of the residual, given the derivatives of the positions in the views.
     pub(super) fn slope(&self, in_view: impl Fn(usize) -> DVec2) -> DVec2 {
         let from = self.reference.map_or(DVec2::ZERO, &in_view);
         (in_view(self.view) - from) / self.spread

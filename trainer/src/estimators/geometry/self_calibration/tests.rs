@@ -100,7 +100,7 @@ fn cameras_that_are_not_where_the_plan_has_them_are_found_within_their_stated_de
             "{:?}",
             camera.sd
         );
-        // Half of the 1.5 m by which both heights are off is a height of the aircraft's point, too.
+        // Half of the 1.5 m error of both heights is absorbed by the height of the aircraft's point.
         assert!(
             camera.sd.up_m < 2.0 && camera.ticks > 100,
             "{:?}",

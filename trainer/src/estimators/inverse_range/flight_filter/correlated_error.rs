@@ -14,14 +14,14 @@ const TICKS_PER_DISTANCE: usize = 40;
 const MOST_DISTANCES: usize = 10;
 /// Errors beyond this many robust deviations count as this many.
 const LARGEST_ERROR: f64 = 5.0;
-/// A smaller deviation is that of exact places.
+/// Lower limit of deviations, for exact positions.
 const LEAST_DEVIATION: f64 = 1e-6;
 /// Ticks at most by which correlation is fitted; more do not change it.
 const MOST_TICKS: usize = 50_000;
 /// Candidates of a fit.
 const NEW_SHARES: [f64; 9] = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 0.5, 0.7, 0.9];
 const HALF_TIMES_S: [f64; 10] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
-/// Where Matérn's correlation `(1 + x) exp(-x)` is a half.
+/// Argument at which Matérn's correlation `(1 + x) exp(-x)` is a half.
 const HALF: f64 = 1.678_346_990_016_661;
 
 /// Relative errors of the distance, for places of the best precision.
@@ -139,12 +139,12 @@ impl CorrelatedError {
         }
     }
 
-    /// Variances of the smooth part and its rate while nothing is known about them.
+    /// Initial variances of the smooth part and its rate.
     pub(super) fn variances(&self) -> [f64; Self::UNKNOWNS] {
         [1.0, self.rate_per_s().powi(2)]
     }
 
-    /// What a time of `seconds` does.
+    /// Transition over `seconds`.
     pub(super) fn step(&self, seconds: f64) -> Block<{ Self::UNKNOWNS }> {
         let rate = self.rate_per_s();
         let part = rate * seconds;
@@ -153,7 +153,7 @@ impl CorrelatedError {
             [kept * (1.0 + part), kept * seconds],
             [-kept * part * rate, kept * (1.0 - part)],
         ];
-        // What keeps the variances: V - F V F^T.
+        // Noise that keeps the variances constant: V - F V F^T.
         let variances = self.variances();
         let mut noise = [[0.0; Self::UNKNOWNS]; Self::UNKNOWNS];
         for (i, row) in noise.iter_mut().enumerate() {

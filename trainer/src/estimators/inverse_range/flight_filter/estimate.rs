@@ -1,4 +1,4 @@
-//! What a filter answers: numbers with their standard deviations and intervals.
+//! Answers of a filter: numbers with their standard deviations and intervals.
 
 use serde::{Deserialize, Serialize};
 
@@ -57,7 +57,7 @@ pub(crate) struct HalfWidths {
 }
 
 impl HalfWidths {
-    /// Those of normal distributions.
+    /// Half widths for normal distributions.
     pub(super) const NORMAL: Self = Self {
         distance: NORMAL_90,
         ground_speed: NORMAL_90,
@@ -105,7 +105,7 @@ fn estimated(value: f64, sd: f64, half_width: f64) -> Estimated {
     }
 }
 
-/// When the distance will be 0 if nothing unusual happens, and the standard deviation of that time: of the place then, over the speed.
+/// Expected time until the distance is 0, and its standard deviation: the deviation of the position at that time, over the speed.
 fn time_to_touchdown_s(motion: &Motion, known: &Gaussian, inflation: f64) -> Option<(f64, f64)> {
     let mut moving = Gaussian::independent(known.mean[..Motion::UNKNOWNS].to_vec(), &[]);
     for i in 0..Motion::UNKNOWNS {

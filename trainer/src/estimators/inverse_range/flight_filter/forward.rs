@@ -1,10 +1,10 @@
-//! A flight from its first tick on: what is known after each tick from those so far.
+//! Forward filter of a flight: the state after each tick, given the ticks so far.
 //!
-//! The most precise measurement of a tick moves the aircraft. The views by themselves, which are far less precise, only learn their own
+//! The most precise measurement of a tick corrects the aircraft's motion. Single views, which are far less precise, only learn their own
 //! errors from it, so that they are of use when the others are missing.
 //!
-//! The part of an error that is new at each tick of the training is not new thirty times a second: the compression of the video, the phase
-//! of the pixels and the air change more slowly. So ticks that follow faster count for as much less as there are more of them.
+//! The part of an error that is new at each tick of the training is not new thirty times per second: video compression, pixel phase and the
+//! air change more slowly. So if ticks follow each other faster, each counts for proportionally less.
 
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
@@ -18,13 +18,13 @@ const FIRST_DEVIATION: f64 = 0.3;
 const LARGEST_MISFIT: f64 = 5.0;
 /// So many of them in a row, and the filter is off.
 const MOST_REFUSED: f64 = 3.0;
-/// What a tick counts for at least, and below which ticks are faster than usual.
+/// Smallest weight of a tick, and the weight below which ticks are faster than usual.
 const LEAST_COUNT: f64 = 1e-3;
 const FASTER_COUNT: f64 = 0.75;
-/// Ticks that the usual size of errors counts for, when that of a flight is estimated.
+/// Weight, in ticks, of the usual size of errors when the size of a flight's errors is estimated.
 const USUAL_TICKS: f64 = 10.0;
 
-/// What was measured at a tick, the most precise first.
+/// Measurements of a tick, the most precise first.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
     pub(super) time_s: f64,
@@ -32,7 +32,7 @@ pub(super) struct Tick {
 }
 
 impl Tick {
-    /// The measurements that count: the most precise one, and those of single views.
+    /// The measurements that count: the most precise one, and all of single views.
     fn used(&self) -> impl Iterator<Item = (bool, &Measurement)> {
         let numbered = self.measurements.iter().enumerate();
         numbered
@@ -41,12 +41,12 @@ impl Tick {
     }
 }
 
-/// What is known after a tick.
+/// State after a tick.
 #[derive(Debug, Clone)]
 pub(super) struct Moment {
-    /// What the time since the tick before did; `None` where the filter began.
+    /// Transition since the previous tick; `None` where the filter started.
     pub(super) step: Option<Step>,
-    /// What the ticks before let expect.
+    /// State predicted from the previous ticks.
     pub(super) expected: Gaussian,
     /// What is known with this tick: motion first, then the smooth errors of the fits.
     pub(super) known: Gaussian,
@@ -64,7 +64,7 @@ pub(super) struct Model<'a> {
     pub(super) tick_s: f64,
 }
 
-/// What is known after each tick; `None` before the first measurement.
+/// State after each tick; `None` before the first measurement.
 pub(super) fn filter(model: Model, ticks: &[Tick]) -> Vec<Option<Moment>> {
     let mut fits: Vec<usize> = ticks
         .iter()
@@ -99,7 +99,7 @@ struct Filter<'a> {
     last: Option<(f64, Moment)>,
     /// Best measurements that were refused in a row, in usual ticks.
     refused: f64,
-    /// The most precise fit of them. A view by itself says nothing about what both together measure.
+    /// The most precise fit of them. An accepted measurement of a single view does not clear a refusal of both views together.
     refused_fit: usize,
     /// Squared misfits in their variances, and the number of usual ticks that they are from.
     squares: f64,
@@ -224,7 +224,7 @@ impl Filter<'_> {
     }
 }
 
-/// Where the error of a fit is among the unknowns.
+/// Index of a fit's error among the unknowns.
 fn place(number: usize) -> usize {
     Motion::UNKNOWNS + CorrelatedError::UNKNOWNS * number
 }

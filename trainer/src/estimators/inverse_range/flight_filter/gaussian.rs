@@ -1,5 +1,5 @@
-//! What is known about a few unknowns: a normal distribution, advanced in time, corrected by one number at a time (Kalman 1960), and
-//! smoothed backwards (Rauch, Tung and Striebel 1965).
+//! Normal distribution of a few unknowns, advanced in time, corrected by one number at a time (Kalman 1960), and smoothed backwards (Rauch,
+//! Tung and Striebel 1965).
 
 use dataset::numbers::least_squares::CholeskyFactor;
 
@@ -15,7 +15,7 @@ pub(super) struct Gaussian {
     pub(super) covariance: Matrix,
 }
 
-/// What time does to the unknowns.
+/// Transition of the unknowns over a time step.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Step {
     pub(super) transition: Matrix,
@@ -50,7 +50,7 @@ pub(super) type Block<const N: usize> = ([[f64; N]; N], [[f64; N]; N]);
 /// A number that is a linear function of the unknowns, with an error.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Reading {
-    /// What an unknown contributes to it.
+    /// Contribution of each unknown to it.
     pub(super) row: Vec<f64>,
     /// The number minus its expectation.
     pub(super) misfit: f64,
@@ -59,7 +59,7 @@ pub(super) struct Reading {
 }
 
 impl Gaussian {
-    /// Unknowns that have nothing to do with each other.
+    /// Uncorrelated unknowns.
     pub(super) fn independent(mean: Vec<f64>, variances: &[f64]) -> Self {
         let mut covariance = Matrix::zero(mean.len());
         for (i, &variance) in variances.iter().enumerate() {
@@ -110,8 +110,8 @@ impl Gaussian {
         }
     }
 
-    /// What is known about this moment from all ticks, if it was `self` from those so far, and the next moment was expected to be
-    /// `predicted` from those and is `next` from all. `None` if the expectation leaves no freedom.
+    /// Smoothed state of this moment from all ticks: `self` is its state from the ticks so far, `predicted` the prediction of the next
+    /// moment from these, and `next` the smoothed next moment. `None` if the prediction leaves no freedom.
     pub(super) fn smoothed(&self, step: &Step, predicted: &Self, next: &Self) -> Option<Self> {
         let size = self.mean.len();
         let factor = CholeskyFactor::of(predicted.covariance.values.clone(), size)?;

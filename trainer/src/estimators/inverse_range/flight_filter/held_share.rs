@@ -1,17 +1,17 @@
-//! How wide intervals have to be to hold a share of what other flights will show.
+//! Width of intervals that contain a given share of the errors on new flights.
 //!
-//! Errors of one flight are alike, so flights are exchangeable and ticks are not. Errors of all flights are pooled, each flight counting
-//! the same (Dunn, Wasserman and Ramdas, "Distribution-free prediction sets for two-layer hierarchical models", 2022), and a quantile of
-//! them is the width. The quantile at the share itself holds less of a flight that is not among the pooled ones, the less the fewer flights
-//! there are and the more alike the errors of a flight: of nine flights with one error each, the largest holds 90 % of others. What a
-//! quantile holds of other flights is measured by leaving each flight out in turn, and the level is the lowest one that holds the share
-//! then (Beran, "Calibrating prediction regions", 1990).
+//! Errors of one flight are alike, so flights are exchangeable and ticks are not. Errors of all flights are pooled, each flight with the
+//! same weight (Dunn, Wasserman and Ramdas, "Distribution-free prediction sets for two-layer hierarchical models", 2022), and a quantile of
+//! them is the width. The quantile at the share itself covers less of a flight that is not in the pool, the more so the fewer flights there
+//! are and the more alike the errors of a flight: of nine flights with one error each, the largest covers 90 % of others. The coverage of
+//! other flights is measured by leaving each flight out in turn, and the level is the lowest one that reaches the share (Beran,
+//! "Calibrating prediction regions", 1990).
 
 /// Errors of a flight at most; more quantiles of them do not change the width.
 const MOST_ERRORS: usize = 400;
 /// Halvings of the interval in which the level is.
 const HALVINGS: usize = 12;
-/// 95 % quantiles of Student's t with 1, 2, ... degrees of freedom, over that of the normal distribution.
+/// 95 % quantiles of Student's t with 1, 2, ... degrees of freedom, divided by the quantile of the normal distribution.
 const STUDENT_OVER_NORMAL: [f64; 10] = [
     3.838, 1.775, 1.431, 1.296, 1.225, 1.181, 1.152, 1.131, 1.114, 1.102,
 ];
@@ -82,7 +82,7 @@ impl Pool {
         largest
     }
 
-    /// What the quantile at a level holds of a flight that it does not know, mean over flights.
+    /// Coverage of a left-out flight by the quantile at a level, mean over flights.
     fn held_of_others(&self, level: f64) -> f64 {
         let held = self.flights.iter().enumerate().map(|(number, errors)| {
             let width = self.quantile(level, Some(number));
@@ -134,7 +134,7 @@ mod tests {
             .collect()
     }
 
-    /// What the width by `width` of some flights holds of others, mean over many draws.
+    /// Coverage of other flights by the width that `width` derives from some flights, mean over many draws.
     fn held(kind: Kind, flights: usize, width: impl Fn(Vec<Vec<f64>>) -> Option<f64>) -> f64 {
         const DRAWS: u64 = 200;
         const OTHERS: usize = 20;

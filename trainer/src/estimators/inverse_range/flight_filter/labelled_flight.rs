@@ -24,15 +24,15 @@ const HELD: f64 = 0.9;
 /// Measurements with their truth.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LabelledFlight {
-    /// What is flown, whatever it is called: flights of one number are the same.
+    /// Identity of the flight, independent of its name: flights with the same number are the same.
     pub(super) flown: usize,
     pub(super) ticks: Vec<Tick>,
     pub(super) distances_m: Vec<f64>,
 }
 
 impl LabelledFlight {
-    /// The flights of the training side, each measured by fits to the others if there are some, and those of the validation side. Boxes are
-    /// filtered as in an evaluation, which does not know which of them hold the aircraft.
+    /// The flights of the training side, each measured by fits to the others if there are some, and the flights of the validation side.
+    /// Boxes are filtered as in an evaluation, without knowledge of which of them contain the aircraft.
     pub(super) fn held_out(
         fits: &CrossFitted,
         samples: &Samples,

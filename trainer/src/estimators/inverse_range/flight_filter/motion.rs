@@ -1,4 +1,4 @@
-//! How an approach moves: its acceleration stays near zero for a while, and its speed returns to the usual one, slowly.
+//! Motion model of an approach: its acceleration decays, and its speed slowly returns to the usual one.
 //!
 //! Acceleration is a first-order Gauss-Markov process (Singer 1970), and pulls the speed away from the mean of the training flights. In
 //! continuous time, so that ticks may be any time apart.
@@ -15,13 +15,13 @@ const QUADRATURE: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189_1),
     (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
-/// Labels nearer to each other tell nothing more about the motion, seconds.
+/// Spacing of labels for the fit, seconds: closer ones add no information on the motion.
 const LABEL_STEP_S: f64 = 1.0;
 /// Standard deviation of a label, metres: recordings are resampled.
 const LABEL_SD_M: f64 = 0.05;
-/// Standard deviation of the speed of a flight that nothing is known about, m/s: a few training flights do not tell how fast the next one
-/// is. Of the demo's flights that train and validate, each left out in turn, a filter with one view alone is off by 1.50 % with their own
-/// spread of 6 m/s, by 1.45 % with this, and by 1.90 % with 40 m/s, which takes errors of the first seconds for speed.
+/// Standard deviation of the speed of an unknown flight, m/s: a few training flights do not determine the speed of the next one. On the
+/// demo's training and validation flights, each left out in turn, a filter with a single view is off by 1.50 % with the flights' spread of
+/// 6 m/s, by 1.45 % with this, and by 1.90 % with 40 m/s, which takes errors of the first seconds for speed.
 const SPEED_SD_MPS: f64 = 20.0;
 /// Candidates of a fit.
 const ACCELERATION_TIMES_S: [f64; 5] = [4.0, 8.0, 16.0, 32.0, 64.0];
@@ -115,7 +115,7 @@ impl Motion {
         })
     }
 
-    /// Variances of speed and acceleration of a flight that nothing is known about; that of the distance is 0.
+    /// Variances of speed and acceleration of an unknown flight; the distance has variance 0.
     pub(super) fn variances(&self) -> [f64; Self::UNKNOWNS] {
         [
             0.0,
@@ -124,12 +124,12 @@ impl Motion {
         ]
     }
 
-    /// What a time of `seconds` does, besides the distance that is flown at the mean speed.
+    /// Transition over `seconds`, apart from the distance that is flown at the mean speed.
     pub(super) fn step(&self, seconds: f64) -> Block<{ Self::UNKNOWNS }> {
         let noise_per_s = 2.0 * self.acceleration_sd_mps2.powi(2) / self.acceleration_time_s;
         let mut noise = [[0.0; Self::UNKNOWNS]; Self::UNKNOWNS];
         for (place, weight) in QUADRATURE {
-            // What an impulse of acceleration, given some time ago, has done by now.
+            // Effect until now of an impulse of acceleration some time ago.
             let transition = self.transition(0.5 * seconds * (1.0 + place));
             let effect = transition.map(|row| row[2]);
             for (row, a) in noise.iter_mut().zip(effect) {

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha12Rng;
 use super::*;
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
-/// Fits of both views together, and of each by itself.
+/// Fits of both views together, and of each view alone.
 const BOTH: usize = 0;
 const ALONE: [usize; 2] = [1, 2];
 /// Of the integration, seconds.
@@ -142,7 +142,7 @@ fn without(flown: &Flown, is_missing: impl Fn(usize, usize) -> bool) -> Vec<Tick
     ticks
 }
 
-/// One view is missing: it has no measurement by itself, and none together with the other.
+/// One view is missing: it has neither a measurement alone nor one together with the other view.
 fn one_view_missing(fit: usize) -> bool {
     fit != ALONE[1]
 }

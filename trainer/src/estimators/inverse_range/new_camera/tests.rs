@@ -55,7 +55,7 @@ fn a_network_that_still_helps_stays_and_only_what_belongs_to_the_view_changes() 
         let (with_error, alone_error) = (error(&with), error(&alone));
         assert!(with_error < 0.6 * alone_error, "{with_error} {alone_error}");
         assert_eq!(with.fits.all.without(view), fits.all.without(view));
-        // Approaches that a fit did not see are measured by it with a network, too.
+        // Approaches that a fit did not see are also measured by it with a network.
         let parts = with.fits.others.iter().flatten();
         assert_eq!(parts.filter(|fits| fits.residual.is_some()).count(), 4);
     }

@@ -1,4 +1,4 @@
-//! What networks learn of shifts that follow the contrast.
+//! Networks trained on shifts that follow the contrast.
 
 use dataset::corpus::splits::Side;
 
