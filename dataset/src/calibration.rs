@@ -28,7 +28,7 @@ pub struct Calibration {
 pub struct Conventions {
     /// Directions of the camera's axes.
     pub camera_axes: String,
-    /// Where pixel (0, 0) is.
+    /// Location of pixel (0, 0).
     pub pixel_origin: String,
     /// Frame and height datum of the extrinsics.
     pub world: String,
@@ -171,7 +171,7 @@ impl CameraEntry {
         });
     }
 
-    /// Whether a reader that supports only pinholes and straight light would misread it.
+    /// True if a reader that supports only pinholes and straight light would misread this entry.
     pub(crate) fn bends_light(&self) -> bool {
         !self.distortion.is_empty() || self.refraction_coefficient != 0.0
     }

@@ -259,7 +259,7 @@ pub struct TableParts {
 }
 
 impl TableParts {
-    /// A table without any part, of which nothing is written.
+    /// A table without parts; no file is written yet.
     pub fn new(path: &Path) -> Self {
         Self {
             path: path.to_owned(),
@@ -348,7 +348,7 @@ pub struct ColumnOutOfLimits {
     pub column: String,
     /// The first of them, with their rows.
     pub first: Vec<(usize, OutOfLimits)>,
-    /// How many there are.
+    /// Total number.
     pub count: usize,
 }
 
@@ -474,7 +474,7 @@ impl Table {
         }
     }
 
-    /// What a [`Table::collecting`] found in the requested columns.
+    /// Takes the faults that a [`Table::collecting`] found in the requested columns.
     pub(crate) fn into_collected(self) -> Vec<ColumnOutOfLimits> {
         self.collected.unwrap_or_default()
     }
@@ -484,7 +484,7 @@ impl Table {
         self.batches.iter().map(RecordBatch::num_rows).sum()
     }
 
-    /// Whether a column of this name exists.
+    /// True if a column of this name exists.
     pub fn has(&self, column: &str) -> bool {
         self.schema.column_with_name(column).is_some()
     }

@@ -62,7 +62,7 @@ pub struct Weather {
     /// Wind speed at 10 m above ground, metres per second.
     #[serde(default)]
     pub wind_speed_mps: f64,
-    /// Where the wind comes from, degrees true.
+    /// Direction that the wind comes from, degrees true.
     #[serde(default)]
     pub wind_from_true_deg: f64,
     /// Turbulence intensity, 0 none to 1 severe.

@@ -1,4 +1,4 @@
-//! What can go wrong with a corpus on disk.
+//! Errors of a corpus on disk.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -25,9 +25,9 @@ pub enum Error {
     /// Something other than a regular file is in its place.
     #[error("{} is {found}; expected a regular file with a {what}", path.display())]
     NotRegular {
-        /// Where the file was expected.
+        /// Path where the file was expected.
         path: PathBuf,
-        /// What the file contains.
+        /// Kind of content.
         what: &'static str,
         /// What is there instead: "a FIFO", "a folder", ...
         found: &'static str,
@@ -37,7 +37,7 @@ pub enum Error {
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// What the file contains.
+        /// Kind of content.
         what: &'static str,
         /// Its size.
         bytes: u64,
@@ -47,7 +47,7 @@ pub enum Error {
     /// A JSON file has the wrong content.
     #[error("{} is not a valid {what}: {source}", path.display())]
     Json {
-        /// What the file should contain.
+        /// Expected kind of content.
         what: &'static str,
         /// The file.
         path: PathBuf,
@@ -59,7 +59,7 @@ pub enum Error {
     Table {
         /// The file.
         path: PathBuf,
-        /// What was expected and what was found.
+        /// Expected and found content.
         message: String,
     },
     /// A number is outside its limits.
@@ -90,9 +90,9 @@ pub enum Error {
     Held {
         /// Its folder.
         path: PathBuf,
-        /// Who.
+        /// The holder.
         holder: String,
-        /// How long we waited.
+        /// Time waited.
         waited: Duration,
     },
     /// Another process kept changing a scenario while it was read.
@@ -114,7 +114,7 @@ pub enum Error {
     Corpus {
         /// The folder or file.
         path: PathBuf,
-        /// What was expected, what was found, what to do.
+        /// Expectation, finding and remedy.
         message: String,
     },
 }
@@ -166,7 +166,7 @@ impl Error {
         }
     }
 
-    /// Whether a file or folder is missing.
+    /// True if a file or folder is missing.
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::NotFound)
     }

@@ -1,4 +1,4 @@
-//! Boxes in pictures, and the table of the true ones (`boxes_truth.parquet`); that of the detected ones is in [`crate::detections`].
+//! Bounding boxes, and the table of the ground truth (`boxes_truth.parquet`). The table of detected boxes is in [`crate::detections`].
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel, so a box that covers exactly that pixel has its centre at (0, 0) and is
 //! one pixel wide.

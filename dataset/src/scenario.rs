@@ -80,7 +80,7 @@ pub struct ScenarioRecord {
     pub runway: Runway,
     /// The touchdown target: distances are to this point.
     pub touchdown: Geodetic,
-    /// Where this flight's wheels first touched the ground, if within the recording.
+    /// Point where this flight's wheels first touched the ground, if within the recording.
     pub flight_touchdown: Option<Geodetic>,
     /// Name of the geoid that heights refer to; `null` if heights above mean sea level are taken as heights above the ellipsoid.
     pub geoid: Option<String>,
@@ -95,10 +95,10 @@ pub struct ScenarioRecord {
     pub rig: String,
     /// Identifiers of the views, in the order of the tables.
     pub views: Vec<String>,
-    /// How the pictures were taken, if the camera rested for blocks of ticks; missing if every picture was settled by itself.
+    /// The blocks of ticks for which the camera rested; missing if the camera was settled for each picture separately.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blocks: Option<Blocks>,
-    /// What made it.
+    /// Versions of the software that made it.
     pub versions: Versions,
 }
 
@@ -143,7 +143,7 @@ impl ScenarioRecord {
         u64::from(self.ticks) * self.views.len() as u64
     }
 
-    /// How the weather at the aircraft differs from the planned one; empty unless the scenario is marked.
+    /// Differences between the weather at the aircraft and the planned one; empty unless the scenario is marked.
     pub fn weather_marks(&self) -> Vec<WeatherDifference> {
         let effective = self.effective_weather.as_ref();
         effective.map_or_else(Vec::new, |effective| {
@@ -151,7 +151,7 @@ impl ScenarioRecord {
         })
     }
 
-    /// Whether the weather at the aircraft differs from the planned one.
+    /// True if the weather at the aircraft differs from the planned one.
     pub fn is_marked(&self) -> bool {
         let effective = self.effective_weather.as_ref();
         effective.is_some_and(EffectiveWeather::is_marked)
@@ -185,8 +185,8 @@ impl ScenarioRecord {
         }
     }
 
-    /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a
-    /// view whose name is not a file name are errors, because then nothing else can be checked.
+    /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a view whose
+    /// name is not a file name are errors, because they prevent all other checks.
     pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
         let record: Self = read_json(path, "scenario record")?;
         record.readable(path)

@@ -1,4 +1,4 @@
-//! Which of a corpus's detections are meant.
+//! Choice among a corpus's detections.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use crate::corpus::ScenarioFolder;
 use crate::error::Result;
 use crate::model_identity::NamedDetections;
 
-/// Why no detections were chosen. Lists name what there is.
+/// Reasons why no detections were chosen. Lists name the available ones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum NoChoice {
     /// There are none at all.
