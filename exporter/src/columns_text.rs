@@ -25,7 +25,7 @@ pub(crate) struct Column {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TableText {
     pub(crate) name: &'static str,
-    /// What it has a row for.
+    /// Entity that a row describes.
     pub(crate) row: &'static str,
     pub(crate) columns: &'static [Column],
 }

@@ -46,7 +46,7 @@ pub(crate) fn write_scenario(
     Ok(())
 }
 
-/// Where the video of a view goes, relative to the export.
+/// Path of the video of a view, relative to the export.
 fn video_of(source: &Source<'_>, view: &str) -> Result<String> {
     let name = source.scenario.video_name(view)?;
     let file = name.rsplit('/').next().unwrap_or(name);

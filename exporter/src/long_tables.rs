@@ -165,7 +165,7 @@ pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
         .bool("is_expected", boxes().map(TruthBox::is_expected)))
 }
 
-/// What the model found in the pictures that are asked for; nothing if it did not search the scenario.
+/// The model's detections in the requested pictures; empty if it did not search the scenario.
 pub(crate) fn detections(source: &Source<'_>) -> Result<TableWriter> {
     let Some(model) = &source.model else {
         return Ok(TableWriter::new());

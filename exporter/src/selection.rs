@@ -1,4 +1,4 @@
-//! Which scenarios, views and ticks a request asks for, checked before anything is written.
+//! Scenarios, views and ticks selected by a request, checked before any file is written.
 
 use std::collections::BTreeMap;
 

@@ -41,7 +41,7 @@ fn corpus(root: &Path, scenarios: u32) -> Corpus {
     corpus
 }
 
-/// The only test of this file: memory is that of the process.
+/// The only test of this file: memory is measured for the whole process.
 #[test]
 fn more_scenarios_take_hardly_more_memory_in_any_format() {
     let folder = tempfile::tempdir().unwrap();
