@@ -121,7 +121,7 @@ impl StoredSeal {
         SystemTime::UNIX_EPOCH.checked_add(since_1970)
     }
 
-    /// Whether it seals the same content. Seals of earlier versions lack the sizes of the videos.
+    /// True if it seals the same content. Seals of earlier versions lack the sizes of the videos.
     pub(crate) fn is_of(&self, seal: &Seal) -> bool {
         self.seal.manifest_blake3 == seal.manifest_blake3
             && self.seal.config_hash == seal.config_hash
@@ -165,7 +165,7 @@ impl FoundSeal {
     }
 }
 
-/// BLAKE3 hash of all fields of a `DONE.json` but the checksum, those of other versions included, in the order of their names.
+/// BLAKE3 hash of all fields of a `DONE.json` except the checksum, including the fields of other versions, in the order of their names.
 fn checksum(text: &[u8]) -> serde_json::Result<String> {
     let mut fields: BTreeMap<String, Value> = serde_json::from_slice(text)?;
     fields.remove(CHECKSUM);
@@ -269,7 +269,7 @@ impl CorpusStore {
         }))
     }
 
-    /// What of a committed scenario is not in a listing as it was sent.
+    /// Faults of a committed scenario: files that are missing from a listing or differ from what was sent.
     pub(crate) async fn faults(
         &self,
         id: &str,
@@ -297,7 +297,7 @@ impl CorpusStore {
         Ok(faults)
     }
 
-    /// What is wrong with the object of one sealed file.
+    /// The fault of the object of one sealed file, if any.
     pub(crate) async fn fault(
         &self,
         id: &str,

@@ -1,4 +1,4 @@
-//! What a store lost is noticed by one listing, and sent again.
+//! Objects that a store lost are detected by one listing, and sent again.
 
 use super::copies::LocalCopy;
 use super::faulty_store::{Faults, FaultyStore};
