@@ -1,4 +1,4 @@
-//! What can go wrong while labelling or detecting.
+//! Errors of labelling and detection.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ pub enum Error {
     Scenario {
         /// Identifier of the scenario.
         id: String,
-        /// What was expected, what was found, what to do.
+        /// Expectation, finding and remedy.
         message: String,
     },
     /// The caller stopped the run.
@@ -29,7 +29,7 @@ pub enum Error {
     Model {
         /// The model file.
         path: PathBuf,
-        /// What was expected, what was found, what to do.
+        /// Expectation, finding and remedy.
         message: String,
     },
     /// An option is out of its range.
@@ -39,7 +39,7 @@ pub enum Error {
         name: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// Allowed values.
         expected: String,
     },
 }

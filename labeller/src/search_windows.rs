@@ -1,4 +1,4 @@
-//! Which windows of a picture a detector looks at.
+//! Windows of a picture that a detector searches.
 //!
 //! Input: sizes of the picture and of the windows that the model takes. Output: [`Window`]s. A model that takes any size sees the
 //! whole picture at once, and the surroundings of an aircraft in a crop just large enough; one of a fixed size sees tiles (six of 640
@@ -58,7 +58,7 @@ pub(crate) fn first_windows(
         .collect()
 }
 
-/// Where tiles start that cover a range. A single one is moved inside the picture if it fits.
+/// Starts of the tiles that cover a range. A single tile is moved inside the picture if it fits.
 fn starts(covered: Range<u32>, tile_px: u32, overlap_px: u32, picture_px: u32) -> Vec<u32> {
     let length_px = covered.end - covered.start;
     if length_px == 0 {

@@ -21,13 +21,13 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    /// Nothing but shift.
+    /// Shift alone.
     pub(crate) const SHIFT_ALONE: Self = Self {
         view_from_reference: DMat2::IDENTITY,
         depth_px_per_m: DVec2::ZERO,
     };
 
-    /// The difference for an aircraft seen at these pixels; nothing but shift if the two lines of sight do not meet.
+    /// The difference for an aircraft seen at these pixels; shift alone if the two lines of sight do not meet.
     pub(crate) fn of(
         reference: &Camera,
         view: &Camera,
@@ -62,7 +62,7 @@ impl Expected {
     }
 }
 
-/// Where both lines of sight meet, at a plausible range from both cameras.
+/// The point where both lines of sight meet, at a plausible range from both cameras.
 fn meeting_point_m(
     reference: &Camera,
     view: &Camera,

@@ -29,7 +29,7 @@ const REACH: usize = 3;
 /// The best fit; all lengths in pixels of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
-    /// Where the centre of the reference's box is in the view, minus where it is in the reference.
+    /// Position of the reference's box centre in the view, minus its position in the reference.
     pub(super) shift_px: DVec2,
     /// Scatter of the shift by the residuals.
     pub(super) sd_px: DVec2,
@@ -97,7 +97,8 @@ struct Pair {
 }
 
 impl Fit {
-    /// Of the reference to the view, if `self` is that of the view to the reference. The centres are those of their boxes.
+    /// The fit of the reference to the view, if `self` is the fit of the view to the reference. `reference_px` and `view_px` are the
+    /// centres of their boxes.
     pub(super) fn reversed(
         self,
         reference_px: DVec2,
@@ -352,7 +353,7 @@ fn scatter(
     Some(variance.max(DVec2::ZERO).map(f64::sqrt))
 }
 
-/// The sum of each value of a picture and its neighbours within [`REACH`], in Bartlett's window; nothing is outside.
+/// The sum of each value of a picture and its neighbours within [`REACH`], in Bartlett's window; values outside are 0.
 fn windowed(values: &[DVec2], width: usize) -> Vec<DVec2> {
     let height = values.len() / width;
     let sums = |values: &[DVec2], step: usize, length: usize| {
