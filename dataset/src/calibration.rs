@@ -118,7 +118,7 @@ impl CameraEntry {
         }
     }
 
-    /// Why points cannot be projected with this camera, if so: a matrix or a lens that this software does not support.
+    /// The reason why points cannot be projected with this camera, if any: a matrix or a lens that this software does not support.
     pub fn fault(&self) -> Option<String> {
         let k = &self.k;
         if k[0][0] != k[1][1] || k[0][1] != 0.0 {

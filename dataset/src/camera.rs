@@ -73,7 +73,7 @@ impl Camera {
         }
     }
 
-    /// Where an ECEF point appears, in camera axes (right, down, forward), metres: its true position unless there is refraction.
+    /// The apparent position of an ECEF point, in camera axes (right, down, forward), metres: its true position unless there is refraction.
     pub fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
         let seen_m = ecef_m - self.center_ecef_m;
         let appears_m = match self.refraction {

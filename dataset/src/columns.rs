@@ -639,8 +639,8 @@ impl Table {
     }
 }
 
-/// How the columns of a file are read, or why they are rejected: strings through their dictionary, so that a long repeated one
-/// takes its memory once, and no nested columns.
+/// The schema with which the columns of a file are read, or the reason why they are rejected. Strings are read through their dictionary, so
+/// that a long repeated one takes its memory once; nested columns are rejected.
 fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
     let columns = schema.fields().len();
     if columns > MOST_COLUMNS {

@@ -70,7 +70,7 @@ pub struct Weather {
     pub turbulence_ratio: f64,
 }
 
-/// When a scenario takes place. The simulator's clock is stopped during a scenario.
+/// Date and time of a scenario. The simulator's clock is stopped during a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Clock {
     /// Day of the year, 1 to 365. X-Plane has no year.
@@ -129,7 +129,7 @@ impl Conditions {
 pub struct Conditions {
     /// Local time as the sweep names it, e.g. `06:00`.
     pub time_of_day: String,
-    /// When it is.
+    /// Date and time of the scenario.
     pub clock: Clock,
     /// Name of the weather in the sweep, e.g. `foggy`.
     pub weather_name: String,

@@ -150,7 +150,7 @@ impl Distortion {
     /// over or leave its corners empty.
     ///
     /// # Errors
-    /// What is wrong.
+    /// See [`BadLens`].
     pub fn check(&self, corner: f64) -> Result<(), BadLens> {
         if self.coefficients().iter().any(|c| !c.is_finite()) {
             return Err(BadLens::NotANumber { lens: *self });

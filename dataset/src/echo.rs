@@ -1,4 +1,4 @@
-//! How closely a simulator must draw what was requested: the one tolerance for recording and verification.
+//! Tolerance between the requested and the drawn pose of a simulator, shared by recording and verification.
 //!
 //! An echo is a simulator's report of where aircraft and camera were when it drew a picture. X-Plane places both in 32-bit floats,
 //! in metres from an origin that may be 50 km away, and rotates them in 32-bit degrees. So an echo matches only approximately. The

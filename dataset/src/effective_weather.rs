@@ -295,7 +295,7 @@ impl EffectiveWeather {
         }
     }
 
-    /// What contradicts itself: values that differ without a mark, and marks without values that differ.
+    /// Contradictions within the record: values that differ without a mark, and marks without values that differ.
     pub(crate) fn contradiction(&self, planned: &Weather) -> Option<String> {
         let unmarked = self
             .differences(planned)

@@ -29,7 +29,7 @@ pub enum Error {
         path: PathBuf,
         /// Kind of content.
         what: &'static str,
-        /// What is there instead: "a FIFO", "a folder", ...
+        /// The type found instead: "a FIFO", "a folder", ...
         found: &'static str,
     },
     /// A file exceeds the size limit of its kind.
@@ -183,12 +183,12 @@ impl Error {
         is_full || source.raw_os_error() == Some(Errno::IO.raw_os_error())
     }
 
-    /// Whether another process was in the way: a retry may succeed.
+    /// True if another process was in the way: a retry may succeed.
     pub fn is_passing(&self) -> bool {
         matches!(self, Self::Held { .. } | Self::Changing { .. })
     }
 
-    /// Whether a file existed but had the wrong content, or more than fits into memory: reading it again gives the same result.
+    /// True if a file existed but had the wrong content, or more than fits into memory: reading it again gives the same result.
     pub fn is_bad_content(&self) -> bool {
         matches!(
             self,

@@ -13,7 +13,7 @@ pub struct Limits {
     pub least: f64,
     /// The maximum.
     pub most: f64,
-    /// What the number is, with its unit: "a pitch in degrees".
+    /// Description of the number, with its unit: "a pitch in degrees".
     pub what: &'static str,
 }
 

@@ -200,8 +200,8 @@ impl OpenScenario {
         }
     }
 
-    /// Where the aircraft of each view is in the reference view, tick by tick, for the detections of one model; `None` if these have no
-    /// registrations: the scenario has one view, or `dtd detect` was run before it registered.
+    /// Shifts of the aircraft between each view and the reference view, tick by tick, for the detections of one model; `None` if these have
+    /// no registrations: the scenario has one view, or `dtd detect` was run before it registered.
     ///
     /// # Errors
     /// They were made from other videos, or the table is not the one that was written.

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 const MIB: u64 = 1 << 20;
 const GIB: u64 = 1 << 30;
 
-/// What a file contains, and its maximum size: far above anything real; a plan takes two kilobytes a scenario.
+/// Content of a file and its maximum size, which is far above any real file: a plan takes two kilobytes per scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileKind {
     what: &'static str,

@@ -107,7 +107,7 @@ pub struct TruthBox {
 }
 
 impl TruthBox {
-    /// Whether a detector is expected to find this aircraft: most of it is in the picture.
+    /// True if a detector is expected to find this aircraft: most of it is in the picture.
     pub fn is_expected(&self) -> bool {
         self.visible_fraction > EXPECTED_VISIBLE_FRACTION
     }

@@ -32,7 +32,7 @@ pub struct Shift {
     pub x_px: f64,
     /// The same, down.
     pub y_px: f64,
-    /// Where that point is in the view, minus where it is in the reference view: right, pixels.
+    /// Position of that point in the view, minus its position in the reference view: right, pixels.
     pub dx_px: f64,
     /// The same, down.
     pub dy_px: f64,

@@ -129,7 +129,7 @@ pub struct Versions {
     pub simulator: String,
     /// Version of the capture link in use.
     pub capture_link: u32,
-    /// Where the pixels came from: `link`, `gl`, `screen` or `screenshot`; missing in older records.
+    /// Source of the pixels: `link`, `gl`, `screen` or `screenshot`; missing in older records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixels: Option<String>,
     /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`; missing in older records.
@@ -232,7 +232,7 @@ impl ScenarioRecord {
         check.into_found()
     }
 
-    /// Why this record cannot be used, as text: its meaning is unknown, or the names of its files are invalid.
+    /// The reason why this record cannot be used, as text: its meaning is unknown, or the names of its files are invalid.
     fn unreadable(&self) -> Option<String> {
         if self.schema_version > SCHEMA_VERSION {
             return Some(format!(

@@ -2,7 +2,7 @@
 //!
 //! Haze leaves `exp(-3.912 r / V)` of an aircraft's contrast at the distance r (`transmission` in `boxes_truth.parquet`). Below 2 %, the
 //! contrast by which the visibility V is defined, it is invisible. Clouds hide it where it flies in or above them: their exact shape is not
-//! stored, so everything from the base of the lowest layer upwards is a class of its own.
+//! stored, so everything from the base of the lowest layer upwards is classified separately.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What the tables of an export hold: one list for the tables themselves, their dataset card and `croissant.json`.
+//! Columns of an export's tables: one list for the tables themselves, their dataset card and `croissant.json`.
 
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -28,7 +28,7 @@ pub enum Error {
         "the corpus has the detections of several models: {known}; choose one with --detections"
     )]
     SeveralModels {
-        /// Those.
+        /// The models.
         known: String,
     },
     /// An option that the format has no place for.
@@ -239,7 +239,7 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// Whether files of the corpus are damaged: an export can only be made once they are mended.
+    /// True if files of the corpus are damaged: an export is only possible once they are repaired.
     pub(crate) fn is_fault_of_corpus(&self) -> bool {
         match self {
             Self::Dataset(dataset::Error::Memory(_)) => false,

@@ -1,4 +1,4 @@
-//! What `datasets.load_dataset` reads: a long Parquet table per kind of record and split (`data/<table>/<split>.parquet`), the videos as
+//! Files for `datasets.load_dataset`: a long Parquet table per kind of record and split (`data/<table>/<split>.parquet`), the videos as
 //! they are in the corpus (`videos/<scenario>/`), and a dataset card that lists both (`README.md`).
 
 use std::collections::BTreeMap;

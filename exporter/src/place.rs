@@ -29,7 +29,7 @@ const BEGUN: &str = "begun.json";
 const PARTS: &str = "parts";
 const NEW: &str = "new";
 
-/// What an export is of: hash of the request and of the seals of its scenarios.
+/// Hash of the request and of the seals of its scenarios, which identifies an export.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Begun {
     source_blake3: String,

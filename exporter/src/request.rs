@@ -81,9 +81,9 @@ impl Ticks {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BoxSource {
-    /// Those projected from pose and calibration.
+    /// Ground-truth boxes, projected from pose and calibration.
     Truth,
-    /// Those that a model found; of confirmed tracks only.
+    /// Detections of a model, from confirmed tracks only.
     Detections,
 }
 
@@ -110,7 +110,7 @@ pub struct ExportRequest {
     /// Width and height of crops, pixels; `None`: [`USUAL_CROP_PX`], or no crops.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crop_px: Option<[u32; 2]>,
-    /// What determines the order of crops; `None`: 0, or the order of the corpus.
+    /// Seed for the order of crops; `None`: 0, or the order of the corpus.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
     /// Model whose detections are meant, by its file name or hash; `None`: the only one that there is.

@@ -1,4 +1,4 @@
-//! How much more memory an export of more scenarios takes: far less than their pictures.
+//! Memory of an export by the number of scenarios: more scenarios take far less additional memory than their pictures.
 
 use std::fs;
 use std::path::Path;

@@ -48,8 +48,7 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// Whether a file or an option of the caller's is at fault: a file that is not a detector, or not a library, will not become one
-    /// on a retry.
+    /// True if the caller's file or option is at fault, so that a retry cannot succeed: the file is not a detector or not a library.
     pub fn is_bad_input(&self) -> bool {
         matches!(
             self,

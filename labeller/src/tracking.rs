@@ -54,7 +54,7 @@ pub(crate) struct Tracker {
     followed: Vec<Track>,
     /// Boxes of all tracks, also of those that ended, by number.
     histories: Vec<History>,
-    /// When the first picture was.
+    /// Time of the first picture.
     began_s: Option<f64>,
     now_s: f64,
 }
@@ -80,7 +80,7 @@ struct History {
     boxes: Vec<(f64, PixelBox)>,
     /// The clear ones, whose sizes can be relied on.
     clear: Vec<(f64, PixelBox)>,
-    /// When the first of the clear boxes was that confirmed it.
+    /// Time of the first of the clear boxes that confirmed it.
     confirmed_s: Option<f64>,
 }
 
@@ -131,8 +131,8 @@ impl Tracker {
         }
     }
 
-    /// Where the aircraft that are followed are expected: confirmed ones first, then by the beginning of their tracks; none that was only
-    /// faint lately. `period_s`: time between two pictures, seconds.
+    /// The expected places of the tracked aircraft: confirmed ones first, then by the beginning of their tracks. Tracks with only faint
+    /// boxes lately are left out. `period_s`: time between two pictures, seconds.
     pub(crate) fn expected(&self, period_s: f64) -> Vec<Expected> {
         let mut expected: Vec<_> = self
             .followed
@@ -366,7 +366,7 @@ fn lasted_s(boxes: &[(f64, PixelBox)]) -> f64 {
     }
 }
 
-/// Whether this is something like a mast: for a minute it neither moved nor grew. One that is found only now and then has several tracks
+/// True for objects such as masts, which neither moved nor grew for a minute. An object that is found only now and then has several tracks
 /// at its place. Boxes by time.
 fn stands_still(boxes: &[(f64, PixelBox)]) -> bool {
     lasted_s(boxes) >= LONGEST_STILL_S && place_if_still(boxes).is_some()

@@ -126,7 +126,7 @@ const HINT: &str = "Credentials come from the environment (docs/corpus.md), for 
                     AWS_REGION; from a profile: eval \"$(aws configure export-credentials --format env)\"";
 
 impl StoreError {
-    /// Whether the caller must change something first: the same call will fail again.
+    /// True if the caller must change the request or the environment, because the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::BadUrl { .. }

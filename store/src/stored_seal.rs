@@ -26,8 +26,8 @@ use crate::stored_fault::{StoredFault, StoredFaults};
 pub(crate) struct StoredSeal {
     #[serde(flatten)]
     pub(crate) seal: Seal,
-    /// When the scenario was sealed in its folder, by that machine's clock, in milliseconds since 1970. Missing in stores of earlier
-    /// versions.
+    /// Time at which the scenario was sealed in its folder, by that machine's clock, in milliseconds since 1970. Missing in stores of
+    /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sealed_unix_ms: Option<u64>,
     /// The objects of all sealed files and of the manifest, by the names of the files. Empty in stores of earlier versions.
@@ -60,7 +60,7 @@ pub(crate) struct FoundSeal {
     pub(crate) stored: std::result::Result<StoredSeal, StoredFault>,
     /// The version to replace.
     pub(crate) version: UpdateVersion,
-    /// When it was written, by the store's clock.
+    /// Time of writing, by the store's clock.
     modified: SystemTime,
 }
 
@@ -115,7 +115,7 @@ impl StoredSeal {
         Ok(json_bytes(&sealed, done)?)
     }
 
-    /// When the scenario was sealed in its folder, if noted.
+    /// The time at which the scenario was sealed in its folder, if noted.
     pub(crate) fn sealed(&self) -> Option<SystemTime> {
         let since_1970 = Duration::from_millis(self.sealed_unix_ms?);
         SystemTime::UNIX_EPOCH.checked_add(since_1970)
@@ -158,7 +158,7 @@ impl StoredSeal {
 }
 
 impl FoundSeal {
-    /// When the scenario was sealed, else when that was sent.
+    /// The time at which the scenario was sealed, or if unknown, at which the seal was sent.
     pub(crate) fn sealed(&self) -> SystemTime {
         let noted = self.stored.as_ref().ok().and_then(StoredSeal::sealed);
         noted.unwrap_or(self.modified)

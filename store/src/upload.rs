@@ -409,7 +409,7 @@ impl CorpusStore {
     }
 }
 
-/// When a scenario got its seal.
+/// The time at which a scenario was sealed.
 fn sealed_at(folder: &ScenarioFolder) -> Result<SystemTime> {
     let path = folder.root().join(DONE);
     let found = fs::metadata(&path).and_then(|found| found.modified());

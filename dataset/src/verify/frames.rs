@@ -93,8 +93,8 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
     }
 }
 
-/// Checks that no frame has two ticks, all frames of a block and view come before those of the next, and within a block the ticks are drawn
-/// in their order, except for ticks that were lost and shown again after later ones (`scenario.json` has their number).
+/// Checks that no frame has two ticks, all frames of a block and view come before the frames of the next, and within a block the ticks are
+/// drawn in their order, except for ticks that were lost and shown again after later ones (`scenario.json` has their number).
 fn check_blocks(blocks: &Blocks, frames: &Frames, faults: &mut Faults) {
     let block_ticks = blocks.ticks.max(1) as usize;
     let mut last_of_block: Option<u64> = None;

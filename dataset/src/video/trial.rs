@@ -98,7 +98,7 @@ type Start<'a> = dyn Fn(&Path) -> Result<Box<dyn Recording>> + 'a;
 /// Tries an encoder in a folder, which must exist; leaves its files there.
 ///
 /// # Errors
-/// What is wrong with it.
+/// See [`TrialFault`].
 pub fn try_encoder(
     folder: &Path,
     settings: &VideoSettings,

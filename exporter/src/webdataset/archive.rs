@@ -7,7 +7,7 @@ use tar::{Builder, EntryType, Header};
 
 /// Unit of an archive: the size of a header, and what contents are padded to.
 const BLOCK_BYTES: u64 = 512;
-/// What ends an archive: two blocks of zeros.
+/// End marker of an archive: two blocks of zeros.
 pub(super) const END: [u8; 2 * BLOCK_BYTES as usize] = [0; 2 * BLOCK_BYTES as usize];
 
 /// A file of a sample: its name after the key, and its content.

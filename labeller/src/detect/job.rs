@@ -32,7 +32,7 @@ pub(super) struct ScenarioJob {
     views: Vec<ViewTicks>,
     /// The record of detections that are there already and only lack their registrations.
     stored: Option<Box<DetectionRecord>>,
-    /// Those detections, while the scenario is in work.
+    /// These detections, while the scenario is being processed.
     loaded: Mutex<Option<Arc<Detections>>>,
     /// With several views.
     pairs: Option<Pairs>,
@@ -186,7 +186,7 @@ impl ScenarioJob {
         Ok(match standing {
             Standing::Whole => false,
             Standing::Unregistered(_) => self.only_registers(),
-            // What was to be registered is gone: planned again as a search.
+            // The detections to register are gone: planned again as a search.
             Standing::Missing => !self.only_registers(),
         })
     }

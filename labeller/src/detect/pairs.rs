@@ -13,7 +13,7 @@ use dataset::registrations::{NoShift, Registration};
 
 use crate::registration::{Expected, Patch, register};
 
-/// What a view shows at a tick: the surroundings of its best box, if there is one.
+/// Result of a view at a tick: the surroundings of its best box, if there is one.
 type Look = Arc<Result<Patch, NoShift>>;
 
 /// The registrations of a scenario with several views.

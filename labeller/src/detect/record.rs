@@ -54,7 +54,7 @@ pub(super) struct DetectionRecord {
     pub registration: Option<RegistrationRecord>,
 }
 
-/// How pictures were searched: detections made otherwise are replaced.
+/// Settings of the search: detections made with other settings are replaced.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Searching {
     /// Thresholds and windows of the search.

@@ -34,7 +34,7 @@ pub(super) struct Sequence<'a> {
     tiling: &'a TilingSettings,
     modes: ModeSettings,
     tracker: Tracker,
-    /// When the last picture was, and the last one that was searched whole.
+    /// Times of the last picture and of the last one that was searched whole.
     last_s: Option<f64>,
     last_full_s: Option<f64>,
 }
@@ -223,7 +223,7 @@ impl<'a> Sequence<'a> {
         }
     }
 
-    /// When all pictures are done: decides which boxes count, and returns the number of windows that were searched.
+    /// Called after the last picture: decides which boxes count, and returns the number of windows that were searched.
     pub(super) fn finish(self, detections: &mut Detections) -> u64 {
         let counts = self.tracker.finish();
         for found in &mut detections.boxes {

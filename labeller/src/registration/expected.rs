@@ -1,4 +1,4 @@
-//! How the aircraft in one view should differ from that in another, by the cameras: the part of the difference that is not shift.
+//! Expected difference of the aircraft's image between two views, from the poses of the cameras: the part that is not shift.
 
 use dataset::camera::Camera;
 use dataset::rays::{self, Ray};

@@ -7,7 +7,7 @@ use super::linear::{Normal, inverse, robust_sd};
 use super::patch::Cleaned;
 use super::{MARGIN_PX, SEARCH_PX};
 
-/// What is fitted: shift right and down, contrast, brightness.
+/// Unknowns of the fit: shift right and down, contrast, brightness.
 const UNKNOWNS: usize = 4;
 /// Iterations until the shift stands still, or does not at all.
 const ITERATIONS: usize = 30;
@@ -371,7 +371,7 @@ fn windowed(values: &[DVec2], width: usize) -> Vec<DVec2> {
     sums(&sums(values, 1, width), width, height)
 }
 
-/// How much larger the aircraft is in the view than the cameras say, as a part: fitted after the shift, which stays.
+/// Relative growth of the aircraft in the view beyond the scale given by the cameras; fitted after the shift, which it does not change.
 fn growth(pairs: &[Pair], weights: &[f64], gain: f64, offset: f64) -> f64 {
     let mut normal = Normal::<5>::new();
     for (pair, weight) in pairs.iter().zip(weights) {

@@ -1,8 +1,8 @@
-//! Where a tracked aircraft is expected: a Kalman filter with constant rates for centre and size of its box.
+//! Prediction of a tracked aircraft's box: a Kalman filter with constant rates for its centre and size.
 //!
-//! The four numbers of a box are filtered independently. What an approach does between two pictures grows with the aircraft's size in the
-//! picture: at 10 NM it drifts by fractions of a pixel a second, before touchdown by several of its lengths. So all noise is stated in
-//! lengths of the box, and its effect follows from the time between the pictures: 30 FPS and 0.3 FPS need no different settings.
+//! The four numbers of a box are filtered independently. Motion between two pictures grows with the aircraft's size in the picture: at 10
+//! NM it drifts by fractions of a pixel per second, before touchdown by several of its lengths. So all noise is stated in lengths of the
+//! box, and its effect follows from the time between the pictures: 30 FPS and 0.3 FPS need no different settings.
 
 use dataset::pixel_box::PixelBox;
 
@@ -107,7 +107,7 @@ impl Motion {
         }
     }
 
-    /// How far the centre may move in `seconds`, in lengths of the box: two standard deviations more than expected.
+    /// Distance that the centre may move in `seconds`, in lengths of the box: two standard deviations more than expected.
     pub(super) fn lengths_moved(&self, seconds: f64) -> f64 {
         let [right, down, ..] = &self.numbers;
         let expected = right.rate.hypot(down.rate);
