@@ -293,7 +293,7 @@ pub const ZULU_TIME_S: Limits = Limits::new(0.0, 86_400.0, "a time of day in sec
 
 /// From 40 NM at the slowest speed, three times over.
 pub const MOST_APPROACH_S: f64 = 4_000.0;
-/// Ticks of one scenario: an approach at 240 a second.
+/// Ticks of one scenario: an approach at 240 per second.
 pub(crate) const MOST_TICKS: u32 = 1_000_000;
 /// See [`MOST_TICKS`].
 pub const TICKS: Limits = Limits::new(1.0, MOST_TICKS as f64, "a number of ticks");

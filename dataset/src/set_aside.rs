@@ -81,8 +81,8 @@ impl SetAside {
         outside_file::read(&path, FileKind::json("record of a failed scenario"))
     }
 
-    /// Adopts a record that was written elsewhere, unless the local one has more reasons: another machine may have continued, or
-    /// not know it.
+    /// Adopts a record that was written elsewhere, unless the local one has more reasons: another machine may have continued, or not have
+    /// this record.
     pub fn adopt(corpus: &Corpus, id: &str, text: &[u8]) -> Result<()> {
         let count = |record: Option<Self>| record.map_or(0, |record| record.reasons.len());
         let there: Option<Self> = serde_json::from_slice(text).ok();

@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::error::Result;
 
-/// Name of a side in the formats that know splits; what has no side is for training.
+/// Name of a side in the formats that have splits; scenarios without a side are for training.
 pub(crate) fn split_of(side: Option<Side>) -> &'static str {
     match side {
         None | Some(Side::Train) => "train",

@@ -20,7 +20,7 @@ pub enum Error {
         /// The known names.
         known: String,
     },
-    /// Detections are asked for, and there are none.
+    /// Detections are requested, but there are none.
     #[error("the selected scenarios have no detections; run `dtd detect` on the corpus first")]
     NoDetections,
     /// Detections of several models are there.
@@ -137,7 +137,7 @@ pub enum Error {
         /// Advice on how to correct the request.
         advice: String,
     },
-    /// More pictures are asked for than there are.
+    /// The requested rate exceeds the rate of the corpus.
     #[error(
         "scenario {scenario} has {rate} pictures a second, fewer than --rate {asked}; choose a lower one"
     )]
@@ -146,7 +146,7 @@ pub enum Error {
         scenario: String,
         /// Its rate.
         rate: FrameRate,
-        /// The rate that is asked for.
+        /// The requested rate.
         asked: u32,
     },
     /// Scenarios that one dataset cannot hold.

@@ -338,7 +338,7 @@ impl Job<'_> {
     }
 }
 
-/// The predictions of the runs that are asked for.
+/// The predictions of the requested runs.
 fn read_runs(request: &ExportRequest) -> Result<Vec<Predictions>> {
     let mut runs: Vec<Predictions> = Vec::new();
     for run in &request.runs {

@@ -10,7 +10,7 @@
 //! README.md                                          dataset card
 //! ```
 //!
-//! The format finds the picture of a row by its time, `frame_index / fps`, so its rate is a whole number. If all ticks are asked for,
+//! The format finds the picture of a row by its time, `frame_index / fps`, so its rate is a whole number. If all ticks are requested,
 //! videos have the coded pictures of the corpus; otherwise the chosen pictures are encoded again with the corpus's settings. In both cases
 //! their unit of time is a fine one, because the library joins videos without encoding them (`merge_datasets`).
 
@@ -140,7 +140,7 @@ impl std::fmt::Display for Form {
     }
 }
 
-/// The whole number of pictures a second.
+/// The whole number of pictures per second.
 fn fps_of(scenario: &str, rate: FrameRate, ticks: Ticks) -> Result<u32> {
     let FrameRate {
         numerator,

@@ -68,7 +68,7 @@ impl Format {
 pub enum Ticks {
     /// Every n-th, from tick 0.
     Every(NonZeroU32),
-    /// This many a second, each the nearest to its time.
+    /// This many per second, each the nearest to its time.
     PerSecond(NonZeroU32),
 }
 
@@ -87,7 +87,7 @@ pub enum BoxSource {
     Detections,
 }
 
-/// Width and height of a crop, pixels, if none is asked for: the smallest window in which the detector looks at an aircraft.
+/// Width and height of a crop, pixels, if none is requested: the smallest window in which the detector looks at an aircraft.
 pub const USUAL_CROP_PX: [u32; 2] = [160, 160];
 
 /// Content, format and options of an export.

@@ -135,7 +135,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The ticks that are asked for.
+    /// The requested ticks.
     pub(crate) fn rows(&self) -> impl Iterator<Item = &TickRow> {
         let rows = self.frames.rows.iter();
         rows.filter(|row| self.is_asked_for(row.tick))

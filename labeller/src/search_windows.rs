@@ -18,7 +18,7 @@ const CROP_PX: Range<f64> = 160.0..256.0;
 const LARGEST_SHARE: f64 = 0.65;
 
 /// The windows of the first pass over these rows of a picture of this width and height, row by row: tiles, or a single one if the model
-/// takes any size and no side of tiles is asked for. They may extend past the picture at the right and at the bottom.
+/// takes any size and no tile size is requested. They may extend past the picture at the right and at the bottom.
 pub(crate) fn first_windows(
     [width_px, height_px]: [u32; 2],
     size: WindowSize,

@@ -27,7 +27,7 @@ const FAINT_GATE: f64 = 18.5;
 const MOST_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
 const LONGEST_GAP_S: f64 = 2.0;
-/// A track that lasted shorter than this is no aircraft, seconds: at 30 pictures a second a patch of cloud looks like one for three of
+/// A track that lasted shorter than this is no aircraft, seconds: at 30 pictures per second a patch of cloud looks like one for three of
 /// them, and is still there in the next ones.
 const SHORTEST_S: f64 = 2.0;
 /// In a video that is shorter, this part of it is enough.
@@ -88,7 +88,7 @@ struct History {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Seen {
     pub(crate) pixel_box: PixelBox,
-    /// Too uncertain to be believed alone.
+    /// Too uncertain to count alone.
     pub(crate) is_faint: bool,
 }
 

@@ -12,7 +12,7 @@ use crate::model_identity::NamedDetections;
 pub enum NoChoice {
     /// There are none at all.
     None,
-    /// There are none of the model that was asked for, but others.
+    /// There are only detections of models other than the requested one.
     Others(String),
     /// Several are meant.
     Several(String),

@@ -25,7 +25,7 @@ pub enum VideoCodec {
     Ffv1,
 }
 
-/// Presets that x264 and x265 know.
+/// Presets of x264 and x265.
 const X26X_PRESETS: [&str; 10] = [
     "ultrafast",
     "superfast",

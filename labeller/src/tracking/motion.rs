@@ -10,7 +10,8 @@ use dataset::pixel_box::PixelBox;
 const CENTRE_ERROR: (f64, f64) = (0.5, 0.03);
 /// Error of its width and height.
 const SIZE_ERROR: (f64, f64) = (1.0, 0.10);
-/// Standard deviation of the velocity of a new aircraft, pixels and lengths a second: a crossing flight at 10 NM moves by half its length.
+/// Standard deviation of the velocity of a new aircraft, pixels and lengths per second: a crossing flight at 10 NM moves by half its
+/// length.
 const NEW_VELOCITY: (f64, f64) = (3.0, 0.6);
 /// The same for the growth of its sides.
 const NEW_GROWTH: (f64, f64) = (0.5, 0.15);
