@@ -1,12 +1,12 @@
 //! Atomic commit of a scenario folder, and of later changes to it.
 //!
-//! A folder is filled under another name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of `b3sum`, and
-//! `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through [`replace_files`], holding the
-//! scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last. `DONE.json.new` commits the change; all
-//! that remains is renaming. Readers ([`crate::sealed`]) see the complete old state before that moment and the complete new one after it,
-//! and never write. If a process is killed or the disk fails, the next writer completes a committed change and drops an uncommitted one. An
-//! error after the commit, e.g. of a sync, does not undo it: the files alone determine the state, and removing what the new seal names
-//! would destroy the scenario.
+//! A folder is filled under another name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of
+//! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through
+//! [`replace_files`], holding the scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last.
+//! `DONE.json.new` commits the change; all that remains is renaming. Readers ([`crate::sealed`]) see the complete old state before
+//! that moment and the complete new one after it, and never write. If a process is killed or the disk fails, the next writer
+//! completes a committed change and drops an uncommitted one. An error after the commit, e.g. of a sync, does not undo it: the files
+//! alone determine the state, and removing what the new seal names would destroy the scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
