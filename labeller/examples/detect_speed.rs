@@ -1,4 +1,4 @@
-//! Which division of the cores detects fastest: workers x threads per worker x batch.
+//! Measures detection speed for divisions of the cores: workers x threads per worker x batch.
 //!
 //! `cargo run --release -p labeller --example detect_speed -- MODEL.onnx [WIDTH HEIGHT]`, with `ORT_DISABLE_TELEMETRY=1` and
 //! `ORT_DYLIB_PATH=$PWD/target/lib/dtd/libonnxruntime.so` in the environment, prints pictures per second of the first pass (all tiles of

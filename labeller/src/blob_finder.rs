@@ -28,7 +28,7 @@ impl Default for BlobFinder {
 }
 
 impl BlobFinder {
-    /// Whose windows have any size.
+    /// A finder that accepts windows of any size.
     pub(crate) fn of_any_size() -> Self {
         Self {
             windows_seen: 0,

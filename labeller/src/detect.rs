@@ -43,7 +43,7 @@ use job::{End, ScenarioJob, ViewJob};
 pub use mode::{Mode, ModeSettings};
 pub use scenario_search::{Findings, Searcher};
 
-/// How often a scenario that another process searches is looked at.
+/// Interval for polling a scenario that another process searches.
 const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Options of a detection run.
@@ -51,11 +51,11 @@ const POLL_INTERVAL: Duration = Duration::from_millis(200);
 pub struct DetectOptions {
     /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own.
     pub onnx_runtime: Option<PathBuf>,
-    /// Where the model runs. Detections made elsewhere count as the same.
+    /// Device that the model runs on. Detections made on another device count as the same.
     pub device: Device,
-    /// What counts as a hit. Detections made with other settings are repeated.
+    /// Thresholds and windows of the search. Detections made with other settings are repeated.
     pub settings: TilingSettings,
-    /// Which parts of which pictures are searched; detections made otherwise are repeated, too.
+    /// Parts of the pictures that are searched; detections made with other settings are also repeated.
     pub modes: ModeSettings,
     /// Number of views processed in parallel.
     pub workers: usize,
@@ -101,7 +101,7 @@ impl DetectOptions {
         Ok(())
     }
 
-    /// How the model runs.
+    /// Options for running the model.
     fn ort(&self) -> OrtOptions {
         OrtOptions {
             library: self.onnx_runtime.clone(),
@@ -119,7 +119,7 @@ pub struct DetectOutcome {
     pub model: String,
     /// Name of the detections: the first 16 digits of the BLAKE3 hash of the model and the settings next to it.
     pub model_hash: String,
-    /// Where the model ran.
+    /// Device that the model ran on.
     pub device: Device,
     /// Scenarios that were searched.
     pub detected: Vec<String>,
@@ -131,7 +131,7 @@ pub struct DetectOutcome {
     pub failed: Vec<Failure>,
     /// Scenarios that were left to the next run, because the caller stopped this one.
     pub left: Vec<String>,
-    /// Whether the caller stopped it, even if nothing was left.
+    /// True if the caller stopped it, even if no work was left.
     pub stopped: bool,
     /// Counts over all scenarios that have detections now.
     pub counts: DetectionCounts,
@@ -141,7 +141,7 @@ pub struct DetectOutcome {
     pub worker_seconds: f64,
 }
 
-/// How many pairs of views were registered.
+/// Counts of registered pairs of views.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct RegistrationCounts {
     /// Pairs of a view with the reference view at the same tick.
@@ -198,7 +198,7 @@ pub fn detect_corpus(
     watch: Watch<'_>,
 ) -> Result<DetectOutcome> {
     let ort = options.ort();
-    // First of all: the caller must learn that a model does not load, even if there is nothing to do.
+    // Done first: a model that does not load is an error even if there are no scenarios to search.
     let file = ModelFile::read(model_path)?;
     drop(OrtDetector::of(&file, &ort)?);
     let make =
@@ -285,7 +285,7 @@ fn detect_with(
     Ok(outcome)
 }
 
-/// Waits until nobody else searches a scenario.
+/// Waits until no other process searches a scenario.
 fn wait_for_other(folder: &ScenarioFolder, watch: Watch<'_>) -> Result<()> {
     let mut said = false;
     while !(watch.is_stopped)()

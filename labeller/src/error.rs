@@ -1,4 +1,4 @@
-//! What can go wrong while labelling or detecting.
+//! Errors of labelling and detection.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ pub enum Error {
     Scenario {
         /// Identifier of the scenario.
         id: String,
-        /// What was expected, what was found, what to do.
+        /// Expectation, finding and remedy.
         message: String,
     },
     /// The caller stopped the run.
@@ -29,7 +29,7 @@ pub enum Error {
     Model {
         /// The model file.
         path: PathBuf,
-        /// What was expected, what was found, what to do.
+        /// Expectation, finding and remedy.
         message: String,
     },
     /// An option is out of its range.
@@ -39,7 +39,7 @@ pub enum Error {
         name: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// Allowed values.
         expected: String,
     },
 }
@@ -48,8 +48,7 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// Whether a file or an option of the caller's is at fault: a file that is not a detector, or not a library, will not become one
-    /// on a retry.
+    /// True if the caller's file or option is at fault, so that a retry cannot succeed: the file is not a detector or not a library.
     pub fn is_bad_input(&self) -> bool {
         matches!(
             self,

@@ -102,7 +102,7 @@ struct Labels {
     seal: Seal,
     frames: Frames,
     boxes: Vec<TruthBox>,
-    /// Whether the scenario has them already.
+    /// True if the scenario already has them.
     are_there: bool,
 }
 

@@ -1,9 +1,9 @@
-//! Where the aircraft is: true boxes, and detections.
+//! Locates the aircraft: ground-truth boxes and detections.
 //!
-//! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected truth
-//! in `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`, and where the aircraft of one view is in
-//! another, `registrations/<model>.parquet`). Labels come from poses and cameras alone, detections from decoded pixels alone;
-//! [`matching`] and `statistics` compare the two.
+//! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected ground truth in
+//! `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`, and the shifts of the aircraft between views,
+//! `registrations/<model>.parquet`). Labels come from poses and cameras alone, detections from decoded pixels alone; [`matching`] and
+//! `statistics` compare the two.
 
 #![forbid(unsafe_code)]
 

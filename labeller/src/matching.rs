@@ -1,4 +1,4 @@
-//! When a detected box is the aircraft.
+//! Comparison of detected boxes with the ground truth.
 
 use dataset::tables::pixel_box::PixelBox;
 

@@ -11,12 +11,12 @@ pub struct Progress {
     pub total: u64,
 }
 
-/// Who watches a run.
+/// Progress callback and cancellation for a run.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
-    /// Told after every unit.
+    /// Called after every unit.
     pub progress: &'a (dyn Fn(Progress) + Sync),
-    /// Asked before every unit, and while the run waits.
+    /// Polled before every unit, and while the run waits; true stops the run.
     pub is_stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
@@ -25,6 +25,6 @@ pub struct Watch<'a> {
 pub struct Failure {
     /// Identifier of the scenario.
     pub id: String,
-    /// Why, in words.
+    /// Reason, in words.
     pub reason: String,
 }

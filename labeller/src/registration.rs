@@ -1,15 +1,15 @@
-//! Where the aircraft of one view is in another, from the pixels of both: far more precise than the difference of two boxes, whose
-//! errors are independent, because both views show nearly the same few pixels of aircraft.
+//! Measures the shift (parallax) of the aircraft between two views from the pixels of both. It is far more precise than the difference of
+//! two boxes, whose errors are independent, because both views show nearly the same few pixels of aircraft.
 //!
-//! Input: the surroundings of a box in each view ([`Patch`]), and from the calibration how the views should differ ([`Expected`]).
-//! Output: a [`Shift`] with its standard deviation, or why there is none. The background of each patch is a quadratic fitted around
-//! the aircraft. The best whole-pixel shift near that of the boxes starts a Gauss-Newton iteration over shift, contrast and brightness
-//! (Lucas and Kanade, "An iterative image registration technique", 1981; with brightness: Hager and Belhumeur, "Efficient region
-//! tracking", 1998), in which pixels that disagree count less (Cauchy's weights). Scale and rotation are not fitted: views from
-//! two sides see nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse.
+//! Input: the surroundings of a box in each view ([`Patch`]), and the expected difference of the views from the calibration ([`Expected`]).
+//! Output: a [`Shift`] with its standard deviation, or the reason why there is none. The background of each patch is a quadratic fitted
+//! around the aircraft. The best whole-pixel shift near the one given by the boxes starts a Gauss-Newton iteration over shift, contrast and
+//! brightness (Lucas and Kanade, "An iterative image registration technique", 1981; with brightness: Hager and Belhumeur, "Efficient region
+//! tracking", 1998), in which outlier pixels count less (Cauchy's weights). Scale and rotation are not fitted: views from two sides see
+//! nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse.
 //!
 //! Pictures that show the aircraft in sizes that differ by more than 5 % are matched in resolution first: the finer one is blurred more,
-//! and it is the one that is resampled, because it bears interpolation better.
+//! and it is the one that is resampled, because interpolation degrades it less.
 
 mod expected;
 mod fit;
@@ -32,7 +32,8 @@ pub(crate) const METHOD: u32 = 3;
 /// percent even with equal cameras, which makes no difference.
 const COARSER: f64 = 0.95;
 /// Standard deviation of a lamp or an edge in any picture, however coarse its pixels: lens, sampling and compression. With this value the
-/// formula of a zoomed camera has the least error at approaches left out in turn (those of docs/results.md; `dtd refit` says the error).
+/// formula of a zoomed camera has the least error in leave-one-out tests on the approaches of docs/results.md; `dtd refit` prints the
+/// error.
 const SPOT_PX: f64 = 1.4;
 /// A picture that shows the aircraft larger by more than this factor is blurred no more: a patch ends 26 px beyond its box.
 const MOST_MATCHED: f64 = 3.0;

@@ -60,7 +60,7 @@ impl SearchBands {
     }
 }
 
-/// Where aircraft of the two sizes were.
+/// Rows in which aircraft of the two sizes were found.
 #[derive(Default)]
 struct Seen {
     small: Rows,

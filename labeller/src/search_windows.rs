@@ -1,4 +1,4 @@
-//! Which windows of a picture a detector looks at.
+//! Windows of a picture that a detector searches.
 //!
 //! Input: sizes of the picture and of the windows that the model takes. Output: [`Window`]s. A model that takes any size sees the
 //! whole picture at once, and the surroundings of an aircraft in a crop just large enough; one of a fixed size sees tiles (six of 640
@@ -18,7 +18,7 @@ const CROP_PX: Range<f64> = 160.0..256.0;
 const LARGEST_SHARE: f64 = 0.65;
 
 /// The windows of the first pass over these rows of a picture of this width and height, row by row: tiles, or a single one if the model
-/// takes any size and no side of tiles is asked for. They may extend past the picture at the right and at the bottom.
+/// takes any size and no tile size is requested. They may extend past the picture at the right and at the bottom.
 pub(crate) fn first_windows(
     [width_px, height_px]: [u32; 2],
     size: WindowSize,
@@ -58,7 +58,7 @@ pub(crate) fn first_windows(
         .collect()
 }
 
-/// Where tiles start that cover a range. A single one is moved inside the picture if it fits.
+/// Starts of the tiles that cover a range. A single tile is moved inside the picture if it fits.
 fn starts(covered: Range<u32>, tile_px: u32, overlap_px: u32, picture_px: u32) -> Vec<u32> {
     let length_px = covered.end - covered.start;
     if length_px == 0 {

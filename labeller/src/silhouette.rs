@@ -98,7 +98,7 @@ impl SampleGrid {
     }
 }
 
-/// Where the line at height `y` enters and leaves a convex polygon.
+/// Points where the line at height `y` enters and leaves a convex polygon.
 fn span_at(polygon: &[DVec2], y: f64) -> Option<(f64, f64)> {
     let mut span: Option<(f64, f64)> = None;
     for (k, from) in polygon.iter().enumerate() {

@@ -24,7 +24,7 @@ pub struct DetectionCounts {
 pub struct TruthCounts {
     /// Pictures in which more than half of the aircraft is visible.
     pub expected: u64,
-    /// Those of them with a detection that is the aircraft ([`Match::Hit`]).
+    /// Number of these with a detection of the aircraft ([`Match::Hit`]).
     pub found: u64,
     /// Detections that do not touch a true box, in all pictures.
     pub false_detections: u64,

@@ -19,7 +19,7 @@ const LEAST_TILE_PX: u32 = 64;
 /// Larger than any picture's side, pixels.
 const MOST_TILE_PX: u32 = 16_384;
 
-/// What counts as a hit.
+/// Thresholds and windows of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TilingSettings {
@@ -39,7 +39,7 @@ pub struct TilingSettings {
     /// once. Models of a fixed size have tiles of that size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tile_px: Option<u32>,
-    /// How far neighbouring tiles overlap, pixels.
+    /// Overlap of neighbouring tiles, pixels.
     #[serde(default)]
     pub overlap_px: u32,
     /// Rows that the first pass covers; missing: all.
@@ -170,11 +170,11 @@ pub struct Sighting {
     pub tile: u32,
 }
 
-/// What a search of a whole picture gives.
+/// Results of a search of a whole picture.
 pub(crate) struct Found {
     /// All aircraft, best first, with faint ones.
     pub(crate) sightings: Vec<Sighting>,
-    /// How many places the first pass found.
+    /// Number of places that the first pass found.
     pub(crate) hits: usize,
 }
 

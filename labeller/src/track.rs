@@ -32,8 +32,8 @@ pub(crate) fn labels_of(
         .collect()
 }
 
-/// When the aircraft first passes abeam the target, seconds since tick 0: linear between the two ticks around it. Missing if the
-/// recording starts past the target or ends before it; nothing is extrapolated.
+/// The time at which the aircraft first passes abeam the target, seconds since tick 0: linear between the two ticks around it. There is no
+/// extrapolation: missing if the recording starts past the target or ends before it.
 fn passing_time_s(ticks: &[TickRow], coordinates: &[RunwayCoordinates]) -> Option<f64> {
     let after = coordinates.iter().position(|at| at.along_track_m <= 0.0)?;
     let to_go_after_m = coordinates[after].along_track_m;

@@ -1,9 +1,9 @@
-//! Which boxes of a view's pictures show the same aircraft, and which tracks are aircraft.
+//! Groups the boxes of a view's pictures into tracks, and decides which tracks are aircraft.
 //!
-//! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, where the aircraft that are
-//! followed are expected next, and, at the end, which tracks count. A track begins with any box that belongs to none; it is confirmed by
-//! [`HITS`] clear boxes in [`OUTCOMES`] pictures, and then all of its boxes count, the first ones too, because a scenario is written at its
-//! end. Faint boxes, which are too uncertain to be believed alone, begin and continue tracks as well, but confirm none (Zhang et al.,
+//! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, the next expected places of the
+//! tracked aircraft and, at the end, the tracks that count. A track begins with any box that belongs to no track; it is confirmed by
+//! [`HITS`] clear boxes in [`OUTCOMES`] pictures, and then all of its boxes count, including the first ones, because a scenario is written
+//! at its end. Faint boxes, which are too uncertain to count alone, also begin and continue tracks, but do not confirm them (Zhang et al.,
 //! "ByteTrack", ECCV 2022). The filter is in [`motion`].
 
 mod motion;
@@ -19,7 +19,7 @@ const HITS: u32 = 3;
 /// ... within this number of consecutive pictures in which it was looked for.
 const OUTCOMES: u32 = 5;
 /// A box whose squared distance from the expected one is larger belongs to another aircraft. 18.5 leaves out one box in a thousand if all
-/// errors are normal; those of boxes have longer tails.
+/// errors are normal; errors of boxes have longer tails.
 const GATE: f64 = 30.0;
 /// The same for a faint box: clutter is more likely than a long tail.
 const FAINT_GATE: f64 = 18.5;
@@ -27,18 +27,18 @@ const FAINT_GATE: f64 = 18.5;
 const MOST_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
 const LONGEST_GAP_S: f64 = 2.0;
-/// A track that lasted shorter than this is no aircraft, seconds: at 30 pictures a second a patch of cloud looks like one for three of
+/// A track that lasted shorter than this is no aircraft, seconds: at 30 pictures per second a patch of cloud looks like one for three of
 /// them, and is still there in the next ones.
 const SHORTEST_S: f64 = 2.0;
 /// In a video that is shorter, this part of it is enough.
 const SHORTEST_PART: f64 = 0.5;
 /// From here on what stands still is not an arriving aircraft, seconds.
 const LONGEST_STILL_S: f64 = 60.0;
-/// The middle of a track's last third against that of its first third. An aircraft at 13 NM grows by a tenth in 40 s...
+/// Growth from the middle of a track's first third to the middle of its last third. An aircraft at 13 NM grows by a tenth in 40 s...
 const LEAST_GROWTH: f64 = 0.05;
 /// ... and does so beyond chance, in standard errors: the widths of a lamp that is found now and then differ by half...
 const SURE_GROWTH: f64 = 2.0;
-/// ... and in a shorter time too little to tell, seconds...
+/// ... and in a shorter time too little to be measured, seconds...
 const GROWTH_SHOWS_S: f64 = 20.0;
 /// ... and things at one place whose lengths have another ratio are not one thing...
 const ALIKE: Range<f64> = 0.8..1.25;
@@ -54,7 +54,7 @@ pub(crate) struct Tracker {
     followed: Vec<Track>,
     /// Boxes of all tracks, also of those that ended, by number.
     histories: Vec<History>,
-    /// When the first picture was.
+    /// Time of the first picture.
     began_s: Option<f64>,
     now_s: f64,
 }
@@ -68,19 +68,19 @@ struct Track {
     outcomes: u32,
     /// The same, 1 with a clear box.
     clear: u32,
-    /// How many of these there were.
+    /// Number of pictures in which it was looked for.
     looks: u32,
     misses: u32,
     seen_s: f64,
 }
 
-/// What is left of a track for the final decision.
+/// Data of a track that is kept for the final decision.
 #[derive(Debug, Default)]
 struct History {
     boxes: Vec<(f64, PixelBox)>,
     /// The clear ones, whose sizes can be relied on.
     clear: Vec<(f64, PixelBox)>,
-    /// When the first of the clear boxes was that confirmed it.
+    /// Time of the first of the clear boxes that confirmed it.
     confirmed_s: Option<f64>,
 }
 
@@ -88,7 +88,7 @@ struct History {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Seen {
     pub(crate) pixel_box: PixelBox,
-    /// Too uncertain to be believed alone.
+    /// Too uncertain to count alone.
     pub(crate) is_faint: bool,
 }
 
@@ -97,12 +97,12 @@ pub(crate) struct Seen {
 pub(crate) struct Expected {
     pub(crate) track: u32,
     pub(crate) pixel_box: PixelBox,
-    /// How far it may move between two pictures, in lengths of its box.
+    /// Distance that it may move between two pictures, in lengths of its box.
     pub(crate) lengths_moved: f64,
     pub(crate) is_confirmed: bool,
 }
 
-/// Where a picture was searched.
+/// Parts of a picture that were searched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Searched<'a> {
     Everywhere,
@@ -131,8 +131,8 @@ impl Tracker {
         }
     }
 
-    /// Where the aircraft that are followed are expected: confirmed ones first, then by the beginning of their tracks; none that was only
-    /// faint lately. `period_s`: time between two pictures, seconds.
+    /// The expected places of the tracked aircraft: confirmed ones first, then by the beginning of their tracks. Tracks with only faint
+    /// boxes lately are left out. `period_s`: time between two pictures, seconds.
     pub(crate) fn expected(&self, period_s: f64) -> Vec<Expected> {
         let mut expected: Vec<_> = self
             .followed
@@ -149,7 +149,7 @@ impl Tracker {
         expected
     }
 
-    /// Whether one of these boxes is missing: that of an aircraft which is confirmed and was in the picture before.
+    /// True if the boxes lack a confirmed aircraft that was in the previous picture.
     pub(crate) fn loses_any(&self, boxes: &[Seen]) -> bool {
         let matches = self.matches(boxes, Searched::Everywhere);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
@@ -202,9 +202,10 @@ impl Tracker {
         track_of
     }
 
-    /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others, and
-    /// faint boxes last. A lamp must not wait for an aircraft: what stands still is either clear or faint, and not continued by the
-    /// other. Tracks that were never clear live on searches of the whole picture alone, since nobody looks for them in between.
+    /// Boxes and positions of the tracks that they belong to: the closest pairs first, pairs of confirmed tracks before all others, and
+    /// faint boxes last. A lamp's track must not latch onto an aircraft: a stationary track is either clear or faint, and not continued by
+    /// boxes of the other kind. Tracks that were never clear are only matched in searches of the whole picture, because they are not
+    /// searched for in between.
     fn matches(&self, boxes: &[Seen], searched: Searched<'_>) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
@@ -260,12 +261,12 @@ impl Tracker {
         number
     }
 
-    /// Whether a track has had enough boxes so far.
+    /// True if a track has had enough boxes so far.
     pub(crate) fn is_confirmed(&self, track: u32) -> bool {
         self.histories[track as usize].confirmed_s.is_some()
     }
 
-    /// Whether each track counts, by number, when all pictures are done.
+    /// For each track, by number, true if it counts when all pictures are done.
     pub(crate) fn finish(self) -> Vec<bool> {
         let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
         let shortest_s = SHORTEST_S.min(SHORTEST_PART * video_s);
@@ -311,19 +312,19 @@ impl Track {
         }
     }
 
-    /// Whether a confirmed one is not looked for any longer.
+    /// True if a confirmed track is no longer searched for.
     fn is_gone(&self, now_s: f64) -> bool {
         self.misses >= MOST_MISSES && now_s - self.seen_s >= LONGEST_GAP_S
     }
 
-    /// Whether too few of the last pictures had a box for one that is not confirmed.
+    /// True if too few of the last pictures had a box for a track that is not confirmed.
     fn has_failed(&self, hits: u32) -> bool {
         let is_known = self.looks >= OUTCOMES;
         self.misses > OUTCOMES - HITS || is_known && hits_in(self.outcomes) < hits
     }
 }
 
-/// How many of the last [`OUTCOMES`] pictures had a box.
+/// Number of the last [`OUTCOMES`] pictures that had a box.
 fn hits_in(outcomes: u32) -> u32 {
     (outcomes & ((1 << OUTCOMES) - 1)).count_ones()
 }
@@ -351,7 +352,8 @@ impl History {
         }
     }
 
-    /// Whether it has been seen for so long and has not moved. The sizes of faint boxes say little.
+    /// True if it has been seen for at least this time and has not moved. Growth is not checked, because the sizes of faint boxes are
+    /// unreliable.
     fn has_stood_still(&self, seconds: f64) -> bool {
         lasted_s(&self.boxes) >= seconds && !has_moved(&ends(&self.boxes))
     }
@@ -364,13 +366,13 @@ fn lasted_s(boxes: &[(f64, PixelBox)]) -> f64 {
     }
 }
 
-/// Whether this is something like a mast: for a minute it neither moved nor grew. One that is found only now and then has several tracks
+/// True for objects such as masts, which neither moved nor grew for a minute. An object that is found only now and then has several tracks
 /// at its place. Boxes by time.
 fn stands_still(boxes: &[(f64, PixelBox)]) -> bool {
     lasted_s(boxes) >= LONGEST_STILL_S && place_if_still(boxes).is_some()
 }
 
-/// Where it is, if it neither moved nor grew. Boxes by time.
+/// Its mean box, if it neither moved nor grew. Boxes by time.
 fn place_if_still(boxes: &[(f64, PixelBox)]) -> Option<PixelBox> {
     if boxes.is_empty() {
         return None;
@@ -422,7 +424,7 @@ fn distance_px(a: &PixelBox, b: &PixelBox) -> f64 {
     (a.cx_px - b.cx_px).hypot(a.cy_px - b.cy_px)
 }
 
-/// How far the middle of a thing of this length is elsewhere.
+/// Least movement of the middle of a box of this length that counts as moved.
 fn moved_px(of: &PixelBox) -> f64 {
     LEAST_MOVED_LENGTHS * of.width_px
 }

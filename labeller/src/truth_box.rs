@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 
 use crate::silhouette::{HalfSpace, SampleGrid};
 
-/// Nothing nearer to the camera than this is projected, metres.
+/// Least distance from the camera of points that are projected, metres.
 const NEAR_M: f64 = 0.1;
 /// Samples along the longer side of the box when the visible part of a silhouette is counted: at 21 pixels a grid of 1/24 pixel.
 const SAMPLES: usize = 512;

@@ -10,7 +10,7 @@ const POINTS_PER_SIDE: usize = 6;
 const FULL_FLAP_RAD: f64 = 40.0 * std::f64::consts::PI / 180.0;
 /// Chord of a flap, as a part of the local wing chord.
 const FLAP_CHORD_RATIO: f64 = 0.26;
-/// How far full flaps travel aft, as a part of the local wing chord.
+/// Aft travel of full flaps, as a part of the local wing chord.
 const FLAP_TRAVEL_RATIO: f64 = 0.12;
 
 /// An airfoil section.

@@ -1,4 +1,4 @@
-//! What the parts of the aircraft are made of, and how they reflect light.
+//! Materials of the aircraft's parts, and how they reflect light.
 
 /// Surface of a part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -18,7 +18,7 @@ pub struct Mesh {
 pub struct Triangle {
     /// Indices of the corners in [`Mesh::vertices`].
     pub indices: [u32; 3],
-    /// What the face is made of.
+    /// Material of the face.
     pub material: Material,
 }
 

@@ -64,7 +64,7 @@ pub struct Weather {
     /// Wind speed at 10 m above ground, metres per second.
     #[serde(default)]
     pub wind_speed_mps: f64,
-    /// Where the wind comes from, degrees true.
+    /// Direction that the wind comes from, degrees true.
     #[serde(default)]
     pub wind_from_true_deg: f64,
     /// Turbulence intensity, 0 none to 1 severe.
@@ -72,7 +72,7 @@ pub struct Weather {
     pub turbulence_ratio: f64,
 }
 
-/// When a scenario takes place. The simulator's clock is stopped during a scenario.
+/// Date and time of a scenario. The simulator's clock is stopped during a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Clock {
     /// Day of the year, 1 to 365. X-Plane has no year.
@@ -131,7 +131,7 @@ impl Conditions {
 pub struct Conditions {
     /// Local time as the sweep names it, e.g. `06:00`.
     pub time_of_day: String,
-    /// When it is.
+    /// Date and time of the scenario.
     pub clock: Clock,
     /// Name of the weather in the sweep, e.g. `foggy`.
     pub weather_name: String,

@@ -59,7 +59,7 @@ pub struct Corpus {
 pub struct DamagedScenario {
     /// Its identifier.
     pub id: String,
-    /// What is wrong with it.
+    /// The fault.
     pub reason: String,
 }
 
@@ -125,7 +125,7 @@ impl Corpus {
         for scenario in self.scenarios()? {
             match scenario.open() {
                 Ok(_) => {}
-                // What does not fit into memory may be sound.
+                // A scenario that does not fit into memory may be sound.
                 Err(error) if error.is_bad_content() && !matches!(error, Error::Memory(_)) => {
                     sound.left_out.insert(scenario.id());
                     damaged.push(DamagedScenario {

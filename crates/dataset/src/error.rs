@@ -1,4 +1,4 @@
-//! What can go wrong with a corpus on disk.
+//! Errors of a corpus on disk.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -26,11 +26,11 @@ pub enum Error {
     /// Something other than a regular file is in its place.
     #[error("{} is {found}; expected a regular file with a {what}", shown(path))]
     NotRegular {
-        /// Where the file was expected.
+        /// Path where the file was expected.
         path: PathBuf,
-        /// What the file contains.
+        /// Kind of content.
         what: &'static str,
-        /// What is there instead: "a FIFO", "a folder", ...
+        /// The type found instead: "a FIFO", "a folder", ...
         found: &'static str,
     },
     /// A file exceeds the size limit of its kind.
@@ -41,7 +41,7 @@ pub enum Error {
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// What the file contains.
+        /// Kind of content.
         what: &'static str,
         /// Its size.
         bytes: u64,
@@ -51,7 +51,7 @@ pub enum Error {
     /// A JSON file has the wrong content.
     #[error("{} is not a valid {what}: {source}", shown(path))]
     Json {
-        /// What the file should contain.
+        /// Expected kind of content.
         what: &'static str,
         /// The file.
         path: PathBuf,
@@ -63,7 +63,7 @@ pub enum Error {
     Table {
         /// The file.
         path: PathBuf,
-        /// What was expected and what was found.
+        /// Expected and found content.
         message: String,
     },
     /// A number is outside its limits.
@@ -95,9 +95,9 @@ pub enum Error {
     Held {
         /// Its folder.
         path: PathBuf,
-        /// Who.
+        /// The holder.
         holder: String,
-        /// How long we waited.
+        /// Time waited.
         waited: Duration,
     },
     /// Another process kept changing a scenario while it was read.
@@ -123,7 +123,7 @@ pub enum Error {
     Corpus {
         /// The folder or file.
         path: PathBuf,
-        /// What was expected, what was found, what to do.
+        /// Expectation, finding and remedy.
         message: String,
     },
 }
@@ -175,7 +175,7 @@ impl Error {
         }
     }
 
-    /// Whether a file or folder is missing.
+    /// True if a file or folder is missing.
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::NotFound)
     }
@@ -197,12 +197,12 @@ impl Error {
         is_full || source.raw_os_error() == Some(Errno::IO.raw_os_error())
     }
 
-    /// Whether another process was in the way: a retry may succeed.
+    /// True if another process was in the way: a retry may succeed.
     pub fn is_passing(&self) -> bool {
         matches!(self, Self::Held { .. } | Self::Changing { .. })
     }
 
-    /// Whether a file existed but had the wrong content, or more than fits into memory: reading it again gives the same result.
+    /// True if a file existed but had the wrong content, or more than fits into memory: reading it again gives the same result.
     pub fn is_bad_content(&self) -> bool {
         matches!(
             self,

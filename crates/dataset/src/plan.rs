@@ -51,18 +51,18 @@ pub struct Plan {
     /// earlier versions; not part of `plan_hash`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep_blake3: Option<String>,
-    /// What all scenarios have in common.
+    /// Properties shared by all scenarios.
     pub common: Common,
     /// The scenarios, in recording order.
     pub scenarios: Vec<PlannedScenario>,
 }
 
-/// What all scenarios of a plan have in common.
+/// Properties shared by all scenarios of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Common {
     /// Aircraft type.
     pub aircraft: String,
-    /// Where it lands.
+    /// The runway it lands on.
     pub runway: Runway,
     /// Name of the camera rig.
     pub rig: String,
@@ -88,8 +88,8 @@ impl Version {
 }
 
 impl Common {
-    /// The cameras of the rig with their identifiers: where they are meant to stand and to look, with their lenses, in straight light. What
-    /// a scenario's placement errors, aims and air make of them is in its calibration.
+    /// The cameras of the rig with their identifiers: nominal poses and lenses, in straight light. The calibration of a scenario includes
+    /// its placement errors, aims and air.
     pub fn cameras(&self) -> Vec<(String, CameraEntry)> {
         let camera = |camera: &PlannedCamera| {
             let imaging = Imaging {

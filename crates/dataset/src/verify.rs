@@ -38,7 +38,7 @@ use pixels::ViewProof;
 /// Maximum number of listed rows per kind of fault; the others are counted.
 const ROWS_LISTED: usize = 3;
 
-/// How thoroughly a corpus is verified.
+/// Thoroughness of a verification.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VerifyOptions {
     /// Decode the videos. Without it everything else is checked, in a fraction of the time.
@@ -67,7 +67,7 @@ pub struct Finding {
     pub row: Option<u64>,
     /// Identifier of the view, if the fault concerns one.
     pub view: Option<String>,
-    /// What was found and what was expected.
+    /// Found and expected values.
     pub message: String,
 }
 
@@ -93,7 +93,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What was checked, and the findings.
+/// Counts of what was checked, and the findings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct VerifyReport {
     /// Number of scenarios checked.
@@ -115,7 +115,7 @@ pub struct VerifyReport {
 }
 
 impl VerifyReport {
-    /// Whether there are no faults.
+    /// True if there are no faults.
     pub fn is_sound(&self) -> bool {
         self.findings.is_empty()
     }
@@ -162,7 +162,7 @@ pub struct Verification {
 }
 
 impl Verification {
-    /// Nothing is verified yet.
+    /// A verification that has not checked any scenario yet.
     pub fn new(options: VerifyOptions) -> Self {
         Self {
             options,
@@ -289,7 +289,7 @@ fn verify_scenario(
     Some((record, calibration))
 }
 
-/// Whether two numbers are equal except for rounding; never, if one of them is NaN.
+/// True if two numbers are equal except for rounding; false if one of them is NaN.
 fn close(a: f64, b: f64, tolerance: f64) -> bool {
     (a - b).abs() <= tolerance
 }

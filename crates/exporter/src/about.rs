@@ -1,4 +1,4 @@
-//! What dataset cards and `croissant.json` say about a corpus as a whole.
+//! Descriptions of a corpus as a whole, for dataset cards and `croissant.json`.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::error::Result;
 
-/// Name of a side in the formats that know splits; what has no side is for training.
+/// Name of a side in the formats that have splits; scenarios without a side are for training.
 pub(crate) fn split_of(side: Option<Side>) -> &'static str {
     match side {
         None | Some(Side::Train) => "train",
@@ -34,7 +34,7 @@ pub(crate) struct About {
     pub(crate) name: String,
     /// SPDX identifier or URL, as the user gave it.
     pub(crate) license: Option<String>,
-    /// What drew the pictures.
+    /// Simulators that drew the pictures.
     pub(crate) simulators: BTreeSet<String>,
     /// The splits that there are.
     pub(crate) splits: BTreeSet<&'static str>,
@@ -66,7 +66,7 @@ impl About {
         self.splits.insert(split_of(side));
     }
 
-    /// What it contains, in a sentence.
+    /// Its content, in a sentence.
     pub(crate) fn description(&self) -> String {
         format!(
             "{}: landing approaches of an aircraft, seen by synchronised, calibrated cameras, with its pose, its boxes in the pictures and \
@@ -93,7 +93,7 @@ impl About {
         format!("# {name}\n\n{what}\n\n{how} {labels}")
     }
 
-    /// How it was made.
+    /// Description of the recording.
     pub(crate) fn collection(&self) -> String {
         let simulators: Vec<&str> = self.simulators.iter().map(String::as_str).collect();
         format!(
@@ -103,7 +103,7 @@ impl About {
         )
     }
 
-    /// Where its labels come from.
+    /// Description of the labels' origin.
     pub(crate) fn annotation(&self) -> String {
         let mut text = "Distances and true boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; \
                         nobody drew them."

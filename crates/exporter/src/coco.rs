@@ -1,10 +1,10 @@
 //! COCO (Lin et al. 2014): `images/`, `annotations.json`, the same by side of the split in `annotations/instances_<side>.json`, where
-//! trainers and converters look for it, and `detections.json` in the form of COCO's results if a model's detections stand beside true
-//! boxes.
+//! trainers and converters look for it, and `detections.json` in the form of COCO's results if a model's detections are exported beside the
+//! ground truth.
 //!
-//! An aircraft that nobody can be expected to find (beyond the visibility, perhaps behind a cloud, or mostly outside the picture) is a
-//! crowd (`iscrowd` 1), which COCO's judges neither ask for nor count as false. Boxes are `[left, top, width, height]` in pixels from the
-//! outer corner of the top-left pixel.
+//! An aircraft that no detector can be expected to find (beyond the visibility, perhaps behind a cloud, or mostly outside the picture) is a
+//! crowd (`iscrowd` 1), which COCO's evaluation neither requires nor counts as false. Boxes are `[left, top, width, height]` in pixels from
+//! the outer corner of the top-left pixel.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -24,7 +24,7 @@ use crate::error::Result;
 use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
 use crate::request::BoxSource;
 
-/// Where its pictures go, relative to the export.
+/// Folder of its pictures, relative to the export.
 pub(crate) const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
 /// The same file once more: mlcroissant reads lists of one length from a file.
@@ -321,7 +321,7 @@ impl AnnotationFiles {
         self.each().try_for_each(|file| file.begin(text))
     }
 
-    /// What has no side is for training.
+    /// Items without a side count as training data.
     fn item(&mut self, side: Option<Side>, item: &impl Serialize) -> Result<()> {
         self.all.item(item)?;
         let of_side = self.sides.get_mut(&side.unwrap_or(Side::Train));

@@ -1,4 +1,4 @@
-//! What the tables of an export hold: one list for the tables themselves, their dataset card and `croissant.json`.
+//! Columns of an export's tables: one list for the tables themselves, their dataset card and `croissant.json`.
 
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub(crate) struct Column {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TableText {
     pub(crate) name: &'static str,
-    /// What it has a row for.
+    /// Entity that a row describes.
     pub(crate) row: &'static str,
     pub(crate) columns: &'static [Column],
 }

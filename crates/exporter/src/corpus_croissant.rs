@@ -61,10 +61,10 @@ pub fn describe_corpus(
     Ok((path, described))
 }
 
-/// Whether the corpus's `croissant.json`, if it has one, says what this version would say of the corpus as it is now.
+/// Returns whether the corpus's `croissant.json` matches what this version would write for the current corpus; `None` if there is none.
 ///
 /// # Errors
-/// Those of [`describe_corpus`], and a `croissant.json` that cannot be read.
+/// See [`describe_corpus`]; also fails if `croissant.json` cannot be read.
 pub fn is_described_as_it_is(corpus: &Corpus) -> Result<Option<bool>> {
     let path = own_path(corpus.root(), CROISSANT)?;
     if !path.exists() {
@@ -264,7 +264,7 @@ fn ticks(are_labelled: bool) -> RecordSet {
 }
 
 fn boxes() -> RecordSet {
-    // Whether it can be seen follows from the scenario's weather and is not stored.
+    // Visibility follows from the scenario's weather and is not stored.
     let columns = BOXES.columns.iter();
     let stored = columns.filter(|column| !["sight", "is_expected"].contains(&column.name));
     RecordSet {

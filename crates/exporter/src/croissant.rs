@@ -19,7 +19,7 @@ use crate::error::Result;
 /// Name of the file.
 pub(crate) const CROISSANT: &str = "croissant.json";
 
-/// What a folder contains.
+/// Contents of a folder.
 #[derive(Default)]
 pub(crate) struct Contents {
     pub(crate) files: Vec<ListedFile>,
@@ -30,7 +30,7 @@ pub(crate) struct Contents {
 
 /// A file that is listed with its hash.
 pub(crate) struct ListedFile {
-    /// What fields call it.
+    /// Identifier used by fields.
     pub(crate) id: String,
     /// Relative to the folder, with forward slashes.
     pub(crate) name: String,
@@ -119,12 +119,12 @@ impl Field {
     }
 }
 
-/// Where a field of a listed JSON file is.
+/// Source of a field in a listed JSON file.
 pub(crate) fn json_path(file: &str, path: &str) -> Value {
     json!({"fileObject": {"@id": file}, "extract": {"jsonPath": path}})
 }
 
-/// Where a field is in a set of JSON files.
+/// Source of a field in a set of JSON files.
 pub(crate) fn json_path_in(set: &str, path: &str) -> Value {
     json!({"fileSet": {"@id": set}, "extract": {"jsonPath": path}})
 }

@@ -1,4 +1,4 @@
-//! What can go wrong in an export.
+//! Errors of an export.
 
 use std::path::PathBuf;
 
@@ -13,14 +13,14 @@ pub enum Error {
     /// No scenario, view or side of that name.
     #[error("{what} {found:?} is not in the corpus; expected one of {known}")]
     Unknown {
-        /// What was named.
+        /// Kind of the name.
         what: &'static str,
         /// The name.
         found: String,
-        /// What there is.
+        /// The known names.
         known: String,
     },
-    /// Detections are asked for, and there are none.
+    /// Detections are requested, but there are none.
     #[error("the selected scenarios have no detections; run `dtd detect` on the corpus first")]
     NoDetections,
     /// Detections of several models are there.
@@ -28,7 +28,7 @@ pub enum Error {
         "the corpus has the detections of several models: {known}; choose one with --detections"
     )]
     SeveralModels {
-        /// Those.
+        /// The models.
         known: String,
     },
     /// An option that the format has no place for.
@@ -38,7 +38,7 @@ pub enum Error {
         option: &'static str,
         /// The format.
         format: &'static str,
-        /// Why.
+        /// Reason.
         reason: &'static str,
     },
     /// A run without predictions.
@@ -52,10 +52,10 @@ pub enum Error {
     OtherCorpus {
         /// The run.
         run: String,
-        /// What differs.
+        /// The difference.
         difference: String,
     },
-    /// A run that says nothing of what is exported.
+    /// A run without predictions for the exported scenarios.
     #[error(
         "run {run} has predictions for none of the selected scenarios, only for {known}; leave it out, choose others, or evaluate it on \
          this corpus first"
@@ -63,10 +63,10 @@ pub enum Error {
     NotOfRun {
         /// The run.
         run: String,
-        /// What it answers for.
+        /// The scenarios that it has predictions for.
         known: String,
     },
-    /// Two runs cannot be told apart.
+    /// Two runs have the same name.
     #[error(
         "two runs are called {run}, which is what their predictions are told apart by; rename one of the folders"
     )]
@@ -95,7 +95,7 @@ pub enum Error {
          --boxes"
     )]
     NoCrops,
-    /// What is asked for contains nothing.
+    /// The request selects no data.
     #[error("nothing to export: no scenario is left with these options")]
     Nothing,
     /// A video does not have the pictures of its scenario.
@@ -111,7 +111,7 @@ pub enum Error {
         tick: u32,
         /// Its timestamp.
         expected: i64,
-        /// What the video has there.
+        /// The picture found in the video.
         found: String,
     },
     /// A video's pictures have no name in MCAP.
@@ -134,10 +134,10 @@ pub enum Error {
         scenario: String,
         /// Its rate in the export.
         found: String,
-        /// What to do.
+        /// Advice on how to correct the request.
         advice: String,
     },
-    /// More pictures are asked for than there are.
+    /// The requested rate exceeds the rate of the corpus.
     #[error(
         "scenario {scenario} has {rate} pictures a second, fewer than --rate {asked}; choose a lower one"
     )]
@@ -146,7 +146,7 @@ pub enum Error {
         scenario: String,
         /// Its rate.
         rate: FrameRate,
-        /// The rate that is asked for.
+        /// The requested rate.
         asked: u32,
     },
     /// Scenarios that one dataset cannot hold.
@@ -157,9 +157,9 @@ pub enum Error {
     Mixed {
         /// The scenario.
         scenario: String,
-        /// What it has.
+        /// Its properties.
         found: String,
-        /// What the first one has.
+        /// Properties of the first scenario.
         first: String,
     },
     /// An MCAP file cannot be written.
@@ -167,7 +167,7 @@ pub enum Error {
     Mcap {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         r#source: Box<mcap::McapError>,
     },
     /// A picture cannot be encoded.
@@ -175,7 +175,7 @@ pub enum Error {
     Encode {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: image::ImageError,
     },
     /// The destination is in the corpus, or the corpus in it.
@@ -197,9 +197,9 @@ pub enum Error {
     /// The destination, or where it is made, is no folder.
     #[error("{} is {found}, not a folder; choose an empty or new folder", path.display())]
     NoFolder {
-        /// What is in the way.
+        /// The path in the way.
         path: PathBuf,
-        /// What it is.
+        /// Its type.
         found: &'static str,
     },
     /// A finished export of which files were changed or lost.
@@ -227,7 +227,7 @@ pub enum Error {
     Held {
         /// The destination.
         out: PathBuf,
-        /// Who.
+        /// The holder.
         holder: String,
     },
     /// The caller stopped it.
@@ -239,7 +239,7 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// Whether files of the corpus are damaged: an export can only be made once they are mended.
+    /// True if files of the corpus are damaged: an export is only possible once they are repaired.
     pub(crate) fn is_fault_of_corpus(&self) -> bool {
         match self {
             Self::Dataset(dataset::Error::Memory(_)) => false,
@@ -249,7 +249,7 @@ impl Error {
         }
     }
 
-    /// Whether the request is at fault, so that a repetition would fail, too.
+    /// True if the request is at fault, so that a repetition would fail as well.
     pub fn is_bad_request(&self) -> bool {
         matches!(
             self,

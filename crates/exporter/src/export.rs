@@ -23,16 +23,16 @@ use crate::selection::{Selected, select, some_of};
 use crate::source::Source;
 use crate::{coco, croissant, huggingface, lerobot, mcap_files, picture_files, webdataset, yolo};
 
-/// Who watches an export.
+/// Progress callback and cancellation for an export.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
-    /// Told after every picture: pictures done, and pictures in all.
+    /// Called after every picture with the number of pictures done and the total.
     pub progress: &'a (dyn Fn(u64, u64) + Sync),
-    /// Asked before every picture.
+    /// Polled before every picture; true stops the export.
     pub is_stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
-/// What an export contains.
+/// Counts and remarks of an export.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct ExportOutcome {
     /// Number of scenarios.
@@ -46,14 +46,14 @@ pub struct ExportOutcome {
     pub left_out: u64,
     /// Bytes of all files.
     pub bytes: u64,
-    /// Whether this very export was there already.
+    /// True if this very export already existed.
     pub unchanged: bool,
-    /// What the dataset lacks for training in its format, as a sentence.
+    /// Parts that the dataset lacks for training in its format, as a sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remark: Option<&'static str>,
 }
 
-/// What is exported, checked against the corpus.
+/// The data to export, checked against the corpus.
 struct Job<'a> {
     request: &'a ExportRequest,
     /// Name of the detections that are wanted, or stand beside the true boxes.
@@ -63,9 +63,9 @@ struct Job<'a> {
     sides: BTreeSet<Side>,
     runs: Vec<Predictions>,
     about: About,
-    /// How videos are encoded, if they are.
+    /// Settings of the encoder, if videos are encoded.
     video: VideoSettings,
-    /// What all scenarios have in common, if the format demands it.
+    /// Properties shared by all scenarios, if the format demands them.
     form: Option<lerobot::Form>,
 }
 
@@ -80,8 +80,8 @@ struct Planned {
 /// Exports a corpus to `out`. A run that was stopped or killed is continued by the same request.
 ///
 /// # Errors
-/// The request does not fit the corpus, `out` contains something else, or a file of the corpus does not match its seal. Nothing appears
-/// under `out` then.
+/// The request does not fit the corpus, `out` contains something else, or a file of the corpus does not match its seal. No output appears
+/// under `out` in that case.
 pub fn export(
     corpus: &Corpus,
     request: &ExportRequest,
@@ -181,7 +181,7 @@ pub fn export(
         }),
         Err(error) => {
             if error.is_fault_of_corpus() {
-                // If that fails, too, the fault of the corpus is what there is to tell.
+                // If that fails as well, the fault of the corpus is still the one to report.
                 let _ = place.abandon();
             }
             Err(error)
@@ -341,7 +341,7 @@ impl Job<'_> {
     }
 }
 
-/// The predictions of the runs that are asked for.
+/// The predictions of the requested runs.
 fn read_runs(request: &ExportRequest) -> Result<Vec<Predictions>> {
     let mut runs: Vec<Predictions> = Vec::new();
     for run in &request.runs {

@@ -1,4 +1,4 @@
-//! The messages of Foxglove's published Protobuf schemas that an MCAP file of an approach holds: those of their fields that are known here.
+//! The messages of Foxglove's published Protobuf schemas that an MCAP file of an approach holds, limited to the fields that are known here.
 
 use prost::Message;
 

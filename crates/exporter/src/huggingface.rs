@@ -1,4 +1,4 @@
-//! What `datasets.load_dataset` reads: a long Parquet table per kind of record and split (`data/<table>/<split>.parquet`), the videos as
+//! Files for `datasets.load_dataset`: a long Parquet table per kind of record and split (`data/<table>/<split>.parquet`), the videos as
 //! they are in the corpus (`videos/<scenario>/`), and a dataset card that lists both (`README.md`).
 
 use std::collections::BTreeMap;
@@ -46,7 +46,7 @@ pub(crate) fn write_scenario(
     Ok(())
 }
 
-/// Where the video of a view goes, relative to the export.
+/// Path of the video of a view, relative to the export.
 fn video_of(source: &Source<'_>, view: &str) -> Result<String> {
     let name = source.scenario.video_name(view)?;
     let file = name.rsplit('/').next().unwrap_or(name);

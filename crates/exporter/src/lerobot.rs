@@ -10,7 +10,7 @@
 //! README.md                                          dataset card
 //! ```
 //!
-//! The format finds the picture of a row by its time, `frame_index / fps`, so its rate is a whole number. If all ticks are asked for,
+//! The format finds the picture of a row by its time, `frame_index / fps`, so its rate is a whole number. If all ticks are requested,
 //! videos have the coded pictures of the corpus; otherwise the chosen pictures are encoded again with the corpus's settings. In both cases
 //! their unit of time is a fine one, because the library joins videos without encoding them (`merge_datasets`).
 
@@ -44,7 +44,7 @@ const MOST_ROWS: usize = 500_000;
 
 type ValueOf = fn(&TickRow, &TickLabels) -> f64;
 
-/// What `observation.state` has, by name.
+/// Elements of `observation.state`, by name.
 pub(crate) const STATE: [(&str, ValueOf); 16] = [
     ("latitude_deg", |row, _| row.pose.latitude_deg),
     ("longitude_deg", |row, _| row.pose.longitude_deg),
@@ -76,7 +76,7 @@ const WHOLE: [&str; 6] = [
     "time_ns",
 ];
 
-/// What all scenarios of a dataset have in common.
+/// Properties shared by all scenarios of a dataset.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Form {
     fps: u32,
@@ -87,7 +87,7 @@ pub(crate) struct Form {
 }
 
 impl Form {
-    /// That of a scenario, which is checked before anything is written; `recorded` are the settings of videos that are encoded again.
+    /// The form of a scenario, which is checked before any file is written; `recorded` has the settings for videos that are re-encoded.
     pub(crate) fn of(source: &Source<'_>, ticks: Ticks, recorded: &VideoSettings) -> Result<Self> {
         let fps = fps_of(&source.record.id, source.record.frame_rate, ticks)?;
         if source.rows().any(|row| row.labels.is_none()) {
@@ -122,7 +122,7 @@ impl Form {
         }
     }
 
-    /// Where the video of a scenario goes, by its number.
+    /// Path of the video of a scenario, by its number.
     fn video(&self, view: &str, episode: usize) -> String {
         let (chunk, file) = (episode / CHUNK, episode % CHUNK);
         let (key, ending) = (key_of(view), &self.ending);
@@ -140,7 +140,7 @@ impl std::fmt::Display for Form {
     }
 }
 
-/// The whole number of pictures a second.
+/// The whole number of pictures per second.
 fn fps_of(scenario: &str, rate: FrameRate, ticks: Ticks) -> Result<u32> {
     let FrameRate {
         numerator,
@@ -186,7 +186,7 @@ fn unlabelled(source: &Source<'_>) -> Error {
     dataset::Error::corpus(&path, "has no labels: run `dtd label` on the corpus first").into()
 }
 
-/// What features are called that are videos.
+/// Key of the feature that holds a view's video.
 fn key_of(view: &str) -> String {
     format!("observation.images.{view}")
 }

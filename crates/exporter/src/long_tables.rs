@@ -46,7 +46,7 @@ pub(crate) fn scenario_row(source: &Source<'_>) -> TableWriter {
         .text("manifest_blake3", [&source.scenario.seal().manifest_blake3])
 }
 
-/// The views that are asked for; `video_of` names their files in the export.
+/// The requested views; `video_of` names their files in the export.
 pub(crate) fn views(
     source: &Source<'_>,
     video_of: impl Fn(&str) -> Result<String>,
@@ -94,7 +94,7 @@ pub(crate) fn views(
     Ok(table)
 }
 
-/// The ticks that are asked for.
+/// The requested ticks.
 pub(crate) fn ticks(source: &Source<'_>) -> TableWriter {
     let rows: Vec<_> = source.rows().collect();
     let rows = || rows.iter();
@@ -141,7 +141,7 @@ pub(crate) fn ticks(source: &Source<'_>) -> TableWriter {
         )
 }
 
-/// The true boxes of the pictures that are asked for.
+/// The ground-truth boxes of the requested pictures.
 pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
     let mut boxes = source.scenario.truth_boxes()?;
     boxes.retain(|real| source.has_picture(&real.view, real.tick));
@@ -165,7 +165,7 @@ pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
         .bool("is_expected", boxes().map(TruthBox::is_expected)))
 }
 
-/// What the model found in the pictures that are asked for; nothing if it did not search the scenario.
+/// The model's detections in the requested pictures; empty if it did not search the scenario.
 pub(crate) fn detections(source: &Source<'_>) -> Result<TableWriter> {
     let Some(model) = &source.model else {
         return Ok(TableWriter::new());

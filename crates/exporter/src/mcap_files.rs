@@ -1,8 +1,8 @@
 //! MCAP for Foxglove: a file per scenario with the coded pictures of all views, the aircraft's pose and place, the cameras, the boxes and
-//! the labels, in the order of time. Pictures are the packets of the corpus's videos; nothing is encoded again.
+//! the labels, in the order of time. Pictures are the packets of the corpus's videos, without re-encoding.
 //!
 //! Places are relative to the touchdown target, in the frame `touchdown`: x east, y north, z up. The aircraft's frame `aircraft` has x
-//! forward, y left, z up; that of a camera bears the name of its view and is OpenCV's. Times are those since tick 0.
+//! forward, y left, z up; the frame of a camera has the name of its view and OpenCV's axes. Times count from tick 0.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -47,7 +47,7 @@ const ORANGE: Color = Color {
 };
 const MEDIA_TYPE: &str = "application/octet-stream";
 
-/// What `/labels` plots.
+/// Values that `/labels` plots.
 #[derive(Serialize)]
 struct Labels {
     dtd_m: f64,
@@ -76,7 +76,7 @@ fn unsupported(source: &Source<'_>, view: &str) -> Error {
     }
 }
 
-/// Where the file of a scenario goes, relative to the export.
+/// Path of the file of a scenario, relative to the export.
 fn name_of(scenario: &str) -> String {
     format!("{scenario}.mcap")
 }
@@ -157,7 +157,7 @@ pub(crate) fn write_scenario(
     file.finish()
 }
 
-/// What the export contains.
+/// Contents of the export.
 pub(crate) fn finish(scenarios: impl Iterator<Item = String>) -> Contents {
     let names: Vec<String> = scenarios.map(|id| name_of(&id)).collect();
     Contents {
@@ -344,7 +344,7 @@ impl McapFile {
         })
     }
 
-    /// What the scenario is.
+    /// Writes the description of the scenario.
     fn metadata(&mut self, source: &Source<'_>) -> Result<()> {
         let record = &source.record;
         let metadata = [

@@ -1,4 +1,4 @@
-//! What an export knows of one scenario: kept as JSON while the export is being made, so that it can be continued.
+//! State of one scenario in an export: kept as JSON while the export is being made, so that it can be resumed.
 
 use dataset::conditions::sight::Sight;
 use dataset::corpus::calibration::CameraEntry;
@@ -16,7 +16,7 @@ pub(crate) struct Part {
     pub(crate) views: Vec<ViewPart>,
 }
 
-/// Those of a view.
+/// The pictures of a view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ViewPart {
     pub(crate) view: String,
@@ -34,7 +34,7 @@ pub(crate) struct Picture {
     /// Relative to the folder of the export, with forward slashes.
     pub(crate) file: String,
     pub(crate) boxes: Vec<LabelledBox>,
-    /// What the model found, if boxes are true ones and there are detections of one model.
+    /// The model's detections, if the boxes are the ground truth and there are detections of one model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) found: Vec<LabelledBox>,
 }
@@ -51,19 +51,19 @@ pub(crate) struct LabelledBox {
     pub(crate) truth: Option<TruthFigures>,
 }
 
-/// What is known of a true box.
+/// Visibility of a ground-truth box.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct TruthFigures {
     pub(crate) visible_fraction: f64,
     pub(crate) truncation: f64,
     pub(crate) transmission: f64,
     pub(crate) sight: Sight,
-    /// Whether a detector is expected to find it: most of it is in the picture.
+    /// True if a detector is expected to find it: most of it is in the picture.
     pub(crate) is_expected: bool,
 }
 
 impl TruthFigures {
-    /// Whether a detector is judged neither by finding nor by missing it.
+    /// True if neither a detection of it nor a miss counts in an evaluation.
     pub(crate) fn is_ignored(&self) -> bool {
         !self.is_expected || self.sight != Sight::Open
     }

@@ -1,4 +1,4 @@
-//! Pictures as files of their own, for COCO and YOLO.
+//! Pictures as separate files, for COCO and YOLO.
 
 use std::fs;
 use std::path::Path;

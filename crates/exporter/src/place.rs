@@ -29,7 +29,7 @@ const BEGUN: &str = "begun.json";
 const PARTS: &str = "parts";
 const NEW: &str = "new";
 
-/// What an export is of: hash of the request and of the seals of its scenarios.
+/// Hash of the request and of the seals of its scenarios, which identifies an export.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Begun {
     source_blake3: String,
@@ -123,17 +123,17 @@ impl Place {
         self.partial.join(NEW)
     }
 
-    /// Whether the files of a scenario are all written.
+    /// True if the files of a scenario are all written.
     pub(crate) fn has_part(&self, scenario: &str) -> bool {
         self.part_path(scenario).exists()
     }
 
-    /// What was noted of a scenario.
+    /// The note on a scenario.
     pub(crate) fn part<T: DeserializeOwned>(&self, scenario: &str) -> Result<T> {
         Ok(read_json(&self.part_path(scenario), "part of an export")?)
     }
 
-    /// Notes that the files of a scenario are all written, and what is needed of them at the end.
+    /// Notes that the files of a scenario are all written, with the data needed at the end.
     pub(crate) fn note(&self, scenario: &str, part: &impl Serialize) -> Result<()> {
         Ok(write_json(&self.part_path(scenario), part)?)
     }
@@ -144,7 +144,7 @@ impl Place {
 
     /// Removes what was made: of a corpus with faults, of which another export is made once they are mended.
     pub(crate) fn abandon(mut self) -> Result<()> {
-        // What says that anything is done goes first, so that nothing of it is continued after a kill.
+        // The records of finished work are removed first, so that an export killed in between is not resumed.
         for folder in [PARTS, NEW] {
             let folder = self.partial.join(folder);
             fs::remove_dir_all(&folder).map_err(dataset::Error::io("remove", &folder))?;
@@ -191,7 +191,7 @@ fn remove_parts(partial: &Path) -> Result<()> {
     }
 }
 
-/// Where an export is made.
+/// Temporary folder of an export in progress.
 fn partial_of(out: &Path) -> PathBuf {
     let mut partial = out.as_os_str().to_owned();
     partial.push(".partial");

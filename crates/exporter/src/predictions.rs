@@ -1,4 +1,4 @@
-//! What the estimators of evaluated runs say.
+//! Predictions of the estimators of evaluated runs.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -35,7 +35,7 @@ struct Estimator {
 }
 
 impl Predictions {
-    /// Reads those of the run in a folder, and checks them against its seal.
+    /// Reads the predictions of the run in a folder, and checks them against its seal.
     pub(crate) fn read(run: &Path) -> Result<Self> {
         let none = || Error::NoPredictions {
             run: run.to_owned(),
@@ -92,7 +92,7 @@ impl Predictions {
         hasher.update(self.blake3.as_bytes());
     }
 
-    /// Rejects those of a scenario that only has the same name, as in a corpus of another sweep. Returns whether there are any.
+    /// Rejects predictions for another scenario of the same name, as in a corpus of another sweep. Returns true if there are predictions.
     pub(crate) fn check(&self, source: &Source<'_>) -> Result<bool> {
         let scenario = &source.record.id;
         let Some(rows) = self.scenarios.get(scenario) else {
@@ -115,7 +115,7 @@ impl Predictions {
         self.scenarios.keys().map(String::as_str)
     }
 
-    /// Those of a scenario, for the ticks that are asked for.
+    /// The predictions for a scenario at the requested ticks.
     pub(crate) fn of(&self, scenario: &str, is_asked_for: impl Fn(u32) -> bool) -> TableWriter {
         let rows = self.scenarios.get(scenario).map_or(&[][..], Vec::as_slice);
         let all = || {

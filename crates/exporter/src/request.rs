@@ -1,4 +1,4 @@
-//! What is to be exported.
+//! Request for an export.
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -43,7 +43,7 @@ impl Format {
         }
     }
 
-    /// Why pictures of the selection are left out of it, as a clause about them.
+    /// The reason why pictures of the selection are left out, as a clause about them.
     pub fn left_out(self) -> &'static str {
         match self {
             Self::Crops => "of ticks at which a view has no box",
@@ -53,7 +53,7 @@ impl Format {
         }
     }
 
-    /// Whether it has pictures as files of their own.
+    /// True if it has pictures as separate files.
     fn has_stills(self) -> bool {
         match self {
             Self::Coco | Self::Yolo | Self::WebDataset | Self::Crops => true,
@@ -62,13 +62,13 @@ impl Format {
     }
 }
 
-/// Which ticks an export contains.
+/// Ticks of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Ticks {
     /// Every n-th, from tick 0.
     Every(NonZeroU32),
-    /// This many a second, each the nearest to its time.
+    /// This many per second, each the nearest to its time.
     PerSecond(NonZeroU32),
 }
 
@@ -77,20 +77,20 @@ impl Ticks {
     pub const ALL: Self = Self::Every(NonZeroU32::MIN);
 }
 
-/// Which boxes an export contains.
+/// Source of the boxes of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BoxSource {
-    /// Those projected from pose and calibration.
+    /// Ground-truth boxes, projected from pose and calibration.
     Truth,
-    /// Those that a model found; of confirmed tracks only.
+    /// Detections of a model, from confirmed tracks only.
     Detections,
 }
 
-/// Width and height of a crop, pixels, if none is asked for: the smallest window in which the detector looks at an aircraft.
+/// Width and height of a crop, pixels, if none is requested: the smallest window in which the detector looks at an aircraft.
 pub const USUAL_CROP_PX: [u32; 2] = [160, 160];
 
-/// What is to be exported, and how.
+/// Content, format and options of an export.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExportRequest {
     /// The format.
@@ -103,19 +103,19 @@ pub struct ExportRequest {
     pub views: Option<Vec<String>>,
     /// A side of the split; `None`: all.
     pub side: Option<Side>,
-    /// Which ticks.
+    /// Ticks to export.
     pub ticks: Ticks,
-    /// Which boxes. Crops are around them.
+    /// Boxes to export. Crops are around them.
     pub boxes: BoxSource,
     /// Width and height of crops, pixels; `None`: [`USUAL_CROP_PX`], or no crops.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crop_px: Option<[u32; 2]>,
-    /// What determines the order of crops; `None`: 0, or the order of the corpus.
+    /// Seed for the order of crops; `None`: 0, or the order of the corpus.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
     /// Model whose detections are meant, by its file name or hash; `None`: the only one that there is.
     pub detections: Option<String>,
-    /// Folders of evaluated runs whose predictions are exported, too. What is in them counts, not where they are.
+    /// Folders of evaluated runs whose predictions are exported as well. Their content identifies the request, not their path.
     #[serde(skip)]
     pub runs: Vec<PathBuf>,
     /// Licence of the export: an SPDX identifier or a URL.

@@ -1,4 +1,4 @@
-//! Which scenarios, views and ticks a request asks for, checked before anything is written.
+//! Scenarios, views and ticks selected by a request, checked before any file is written.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use crate::request::ExportRequest;
 /// Most names in a message.
 const MOST_NAMED: usize = 8;
 
-/// A scenario that is asked for.
+/// A requested scenario.
 pub(crate) struct Selected {
     pub(crate) folder: ScenarioFolder,
     pub(crate) side: Option<Side>,
-    /// Its views that are asked for, in its order.
+    /// Its requested views, in its order.
     pub(crate) views: Vec<String>,
 }
 
@@ -68,7 +68,7 @@ pub(crate) fn select(corpus: &Corpus, request: &ExportRequest) -> Result<Vec<Sel
     }
 }
 
-/// The split; a corpus may lack it unless a side is asked for.
+/// The split; a corpus may lack it unless a side is requested.
 pub(crate) fn sides(corpus: &Corpus, is_asked_for: bool) -> Result<BTreeMap<String, Assignment>> {
     match corpus.splits() {
         Ok(splits) => Ok(splits.scenarios),

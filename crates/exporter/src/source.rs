@@ -31,16 +31,16 @@ pub(crate) struct Source<'a> {
     pub(crate) calibration: Calibration,
     cloud_base: CloudBase,
     ticks: Ticks,
-    /// By tick, whether it is asked for.
+    /// Requested ticks, by tick.
     asked_for: Vec<bool>,
-    /// Whether its true boxes are among the boxes.
+    /// True if its ground truth is among the boxes.
     pub(crate) has_truth: bool,
     boxes: ByPicture,
     beside: ByPicture,
     left_out: BTreeSet<(String, u32)>,
 }
 
-/// Whether this model searched the scenario; true boxes of others stand alone.
+/// True if this model searched the scenario; otherwise its ground truth is exported alone.
 fn is_searched(scenario: &OpenScenario, model: &str) -> Result<bool> {
     let models = models_of(scenario.folder())?;
     Ok(models.iter().any(|name| name == model))
@@ -135,18 +135,18 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The ticks that are asked for.
+    /// The requested ticks.
     pub(crate) fn rows(&self) -> impl Iterator<Item = &TickRow> {
         let rows = self.frames.rows.iter();
         rows.filter(|row| self.is_asked_for(row.tick))
     }
 
-    /// Whether this tick is asked for.
+    /// True if this tick is requested.
     pub(crate) fn is_asked_for(&self, tick: u32) -> bool {
         self.asked_for.get(tick as usize) == Some(&true)
     }
 
-    /// Whether every tick is asked for, at the rate of the corpus.
+    /// True if every tick is requested, at the rate of the corpus.
     pub(crate) fn is_whole(&self) -> bool {
         let is_same_rate = match self.ticks {
             Ticks::Every(_) => true,
@@ -156,12 +156,12 @@ impl<'a> Source<'a> {
         is_same_rate && !self.asked_for.contains(&false)
     }
 
-    /// Whether the picture of a view at a tick is asked for.
+    /// True if the picture of a view at a tick is requested.
     pub(crate) fn has_picture(&self, view: &str, tick: u32) -> bool {
         self.is_asked_for(tick) && self.selected.views.iter().any(|name| name == view)
     }
 
-    /// What is between the camera and the aircraft of a true box.
+    /// The medium between the camera and the aircraft of a ground-truth box.
     pub(crate) fn sight_of(&self, real: &TruthBox) -> Sight {
         sight_of(real, &self.frames, self.cloud_base)
     }
@@ -175,13 +175,13 @@ impl<'a> Source<'a> {
         boxes.map_or(&[], Vec::as_slice)
     }
 
-    /// Whether a sample of this tick is asked for, and has the pictures of all views.
+    /// True if a sample of this tick is requested and has the pictures of all views.
     pub(crate) fn has_sample(&self, tick: u32) -> bool {
         let mut views = self.selected.views.iter();
         self.is_asked_for(tick) && !views.any(|view| self.is_left_out(view, tick))
     }
 
-    /// What the model found, if boxes are true ones; in crops around detections, the true boxes.
+    /// The model's detections, if the boxes are the ground truth; in crops around detections, the ground truth.
     pub(crate) fn beside(&self, view: &str, tick: u32) -> &[LabelledBox] {
         let beside = self.beside.get(&(view.to_owned(), tick));
         beside.map_or(&[], Vec::as_slice)
@@ -240,7 +240,7 @@ fn asked_for(ticks: Ticks, rate: FrameRate, count: usize) -> Vec<bool> {
     }
 }
 
-/// Whether so many a second are all there are, or more.
+/// True if this number per second covers all pictures.
 fn is_of_all(hz: NonZeroU32, rate: FrameRate) -> bool {
     u64::from(hz.get()) * u64::from(rate.denominator) >= u64::from(rate.numerator)
 }

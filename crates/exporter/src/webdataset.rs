@@ -37,7 +37,7 @@ const MOST_BYTES: u64 = 1_000_000_000;
 /// Shards of scenarios, before they are numbered.
 const UNNUMBERED: &str = "unnumbered";
 
-/// What Croissant calls the files that say what is known of ticks.
+/// Croissant's name of the files that describe ticks.
 const SAMPLE_FILES: &str = "sample-files";
 
 /// Whole pictures.
@@ -45,7 +45,7 @@ struct Whole<'a> {
     source: &'a Source<'a>,
 }
 
-/// What is known of a whole picture.
+/// Boxes and calibration of a whole picture.
 #[derive(Serialize)]
 struct View<'a> {
     boxes: Vec<LabelledCorners>,

@@ -21,7 +21,7 @@ use crate::part::{LabelledBox, Part};
 const DATA: &str = "data.yaml";
 const LABELS: &str = "labels";
 
-/// Where the pictures of a side go, relative to the export.
+/// Folder of the pictures of a side, relative to the export.
 pub(crate) fn pictures(side: Option<Side>) -> String {
     format!("images/{}", short_split_of(side))
 }
@@ -52,7 +52,7 @@ pub(crate) fn finish(
     Ok(contents())
 }
 
-/// What `data.yaml` lacks for training, as a sentence.
+/// Parts that `data.yaml` lacks for training, as a sentence.
 pub(crate) fn remark_on(sides: &BTreeSet<Side>) -> Option<&'static str> {
     if !sides.contains(&Side::Train) {
         Some("there is no training side, so data.yaml has no `train`")

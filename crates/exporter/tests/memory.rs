@@ -1,4 +1,4 @@
-//! How much more memory an export of more scenarios takes: far less than their pictures.
+//! Memory of an export by the number of scenarios: more scenarios take far less additional memory than their pictures.
 
 use std::fs;
 use std::path::Path;
@@ -41,7 +41,7 @@ fn corpus(root: &Path, scenarios: u32) -> Corpus {
     corpus
 }
 
-/// The only test of this file: memory is that of the process.
+/// The only test of this file: memory is measured for the whole process.
 #[test]
 fn more_scenarios_take_hardly_more_memory_in_any_format() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! What it costs to check that a store has a complete corpus, as `dtd push` and `dtd generate --out URL` do before they call a scenario
-//! complete.
+//! Measures the cost of checking that a store has a complete corpus, as `dtd push` and `dtd generate --out URL` do before they call a
+//! scenario complete.
 //!
 //! ```sh
 //! AWS_ENDPOINT_URL=http://127.0.0.1:5000 .. cargo run --release -p dtd-store --example checking_cost -- s3://bucket/corpus 1000

@@ -1,7 +1,7 @@
-//! Writes a small object only if it is still the one that was read: the seal that commits a scenario, the record that commits
+//! Replaces a small object only if it has not changed since it was read: the seal that commits a scenario, the record that commits
 //! detections.
 //!
-//! Stores compare by themselves (If-None-Match, If-Match). A folder cannot: there, the scenario's claim is held while the object is
+//! Stores compare on the server (If-None-Match, If-Match). A folder cannot: there, the scenario's claim is held while the object is
 //! compared and written. A store with neither is compared just before it is written.
 
 use std::time::Duration;
@@ -55,7 +55,7 @@ impl CorpusStore {
         }
     }
 
-    /// The same in a folder, which compares nothing by itself but the existence of a file.
+    /// The same in a folder, where the only built-in comparison is whether a file exists.
     async fn put_claimed(
         &self,
         id: &str,

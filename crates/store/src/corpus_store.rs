@@ -42,7 +42,7 @@ pub struct CorpusStore {
     folder: Option<PathBuf>,
     /// The URL, for messages.
     name: String,
-    /// Where incomplete uploads are listed.
+    /// Place where incomplete uploads are listed.
     pub(crate) unfinished: Unfinished,
 }
 
@@ -156,7 +156,7 @@ impl CorpusStore {
     /// An object, if it exists.
     pub(crate) async fn get(&self, name: &str, options: GetOptions) -> Result<Option<GetResult>> {
         let key = self.own_key(name)?;
-        // Nobody writes to the other end of a FIFO: opening it would block forever.
+        // A FIFO is refused: it has no writer, so opening it would block forever.
         if let Some(folder) = &self.folder
             && let Err(error) = outside_file::open(&folder.join(name), OBJECT)
             && !error.is_not_found()

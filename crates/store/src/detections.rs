@@ -26,7 +26,7 @@ use crate::listing::{ObjectInfo, Objects};
 use crate::patience::Watch;
 use crate::send::size_of;
 
-/// How often another process may replace the same detections before an upload gives up.
+/// Maximum number of times that another process may replace the same detections before an upload gives up.
 const MOST_COMMITS: u32 = 8;
 
 /// The result for the detections of a scenario.
@@ -47,7 +47,7 @@ pub struct MovedDetections {
 pub struct LeftDetections {
     /// The model.
     pub model: String,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
@@ -74,7 +74,7 @@ fn record_of(model: &str) -> String {
 }
 
 impl CorpusStore {
-    /// Whether the store has all detections of a scenario's folder, byte for byte.
+    /// Returns true if the store has all detections of a scenario's folder, byte for byte.
     pub fn has_detections_of<'a>(
         &'a self,
         folder: &'a ScenarioFolder,
@@ -105,7 +105,7 @@ impl CorpusStore {
         })
     }
 
-    /// Whether the store has exactly this file.
+    /// Returns true if the store has exactly this file.
     async fn has(
         &self,
         folder: &ScenarioFolder,
@@ -293,7 +293,7 @@ impl CorpusStore {
     }
 }
 
-/// How a model's detections in the folder relate to those of the store.
+/// A model's detections in the folder compared with those in the store.
 enum Standing {
     /// They are the same.
     Same,
@@ -337,7 +337,7 @@ fn standing(
     })
 }
 
-/// Whether no table of a model is in the folder, except those that an interrupted download left.
+/// True if the folder has no tables of a model except the remains of an interrupted download.
 fn has_no_others(
     folder: &ScenarioFolder,
     model: &str,
@@ -370,7 +370,7 @@ fn modified(path: &Path) -> Option<SystemTime> {
     fs::metadata(path).ok()?.modified().ok()
 }
 
-/// Whether a listing has all tables that a record names. One that cannot be read names none.
+/// True if a listing has all tables that a record names. False for an unreadable record.
 fn tables_there(record: &[u8], model: &str, there: &Objects) -> bool {
     let provenance = serde_json::from_slice::<Provenance>(record);
     provenance.is_ok_and(|provenance| {

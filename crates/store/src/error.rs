@@ -22,7 +22,7 @@ pub enum StoreError {
     BadUrl {
         /// The text.
         text: String,
-        /// What is wrong with it.
+        /// The fault.
         why: String,
     },
     /// The environment lacks what is needed to reach the store.
@@ -30,15 +30,15 @@ pub enum StoreError {
     NotConfigured {
         /// The corpus.
         url: String,
-        /// What is missing or wrong.
+        /// The missing or invalid setting.
         message: String,
     },
-    /// There is no such bucket, or nothing at this path.
+    /// There is no such bucket, or the path is empty.
     #[error("{url}: {message}")]
     NotThere {
         /// The corpus.
         url: String,
-        /// What was looked for.
+        /// The object that was looked for.
         message: String,
     },
     /// Access denied, or not authenticated.
@@ -58,7 +58,7 @@ pub enum StoreError {
         url: String,
         /// The operation.
         doing: String,
-        /// How it failed.
+        /// The failure.
         message: String,
     },
     /// Any other error of the store.
@@ -76,7 +76,7 @@ pub enum StoreError {
     Damaged {
         /// The folder or URL of the scenario.
         place: String,
-        /// What differs.
+        /// The difference.
         message: String,
     },
     /// A committed scenario in the store that is not as it was sealed.
@@ -94,7 +94,7 @@ pub enum StoreError {
     Occupied {
         /// The URL.
         url: String,
-        /// What is there.
+        /// Content found there.
         found: String,
     },
     /// The local side cannot be read or written.
@@ -115,7 +115,7 @@ const REFUSALS: [&str; 3] = [
 const WRONG_REGION: &str = "incorrectly configured region";
 /// Codes of buckets that do not exist.
 const NO_BUCKET: [&str; 2] = ["NoSuchBucket", "ContainerNotFound"];
-/// Where a cloud's own machines get their credentials.
+/// Hosts from which a cloud's own machines get their credentials.
 const OWN_CREDENTIALS: [&str; 3] = [
     "169.254.169.254",
     "169.254.170.2",
@@ -126,7 +126,7 @@ const HINT: &str = "Credentials come from the environment (docs/corpus.md), for 
                     AWS_REGION; from a profile: eval \"$(aws configure export-credentials --format env)\"";
 
 impl StoreError {
-    /// Whether the caller must change something first: the same call will fail again.
+    /// True if the caller must change the request or the environment, because the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::BadUrl { .. }
@@ -139,7 +139,7 @@ impl StoreError {
         }
     }
 
-    /// Whether the same request may succeed in a moment.
+    /// True if the same request may succeed in a moment.
     pub fn is_passing(&self) -> bool {
         matches!(self, Self::Away { .. })
     }
@@ -208,20 +208,20 @@ impl StoreError {
     }
 }
 
-/// What a server said. The clients keep status and code in a private type (`RetryError`): its text is all that they tell, and is
-/// read here and nowhere else.
+/// A server's answer. The clients keep status and code in a private type (`RetryError`) and expose only its text, which is parsed here
+/// alone.
 struct Answer {
     /// The HTTP status, if the server answered.
     status: Option<u16>,
     /// The store's code and message, if it answered with a page of XML.
     code: Option<String>,
     message: Option<String>,
-    /// Whether the request or its answer was lost on the way.
+    /// True if the request or its answer was lost on the way.
     never_came: bool,
-    /// Whether a service was asked that only a cloud's own machines have.
+    /// True if the request went to a service that only a cloud's own machines have.
     from_own_machine: bool,
     wrong_region: bool,
-    /// Whether a file or folder was missing in a store that is a folder.
+    /// True if a file or folder was missing in a store that is a folder.
     lost_file: bool,
     /// The text without causes above it, which count attempts.
     text: String,

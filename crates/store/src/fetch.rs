@@ -129,7 +129,7 @@ impl CorpusStore {
         })
     }
 
-    /// The objects of a committed scenario; an error if one is not as it was sealed. Nothing of it is written then.
+    /// The objects of a committed scenario; an error if one is not as it was sealed, in which case no file of the scenario is written.
     async fn objects_as_sealed(
         &self,
         id: &str,
@@ -189,7 +189,7 @@ impl CorpusStore {
     }
 }
 
-/// Removes what was downloaded of a scenario that will never be complete, and nothing else.
+/// Removes only the downloaded files of a scenario that will never be complete.
 fn remove_partial(partial: &Path, files: &[SealedFile]) {
     for file in files {
         let _ = fs::remove_file(partial.join(&file.name));
@@ -198,7 +198,7 @@ fn remove_partial(partial: &Path, files: &[SealedFile]) {
     let _ = fs::remove_dir(partial);
 }
 
-/// Whether a folder has this scenario.
+/// Returns true if the folder has this scenario.
 ///
 /// # Errors
 /// It has, but files of it are missing.

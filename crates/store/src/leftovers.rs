@@ -30,14 +30,14 @@ const ABANDONED_AFTER: Duration = Duration::from_secs(3600);
 /// Pages of a thousand uploads to read.
 const MOST_PAGES: usize = 100;
 
-/// Where incomplete uploads are listed.
+/// Place where incomplete uploads are listed.
 #[derive(Debug, Clone)]
 pub(crate) enum Unfinished {
     /// In an S3 bucket.
     S3(Arc<AmazonS3>),
     /// In a folder.
     Folder(PathBuf),
-    /// The service clears them by itself, or has none.
+    /// The service clears them automatically, or has none.
     Nowhere,
 }
 

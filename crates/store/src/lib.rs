@@ -2,9 +2,9 @@
 //!
 //! There are no renames and no locks in a bucket, so three rules replace them:
 //!
-//! - **A scenario counts once its `DONE.json` is there.** It is uploaded last, and readers look at nothing else before.
-//! - **Every other object of a scenario is named after its content** and never changes ([`content_name`]). However late an upload
-//!   arrives, it replaces nothing else.
+//! - **A scenario counts once its `DONE.json` is there.** It is uploaded last, and readers ignore all other objects until then.
+//! - **Every other object of a scenario is named after its content** and never changes ([`content_name`]). However late an upload arrives,
+//!   it never replaces other content.
 //! - **`DONE.json` is replaced only by comparison** with the version that was judged ([`commit`]), by the copy that goes before it
 //!   ([`precedence`]). It notes size and ETag of each object, so one listing shows whether all of them are there ([`stored_seal`]), and a
 //!   checksum of itself.

@@ -15,7 +15,7 @@ use crate::error::Result;
 #[derive(Debug, Clone)]
 pub(crate) struct ObjectInfo {
     pub(crate) bytes: u64,
-    /// When it was written, by the store's clock.
+    /// Time of writing, by the store's clock.
     pub(crate) modified: SystemTime,
     pub(crate) e_tag: Option<String>,
 }

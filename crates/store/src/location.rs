@@ -61,7 +61,7 @@ fn is_azure(text: &str) -> bool {
     text.starts_with("abfs://") || text.starts_with("abfss://")
 }
 
-/// What stands before the last `@` of a URL, and what behind it. Secrets may have slashes, so the first slash ends nothing.
+/// The parts of a URL before and after its last `@`. Secrets may have slashes, so the search does not end at the first slash.
 fn user_of(text: &str) -> Option<(&str, &str)> {
     let (_, rest) = text.split_once("://")?;
     rest.rsplit_once('@')
@@ -97,7 +97,7 @@ impl FromStr for StoreUrl {
             text: redacted(text),
             why: why.into(),
         };
-        // Azure's URLs name a container there, and nothing else does.
+        // Azure's URLs name a container there; in all other URLs it is a user.
         if let Some((user, _)) = user_of(text)
             && (user.contains(':') || !is_azure(text))
         {

@@ -38,7 +38,7 @@ pub(crate) struct Opened {
     pub(crate) root: ObjectPath,
     /// The folder, if it is one.
     pub(crate) folder: Option<PathBuf>,
-    /// Where incomplete uploads are listed.
+    /// Place where incomplete uploads are listed.
     pub(crate) unfinished: Unfinished,
 }
 

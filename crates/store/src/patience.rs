@@ -12,7 +12,7 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(30);
 /// Cancellation is noticed within this time while waiting.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
-/// How long to wait for a store that does not answer, counted from the last byte transferred.
+/// Timeout for a store that does not answer, counted from the last byte transferred.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Patience(pub Duration);
 
@@ -24,13 +24,13 @@ pub trait Watch: Sync {
     fn kept(&self) {}
     /// The store does not answer and is being retried. Reported once per interruption.
     fn waiting(&self, _reason: &StoreError) {}
-    /// Whether to stop.
+    /// Returns true to stop the transfer.
     fn stopped(&self) -> bool {
         false
     }
 }
 
-/// Nobody watches.
+/// No observer.
 impl Watch for () {}
 
 /// Measures how far an attempt gets.

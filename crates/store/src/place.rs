@@ -28,10 +28,10 @@ impl CorpusStore {
     }
 
     /// Checks the same, and rejects a prefix that contains anything but a corpus, as [`dataset::corpus::check_place`] does with a folder:
-    /// its objects would be written among those of others, or replace them.
+    /// the corpus would mix with other objects or replace them.
     ///
     /// # Errors
-    /// Those of [`Self::check`], and objects of others without a plan or a committed scenario.
+    /// See [`Self::check`]; also fails if there are other objects but no plan or committed scenario.
     pub fn check_place(&self) -> BoxFuture<'_, Result<()>> {
         Box::pin(async move {
             let listed = self.store.list_with_delimiter(Some(self.root()));
@@ -49,7 +49,7 @@ impl CorpusStore {
         })
     }
 
-    /// Whether there is a plan of any version, or a committed scenario.
+    /// Returns true if there is a plan of any version, or a committed scenario.
     async fn has_corpus(&self) -> Result<bool> {
         let plan = self.read(Corpus::PLAN).await?;
         Ok(
@@ -77,7 +77,7 @@ impl CorpusStore {
     }
 }
 
-/// Whether an object is an empty file of a corpus, which anything may replace.
+/// True for an empty file of a corpus, which may be replaced.
 fn is_vacant(object: &ObjectMeta) -> bool {
     let name = object.location.filename();
     object.size == 0 && name.is_some_and(|name| Corpus::FILES.contains(&name))

@@ -1,12 +1,12 @@
 //! The rule for two copies of a scenario with the same parameters, wherever they meet.
 //!
-//! 1. A whole copy goes before a damaged one. What the damaged one lost and the other has is sent first, so that nothing else of it
-//!    is lost.
+//! 1. A whole copy goes before a damaged one. Files that the damaged copy lost and the other one has are sent first, so that the rest of
+//!    the damaged copy is kept.
 //! 2. Of the same recording (the same videos and poses), a labelled copy goes before an unlabelled one, whatever the clocks say.
 //! 3. Of two copies that are both labelled, or both not, the one that was sealed later goes first: the time of `DONE.json` in the
 //!    folder where it was made, which the store notes. At the same millisecond, the greater hash of the manifest goes first. So every
 //!    order of uploads ends with the same copy.
-//! 4. Another recording is a conflict: the store keeps what it has, until a person decides.
+//! 4. Another recording is a conflict: the store keeps its copy until a person decides.
 
 use std::path::Path;
 use std::time::SystemTime;
@@ -42,7 +42,7 @@ impl SealedCopy<'_> {
         Some(&file.blake3)
     }
 
-    /// Whether both have the same videos.
+    /// True if both have the same videos.
     pub(crate) fn has_videos_of(&self, other: &Self) -> bool {
         let videos = |copy: &Self| {
             let videos = copy.files.iter().filter(|file| is_video(&file.name));
@@ -55,7 +55,7 @@ impl SealedCopy<'_> {
         videos(self) == videos(other)
     }
 
-    /// Whether both have the same table of ticks, byte for byte.
+    /// True if both have the same table of ticks, byte for byte.
     pub(crate) fn has_frames_of(&self, other: &Self) -> bool {
         self.hash_of(ScenarioFolder::FRAMES) == other.hash_of(ScenarioFolder::FRAMES)
     }
@@ -65,7 +65,7 @@ fn is_video(name: &str) -> bool {
     name.starts_with("views/")
 }
 
-/// Which of two whole copies of the same recording goes first.
+/// Decides which of two whole copies of the same recording goes first.
 pub(crate) fn first(ours: &SealedCopy<'_>, theirs: &SealedCopy<'_>) -> First {
     let order = |copy: &SealedCopy<'_>| (unix_ms(copy.sealed), copy.manifest_blake3.to_owned());
     match (ours.is_labelled(), theirs.is_labelled()) {
@@ -76,7 +76,7 @@ pub(crate) fn first(ours: &SealedCopy<'_>, theirs: &SealedCopy<'_>) -> First {
     }
 }
 
-/// Whether two tables of ticks say the same except for the labels. A table that cannot be read says something else.
+/// True if two tables of ticks are equal except for the labels. False if one cannot be read.
 pub(crate) fn are_same_poses(ours: Vec<u8>, theirs: Vec<u8>) -> bool {
     let unlabelled = |table: Vec<u8>| {
         let mut frames = Frames::parse(table, Path::new(ScenarioFolder::FRAMES)).ok()?;

@@ -85,7 +85,7 @@ impl CorpusStore {
             .map_err(|error| self.error(&format!("write {name}"), &error))
     }
 
-    /// `None` if the file has another hash; then nothing is sent.
+    /// Returns `None` without sending if the file has another hash.
     async fn send_whole(
         &self,
         path: &Path,

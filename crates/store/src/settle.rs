@@ -9,7 +9,7 @@ use crate::error::StoreError;
 /// Retries against others who write the same file at the same time.
 const ROUNDS: u32 = 8;
 
-/// Which version of a file to keep.
+/// The version of a file to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
     /// The caller's.

@@ -36,7 +36,7 @@ pub enum StoredFault {
     /// The record is of another scenario.
     #[error("{reason}")]
     OtherScenario {
-        /// What differs.
+        /// The difference.
         reason: String,
     },
     /// There is no object with the file's content.

@@ -26,8 +26,8 @@ use crate::stored_fault::{StoredFault, StoredFaults};
 pub(crate) struct StoredSeal {
     #[serde(flatten)]
     pub(crate) seal: Seal,
-    /// When the scenario was sealed in its folder, by that machine's clock, in milliseconds since 1970. Missing in stores of earlier
-    /// versions.
+    /// Time at which the scenario was sealed in its folder, by that machine's clock, in milliseconds since 1970. Missing in stores of
+    /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sealed_unix_ms: Option<u64>,
     /// The objects of all sealed files and of the manifest, by the names of the files. Empty in stores of earlier versions.
@@ -60,7 +60,7 @@ pub(crate) struct FoundSeal {
     pub(crate) stored: std::result::Result<StoredSeal, StoredFault>,
     /// The version to replace.
     pub(crate) version: UpdateVersion,
-    /// When it was written, by the store's clock.
+    /// Time of writing, by the store's clock.
     modified: SystemTime,
 }
 
@@ -115,13 +115,13 @@ impl StoredSeal {
         Ok(json_bytes(&sealed, done)?)
     }
 
-    /// When the scenario was sealed in its folder, if noted.
+    /// The time at which the scenario was sealed in its folder, if noted.
     pub(crate) fn sealed(&self) -> Option<SystemTime> {
         let since_1970 = Duration::from_millis(self.sealed_unix_ms?);
         SystemTime::UNIX_EPOCH.checked_add(since_1970)
     }
 
-    /// Whether it seals the same content. Seals of earlier versions lack the sizes of the videos.
+    /// True if it seals the same content. Seals of earlier versions lack the sizes of the videos.
     pub(crate) fn is_of(&self, seal: &Seal) -> bool {
         self.seal.manifest_blake3 == seal.manifest_blake3
             && self.seal.config_hash == seal.config_hash
@@ -158,14 +158,14 @@ impl StoredSeal {
 }
 
 impl FoundSeal {
-    /// When the scenario was sealed, else when that was sent.
+    /// The time at which the scenario was sealed, or if unknown, at which the seal was sent.
     pub(crate) fn sealed(&self) -> SystemTime {
         let noted = self.stored.as_ref().ok().and_then(StoredSeal::sealed);
         noted.unwrap_or(self.modified)
     }
 }
 
-/// BLAKE3 hash of all fields of a `DONE.json` but the checksum, those of other versions included, in the order of their names.
+/// BLAKE3 hash of all fields of a `DONE.json` except the checksum, including the fields of other versions, in the order of their names.
 fn checksum(text: &[u8]) -> serde_json::Result<String> {
     let mut fields: BTreeMap<String, Value> = serde_json::from_slice(text)?;
     fields.remove(CHECKSUM);
@@ -269,7 +269,7 @@ impl CorpusStore {
         }))
     }
 
-    /// What of a committed scenario is not in a listing as it was sent.
+    /// Faults of a committed scenario: files that are missing from a listing or differ from what was sent.
     pub(crate) async fn faults(
         &self,
         id: &str,
@@ -297,7 +297,7 @@ impl CorpusStore {
         Ok(faults)
     }
 
-    /// What is wrong with the object of one sealed file.
+    /// The fault of the object of one sealed file, if any.
     pub(crate) async fn fault(
         &self,
         id: &str,

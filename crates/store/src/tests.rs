@@ -119,7 +119,7 @@ async fn put_as_before(store: &CorpusStore, id: &str, folder: &ScenarioFolder) {
     }
 }
 
-/// Why a scenario cannot be fetched; nothing of it may be there afterwards.
+/// The error of fetching a scenario; no part of it may be left in the folder afterwards.
 async fn refusal(store: &CorpusStore, id: &str) -> String {
     let (_theirs, theirs) = empty();
     let fetched = store.fetch_scenario(id, &theirs, None, &()).await;
@@ -634,7 +634,7 @@ async fn stores_of_earlier_versions_are_read_and_added_to() {
         store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
         same_files(&ours.scenario(ID), &theirs.scenario(ID));
         assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
-        // What it lost is sent; what it has is not sent again.
+        // An object that the store lost is sent again, the others are not.
         let table = store.key(&scenario_file(ID, "frames.parquet"));
         store.store.delete(&table).await.unwrap();
         let pushed = push(&store, &ours).await.unwrap();

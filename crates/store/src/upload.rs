@@ -1,8 +1,8 @@
 //! Uploads one scenario from its folder: all files first, then the manifest, then the seal, which commits them.
 //!
-//! Objects of files are named after their content, so nothing is ever overwritten by something else. Only `DONE.json` is replaced, and
-//! only if it is still the one that was judged ([`crate::commit`]). After that it is read again and compared with a listing: a
-//! scenario is reported as committed once the store has all of it.
+//! Objects of files are named after their content, so they are never overwritten with other content. Only `DONE.json` is replaced, and only
+//! if it is still the one that was judged ([`crate::commit`]). After that it is read again and compared with a listing: a scenario is
+//! reported as committed once the store has all of it.
 //!
 //! An interrupted upload resumes when it is repeated: files that exist with the right size and hash are not sent.
 
@@ -24,9 +24,10 @@ use crate::precedence::{First, SealedCopy, are_same_poses, first};
 use crate::stored_fault::{StoredFault, StoredFaults};
 use crate::stored_seal::{FoundSeal, Noted, StoredSeal, manifest_file};
 
-/// How often a file of the folder may be renamed to its final name just before it is opened.
+/// Maximum number of times that a file of the folder may be renamed to its final name just before it is opened.
 const ROUNDS: u32 = 3;
-/// How often another process may commit the same scenario, or the store lose a part of it, before an upload gives up.
+/// Maximum number of times that another process may commit the same scenario, or the store may lose a part of it, before an upload gives
+/// up.
 const MOST_COMMITS: u32 = 8;
 
 /// State of a scenario in the store before it was uploaded.
@@ -49,7 +50,7 @@ pub enum Pushed {
         sent: usize,
         /// Files that existed already.
         there: usize,
-        /// What the store had.
+        /// State in the store before the upload.
         before: Before,
     },
     /// It was committed already, with this content, and all of it is there.
@@ -62,13 +63,13 @@ pub enum Pushed {
     Labelled,
 }
 
-/// What an upload has to do.
+/// Remaining work of an upload.
 enum Standing {
-    /// Nothing.
+    /// No work is left.
     Settled(Pushed),
     /// Send what is missing, and commit.
     ToCommit(Before),
-    /// What the store's copy had lost is sent; its seal, with notes of these objects, is to be replaced before anything is concluded.
+    /// The objects that the store's copy had lost are sent; its seal must be replaced by one that notes them before a copy is chosen.
     Mended(StoredSeal),
 }
 
@@ -147,7 +148,7 @@ impl CorpusStore {
             files,
         };
         let mut seen = seen.cloned();
-        // What this call has sent and committed, which later rounds confirm.
+        // Objects that this call has sent and committed; later rounds confirm them.
         let mut noted = BTreeMap::new();
         let mut committed: Option<Pushed> = None;
         for _ in 0..MOST_COMMITS {
@@ -166,7 +167,8 @@ impl CorpusStore {
                     continue;
                 }
             };
-            // The store's version is whole: it is replaced only by one that is whole, too, although what is sent has the right hash.
+            // The store's version is whole, so only another whole version may replace it. The hashes of the files that are sent do not
+            // suffice.
             if now_before == Before::Other
                 && let Some(fault) = seal::faults(folder.root())?.into_iter().next()
             {
@@ -236,7 +238,7 @@ impl CorpusStore {
         Ok(faults)
     }
 
-    /// How ours stands to what the store has.
+    /// Compares our copy with the store's.
     async fn standing(
         &self,
         ours: &Ours<'_>,
@@ -407,7 +409,7 @@ impl CorpusStore {
     }
 }
 
-/// When a scenario got its seal.
+/// The time at which a scenario was sealed.
 fn sealed_at(folder: &ScenarioFolder) -> Result<SystemTime> {
     let path = folder.root().join(DONE);
     let found = fs::metadata(&path).and_then(|found| found.modified());

@@ -1,4 +1,4 @@
-//! What the processor time of a search is spent on.
+//! Breakdown of the processor time of a search.
 
 use std::cell::Cell;
 use std::ops::{AddAssign, Index, IndexMut};
@@ -90,7 +90,7 @@ impl CpuClock {
         done
     }
 
-    /// What was spent so far.
+    /// Processor time spent so far.
     pub(super) fn spent(&self) -> CpuTime {
         self.lap(Stage::Rest);
         self.spent.get()

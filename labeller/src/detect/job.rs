@@ -32,7 +32,7 @@ pub(super) struct ScenarioJob {
     views: Vec<ViewTicks>,
     /// The record of detections that are there already and only lack their registrations.
     stored: Option<Box<DetectionRecord>>,
-    /// Those detections, while the scenario is in work.
+    /// These detections, while the scenario is being processed.
     loaded: Mutex<Option<Arc<Detections>>>,
     /// With several views.
     pairs: Option<Pairs>,
@@ -47,7 +47,7 @@ pub(super) struct ScenarioJob {
     turn: Mutex<Turn>,
 }
 
-/// Whose turn it is to search the scenario.
+/// State of the claim on a scenario's search.
 enum Turn {
     NotBegun,
     /// Held until it is written.
@@ -56,7 +56,7 @@ enum Turn {
     Theirs,
 }
 
-/// What became of a scenario.
+/// Result for a scenario.
 pub(super) enum End {
     /// Everything is written.
     Done {
@@ -139,7 +139,7 @@ impl ScenarioJob {
         self.scenario.id()
     }
 
-    /// Whether detections are there and only their registrations are missing.
+    /// True if detections exist and only their registrations are missing.
     pub(super) fn only_registers(&self) -> bool {
         self.stored.is_some()
     }
@@ -164,7 +164,7 @@ impl ScenarioJob {
         }
     }
 
-    /// Whether this process searches the scenario. Decided by its first view.
+    /// True if this process searches the scenario. The first view decides.
     fn is_my_turn(&self) -> Result<bool> {
         let mut turn = lock(&self.turn);
         if let Turn::NotBegun = *turn {
@@ -176,7 +176,7 @@ impl ScenarioJob {
         Ok(matches!(*turn, Turn::Mine(_)))
     }
 
-    /// Whether nobody else has searched it since it was planned.
+    /// True unless another process has searched it since it was planned.
     fn is_missing(&self) -> Result<bool> {
         if self.force {
             return Ok(true);
@@ -186,7 +186,7 @@ impl ScenarioJob {
         Ok(match standing {
             Standing::Whole => false,
             Standing::Unregistered(_) => self.only_registers(),
-            // What was to be registered is gone: planned again as a search.
+            // The detections to register are gone: planned again as a search.
             Standing::Missing => !self.only_registers(),
         })
     }
@@ -217,7 +217,7 @@ impl ScenarioJob {
 
     fn finish(&self) -> Result<f64> {
         let id = self.scenario.id();
-        // First of all: nothing may wait any longer, also after a failure.
+        // Done first: no patch may be left waiting, also after a failure.
         let registered = self.pairs.as_ref();
         let registered = registered.map(|pairs| (pairs.reference(), pairs.finish()));
         let mut views = Vec::new();
@@ -320,7 +320,7 @@ impl ViewJob<'_> {
         self.ticks().ticks.len() as u64
     }
 
-    /// Whether the view is to be searched, not only to be registered.
+    /// True if the view is to be searched, not only registered.
     pub(super) fn needs_detector(&self) -> bool {
         !self.scenario.only_registers()
     }

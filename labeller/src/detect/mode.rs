@@ -1,4 +1,4 @@
-//! How the pictures of a view are searched one after another.
+//! Modes of searching the pictures of a view one after another.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 /// The longest time between searches of whole pictures that can be set, seconds.
 const LONGEST_PERIOD_S: f64 = 3_600.0;
 
-/// How pictures are searched.
+/// Mode of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
@@ -22,11 +22,11 @@ pub enum Mode {
     Auto,
 }
 
-/// How the pictures of a view are searched.
+/// Settings for searching the pictures of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModeSettings {
-    /// How pictures are searched.
+    /// Mode of the search.
     pub mode: Mode,
     /// Time between searches of whole pictures, seconds; longer at low picture rates while an aircraft is followed.
     pub full_search_s: f64,

@@ -1,7 +1,7 @@
-//! The views of a tick meet here, whichever worker decodes which: each is registered with the reference view, the first one.
+//! Pairs the views of a tick, whichever worker decodes them: each view is registered with the reference view, the first one.
 //!
-//! A patch waits for its counterpart and is dropped with it. If both views are decoded at the same time few wait; if one worker
-//! decodes one after the other, those of a whole view do: some kilobytes each.
+//! A patch waits for its counterpart and is dropped with it. If both views are decoded at the same time, few patches wait; if one worker
+//! decodes one view after the other, all patches of a view wait, some kilobytes each.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,7 +13,7 @@ use dataset::tables::registrations::{NoShift, Registration};
 
 use crate::registration::{Expected, Patch, register};
 
-/// What a view shows at a tick: the surroundings of its best box, if there is one.
+/// Result of a view at a tick: the surroundings of its best box, if there is one.
 type Look = Arc<Result<Patch, NoShift>>;
 
 /// The registrations of a scenario with several views.
@@ -122,7 +122,7 @@ impl Pairs {
         register(from, to, &expected)
     }
 
-    /// All registrations, by tick and then by view. What still waits, after a failure, is dropped.
+    /// All registrations, by tick and then by view. Patches that still wait after a failure are dropped.
     pub(super) fn finish(&self) -> Done {
         lock(&self.waiting).clear();
         let mut done = std::mem::take(&mut *lock(&self.done));

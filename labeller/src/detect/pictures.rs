@@ -30,7 +30,7 @@ pub(crate) struct ViewTick {
 }
 
 impl ViewTicks {
-    /// Those of all views of a table.
+    /// Ticks of all views of a table.
     pub(crate) fn of(frames: &Frames) -> Vec<Self> {
         let views = frames.views.iter().enumerate();
         views

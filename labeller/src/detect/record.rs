@@ -16,10 +16,10 @@ use crate::error::Result;
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
 
-/// Where the detections of one model in one scenario come from.
+/// Origin of the detections of one model in one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct DetectionRecord {
-    /// Which model made them and from what, and the hash of their table.
+    /// The model, its input, and the hash of the table.
     #[serde(flatten)]
     pub provenance: Provenance,
     /// The settings next to the model, whose hash is in the provenance; missing if there were none.
@@ -27,7 +27,7 @@ pub(super) struct DetectionRecord {
     pub profile: Option<ModelProfile>,
     /// Output layout and window size.
     pub detector: String,
-    /// Where the model ran, such as `cpu` or `cuda:0`; missing in earlier corpora.
+    /// Device that the model ran on, such as `cpu` or `cuda:0`; missing in earlier corpora.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     #[serde(flatten)]
@@ -49,17 +49,17 @@ pub(super) struct DetectionRecord {
     pub cpu_s: Option<CpuTime>,
     /// Total time of the workers, seconds.
     pub seconds: f64,
-    /// How the views were registered; missing if they were not.
+    /// Registration of the views; missing if they were not registered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registration: Option<RegistrationRecord>,
 }
 
-/// How pictures were searched: detections made otherwise are replaced.
+/// Settings of the search: detections made with other settings are replaced.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Searching {
-    /// What counted as a hit.
+    /// Thresholds and windows of the search.
     pub settings: TilingSettings,
-    /// Which parts of which pictures; missing in records of earlier versions, which tracked nothing.
+    /// Parts of the pictures that were searched; missing in records of earlier versions, which had no tracking.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub modes: Option<ModeSettings>,
 }
@@ -73,7 +73,7 @@ impl Searching {
     }
 }
 
-/// How the views of a scenario were registered.
+/// Registration of the views of a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct RegistrationRecord {
     /// Version of the measurement.
@@ -88,7 +88,7 @@ pub(super) struct RegistrationRecord {
     pub seconds: f64,
 }
 
-/// What of a model's work on a scenario is there.
+/// Progress of a model's work on a scenario.
 pub(super) enum Standing {
     /// No detections that can be used.
     Missing,
@@ -104,7 +104,7 @@ impl DetectionRecord {
         detections::record_path(folder, model)
     }
 
-    /// What is there of this model's work, searched like this, made from the scenario's current videos.
+    /// Progress of this model's work with these settings on the scenario's current videos.
     pub(super) fn standing(
         scenario: &OpenScenario,
         model: &Model,

@@ -28,7 +28,7 @@ pub struct Searcher {
     options: DetectOptions,
 }
 
-/// What a scenario shows.
+/// Results of the search of a scenario.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Findings {
     /// Boxes, and pictures without.

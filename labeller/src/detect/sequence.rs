@@ -1,7 +1,7 @@
-//! Searches the pictures of a view one after another, each where the ones before it suggest.
+//! Searches the pictures of a view one after another, each at the places that the previous ones suggest.
 //!
-//! Whole pictures are searched as [`crate::tiling`] says. Between them, an aircraft that is followed gets one window around the place
-//! where it is expected, and nothing else of the picture is converted or searched.
+//! Whole pictures are searched as described in [`crate::tiling`]. Between them, each tracked aircraft gets one window around its expected
+//! place, and the rest of the picture is neither converted nor searched.
 
 use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, SearchMode};
 use dataset::tables::pixel_box::PixelBox;
@@ -34,18 +34,18 @@ pub(super) struct Sequence<'a> {
     tiling: &'a TilingSettings,
     modes: ModeSettings,
     tracker: Tracker,
-    /// When the last picture was, and the last one that was searched whole.
+    /// Times of the last picture and of the last one that was searched whole.
     last_s: Option<f64>,
     last_full_s: Option<f64>,
 }
 
-/// What was seen in a picture.
+/// Results of the search of a picture.
 struct Looked {
     sightings: Vec<Sighting>,
     mode: SearchMode,
     /// The tracks that it was searched for, if it was not searched whole.
     around: Option<Vec<u32>>,
-    /// Why there is nothing, if there is nothing.
+    /// Reason to report if no box is found.
     nothing: MissReason,
 }
 
@@ -72,7 +72,7 @@ impl<'a> Sequence<'a> {
         }
     }
 
-    /// Searches the next picture. Whether its boxes count is not final yet, and faint ones may be dropped at the end.
+    /// Searches the next picture. The confirmation of its boxes is not final yet, and faint ones may be dropped at the end.
     pub(super) fn look(
         &mut self,
         pictures: &mut Pictures<'_>,
@@ -92,7 +92,7 @@ impl<'a> Sequence<'a> {
         Ok(self.rows(looked, at))
     }
 
-    /// Where the aircraft that are followed are expected, or in the whole picture if that is due.
+    /// Searches the expected places of the tracked aircraft, or the whole picture if that is due.
     fn where_expected(
         &mut self,
         pictures: &mut Pictures<'_>,
@@ -193,7 +193,7 @@ impl<'a> Sequence<'a> {
         keep_best(sightings, iou, most, Sighting::scored)
     }
 
-    /// What was seen as rows, with the tracks to which it belongs.
+    /// Rows of the table for the results of a picture, with the tracks to which the boxes belong.
     fn rows(&mut self, looked: Looked, at: &ViewTick) -> Detections {
         let searched = match &looked.around {
             None => Searched::Everywhere,
@@ -223,7 +223,7 @@ impl<'a> Sequence<'a> {
         }
     }
 
-    /// When all pictures are done: decides which boxes count, and returns the number of windows that were searched.
+    /// Called after the last picture: decides which boxes count, and returns the number of windows that were searched.
     pub(super) fn finish(self, detections: &mut Detections) -> u64 {
         let counts = self.tracker.finish();
         for found in &mut detections.boxes {
@@ -233,7 +233,7 @@ impl<'a> Sequence<'a> {
         self.detector.windows
     }
 
-    /// What the tracker has to know of what was seen.
+    /// The tracker's input for these sightings.
     fn seen(&self, sightings: &[Sighting]) -> Vec<Seen> {
         let seen = |sighting: &Sighting| Seen {
             pixel_box: sighting.pixel_box,
@@ -266,7 +266,7 @@ fn drop_faint(detections: &mut Detections, score: f64) {
     misses.sort_by_key(|miss| miss.tick);
 }
 
-/// Whether a box ends inside the pixels that a window shows, or where the picture ends.
+/// True if a box ends inside the pixels that a window shows, or at the edge of the picture.
 fn is_whole(found: &PixelBox, window: Window, shown_px: [u32; 2], picture_px: [u32; 2]) -> bool {
     let [left, top, right, bottom] = found.edges();
     let sides = [

@@ -1,7 +1,7 @@
 //! Searches one view of a scenario, from its video to the rows of the table.
 //!
 //! Input: the video of a view, its ticks and a detector. Output: boxes with their tracks, reasons for pictures without any, the
-//! surroundings of the best box of each picture for registration, and what the processor time was spent on. Nothing is written.
+//! surroundings of the best box of each picture for registration, and a breakdown of the processor time. No files are written.
 
 use dataset::corpus::detections::{Detection, Detections};
 use dataset::corpus::open_scenario::OpenScenario;
@@ -16,12 +16,12 @@ use crate::error::Result;
 use crate::registration::Patch;
 use crate::tiling::TilingSettings;
 
-/// Where the boxes of a view come from.
+/// Source of the boxes of a view.
 pub(crate) enum Finder<'a> {
     /// A model looks for them.
     Model {
         detector: &'a mut dyn Detector,
-        /// What counts as a hit.
+        /// Thresholds and windows of the search.
         tiling: &'a TilingSettings,
         modes: &'a ModeSettings,
     },
@@ -36,7 +36,7 @@ pub(crate) struct PictureDone {
     pub(crate) patch: std::result::Result<Patch, NoShift>,
 }
 
-/// What a view shows.
+/// Results of the search of a view.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct ViewFindings {
     pub(crate) detections: Detections,
@@ -47,7 +47,8 @@ pub(crate) struct ViewFindings {
 }
 
 impl ViewFindings {
-    /// Those of all views of a scenario, by tick; views keep their order within a tick, and boxes theirs (best first) within a view.
+    /// Merges the results of all views of a scenario, by tick; views keep their order within a tick, and boxes theirs (best first) within a
+    /// view.
     pub(super) fn together(views: impl IntoIterator<Item = Self>) -> Self {
         let mut all = Self::default();
         for view in views {
@@ -120,7 +121,7 @@ enum Source<'a> {
     Known(&'a Detections),
 }
 
-/// What was found in a picture earlier.
+/// The known detections of a picture.
 fn of_picture(known: &Detections, view: &str, tick: u32) -> Detections {
     let Detections { boxes, misses } = known;
     let first = boxes.partition_point(|found| found.tick < tick);

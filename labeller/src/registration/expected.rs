@@ -1,4 +1,4 @@
-//! How the aircraft in one view should differ from that in another, by the cameras: the part of the difference that is not shift.
+//! Expected difference of the aircraft's image between two views, from the poses of the cameras: the part that is not shift.
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::{self, Ray};
@@ -21,13 +21,13 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    /// Nothing but shift.
+    /// Shift alone.
     pub(crate) const SHIFT_ALONE: Self = Self {
         view_from_reference: DMat2::IDENTITY,
         depth_px_per_m: DVec2::ZERO,
     };
 
-    /// The difference for an aircraft seen at these pixels; nothing but shift if the two lines of sight do not meet.
+    /// The difference for an aircraft seen at these pixels; shift alone if the two lines of sight do not meet.
     pub(crate) fn of(
         reference: &Camera,
         view: &Camera,
@@ -62,7 +62,7 @@ impl Expected {
     }
 }
 
-/// Where both lines of sight meet, at a plausible range from both cameras.
+/// The point where both lines of sight meet, at a plausible range from both cameras.
 fn meeting_point_m(
     reference: &Camera,
     view: &Camera,

@@ -7,7 +7,7 @@ use super::linear::{Normal, inverse, robust_sd};
 use super::patch::Cleaned;
 use super::{MARGIN_PX, SEARCH_PX};
 
-/// What is fitted: shift right and down, contrast, brightness.
+/// Unknowns of the fit: shift right and down, contrast, brightness.
 const UNKNOWNS: usize = 4;
 /// Iterations until the shift stands still, or does not at all.
 const ITERATIONS: usize = 30;
@@ -29,7 +29,7 @@ const REACH: usize = 3;
 /// The best fit; all lengths in pixels of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
-    /// Where the centre of the reference's box is in the view, minus where it is in the reference.
+    /// Position of the reference's box centre in the view, minus its position in the reference.
     pub(super) shift_px: DVec2,
     /// Scatter of the shift by the residuals.
     pub(super) sd_px: DVec2,
@@ -97,7 +97,8 @@ struct Pair {
 }
 
 impl Fit {
-    /// Of the reference to the view, if `self` is that of the view to the reference. The centres are those of their boxes.
+    /// The fit of the reference to the view, if `self` is the fit of the view to the reference. `reference_px` and `view_px` are the
+    /// centres of their boxes.
     pub(super) fn reversed(
         self,
         reference_px: DVec2,
@@ -352,7 +353,7 @@ fn scatter(
     Some(variance.max(DVec2::ZERO).map(f64::sqrt))
 }
 
-/// The sum of each value of a picture and its neighbours within [`REACH`], in Bartlett's window; nothing is outside.
+/// The sum of each value of a picture and its neighbours within [`REACH`], in Bartlett's window; values outside are 0.
 fn windowed(values: &[DVec2], width: usize) -> Vec<DVec2> {
     let height = values.len() / width;
     let sums = |values: &[DVec2], step: usize, length: usize| {
@@ -370,7 +371,7 @@ fn windowed(values: &[DVec2], width: usize) -> Vec<DVec2> {
     sums(&sums(values, 1, width), width, height)
 }
 
-/// How much larger the aircraft is in the view than the cameras say, as a part: fitted after the shift, which stays.
+/// Relative growth of the aircraft in the view beyond the scale given by the cameras; fitted after the shift, which it does not change.
 fn growth(pairs: &[Pair], weights: &[f64], gain: f64, offset: f64) -> f64 {
     let mut normal = Normal::<5>::new();
     for (pair, weight) in pairs.iter().zip(weights) {

@@ -37,7 +37,7 @@ pub(super) fn inverse<const N: usize>(a: [[f64; N]; N]) -> Option<[[f64; N]; N]>
     for (k, row) in inverse.iter_mut().enumerate() {
         let mut unit = [0.0; N];
         unit[k] = 1.0;
-        // Row for column: the inverse is symmetric, too.
+        // Row for column: the inverse is symmetric like the matrix.
         *row = solve(a, unit)?;
     }
     Some(inverse)

@@ -215,7 +215,7 @@ impl Cleaned {
         self.origin_px + self.centre * self.step_px()
     }
 
-    /// How far the centre of its box may be off.
+    /// Search radius around the centre of its box.
     pub(super) fn search(&self, at_least: f64) -> f64 {
         at_least + SEARCH_PART * self.size.x
     }
@@ -277,7 +277,7 @@ impl Cleaned {
         let peak = (0..self.values.len())
             .filter(|index| from_centre[*index].abs().cmple(reach).all())
             .fold(0.0_f64, |most, index| most.max(self.values[index].abs()));
-        // The robust deviation leaves out clouds and the horizon; the aircraft must stand out from them, too.
+        // The robust deviation leaves out clouds and the horizon; the aircraft must also stand out from them.
         let rms = (of_ring().map(|v| v * v).sum::<f64>() / ring.len() as f64).sqrt();
         if peak < LEAST_CONTRAST * self.noise || peak < 2.0 * rms {
             return Err(NoShift::Faint);
@@ -287,7 +287,7 @@ impl Cleaned {
 
     /// Value and its derivatives between the pixels, by Catmull and Rom's cubic; `None` too close to the edge.
     pub(super) fn sample(&self, at: DVec2) -> Option<(f64, DVec2)> {
-        // What is negative or no number becomes 0, which is too close to the edge; what is too large becomes the largest number.
+        // Negative values and NaN become 0, which is too close to the edge; values that are too large become the largest number.
         let (column, row) = (at.x as usize, at.y as usize);
         let is_inside = |at: usize, length: usize| at >= 1 && at < length.saturating_sub(2);
         if !is_inside(column, self.width) || !is_inside(row, self.height) {

@@ -11,7 +11,7 @@ use crate::detector::PictureView;
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 200;
 
-/// How a view is drawn.
+/// Properties of a drawn view.
 #[derive(Clone, Copy)]
 struct Scene {
     /// Centre of the aircraft.

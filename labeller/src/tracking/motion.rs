@@ -1,8 +1,8 @@
-//! Where a tracked aircraft is expected: a Kalman filter with constant rates for centre and size of its box.
+//! Prediction of a tracked aircraft's box: a Kalman filter with constant rates for its centre and size.
 //!
-//! The four numbers of a box are filtered independently. What an approach does between two pictures grows with the aircraft's size in the
-//! picture: at 10 NM it drifts by fractions of a pixel a second, before touchdown by several of its lengths. So all noise is stated in
-//! lengths of the box, and its effect follows from the time between the pictures: 30 FPS and 0.3 FPS need no different settings.
+//! The four numbers of a box are filtered independently. Motion between two pictures grows with the aircraft's size in the picture: at 10
+//! NM it drifts by fractions of a pixel per second, before touchdown by several of its lengths. So all noise is stated in lengths of the
+//! box, and its effect follows from the time between the pictures: 30 FPS and 0.3 FPS need no different settings.
 
 use dataset::tables::pixel_box::PixelBox;
 
@@ -10,7 +10,8 @@ use dataset::tables::pixel_box::PixelBox;
 const CENTRE_ERROR: (f64, f64) = (0.5, 0.03);
 /// Error of its width and height.
 const SIZE_ERROR: (f64, f64) = (1.0, 0.10);
-/// Standard deviation of the velocity of a new aircraft, pixels and lengths a second: a crossing flight at 10 NM moves by half its length.
+/// Standard deviation of the velocity of a new aircraft, pixels and lengths per second: a crossing flight at 10 NM moves by half its
+/// length.
 const NEW_VELOCITY: (f64, f64) = (3.0, 0.6);
 /// The same for the growth of its sides.
 const NEW_GROWTH: (f64, f64) = (0.5, 0.15);
@@ -107,7 +108,7 @@ impl Motion {
         }
     }
 
-    /// How far the centre may move in `seconds`, in lengths of the box: two standard deviations more than expected.
+    /// Distance that the centre may move in `seconds`, in lengths of the box: two standard deviations more than expected.
     pub(super) fn lengths_moved(&self, seconds: f64) -> f64 {
         let [right, down, ..] = &self.numbers;
         let expected = right.rate.hypot(down.rate);

@@ -158,7 +158,7 @@ fn aircraft_that_cross_keep_their_tracks() {
             if one.iou(&other) > 0.3 {
                 return vec![one];
             }
-            // The order of boxes says nothing.
+            // The order of boxes carries no information.
             match step % 2 {
                 0 => vec![shaken(one, 3, step), shaken(other, 30, step)],
                 _ => vec![shaken(other, 30, step), shaken(one, 3, step)],
@@ -264,19 +264,19 @@ fn a_lamp_that_is_found_for_some_seconds_again_and_again_is_one_thing_that_stand
     };
     let lamp = pictures(&|_| at(900.0, 500.0, 40.0));
     assert_eq!(track(1.0, &lamp).1, [false, false, false]);
-    // Where the lamp is, but it passes by.
+    // Passing the lamp's place.
     let passing = pictures(&|second| at(880.0 + 8.0 * f64::from(second - 100), 500.0, 40.0));
     assert_eq!(
         track(1.0, &passing).1,
         [true, true, true],
         "40 s are too short to know"
     );
-    // It stands still elsewhere, for too short a time to know.
+    // It stands still elsewhere, for too short a time to decide.
     let elsewhere = pictures(&|_| at(930.0, 500.0, 40.0));
     assert_eq!(track(1.0, &elsewhere).1, [true, true, true]);
 }
 
-/// An aircraft that crosses the picture, a picture a second: clear in some of them.
+/// An aircraft that crosses the picture, one picture per second: clear in some of them.
 fn crossing(is_clear: impl Fn(u32) -> bool) -> Vec<Vec<Seen>> {
     let seen = |second: u32| {
         let here = shaken(at(300.0 + 3.0 * f64::from(second), 400.0, 24.0), 1, second);

@@ -1,8 +1,8 @@
-//! Whether a camera can see the aircraft of a true box, as far as the corpus knows.
+//! Visibility of the aircraft of a ground-truth box, as far as the corpus's data determine it.
 //!
-//! Haze leaves `exp(-3.912 r / V)` of an aircraft's contrast at the distance r (`transmission` in `boxes_truth.parquet`). Where that is
-//! less than 2 %, which is what the visibility V is defined by, nobody can see it. Clouds hide it where it flies in or above them: what
-//! exactly they cover is not stored, so everything from the base of the lowest layer upwards is told apart.
+//! Haze leaves `exp(-3.912 r / V)` of an aircraft's contrast at the distance r (`transmission` in `boxes_truth.parquet`). Below 2 %, the
+//! contrast by which the visibility V is defined, it is invisible. Clouds hide it where it flies in or above them: their exact shape is not
+//! stored, so everything from the base of the lowest layer upwards is classified separately.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ use crate::conditions::Weather;
 /// Contrast that remains over the visibility.
 pub const LEAST_TRANSMISSION: f64 = 0.02;
 
-/// What is between the camera and the aircraft.
+/// Medium between the camera and the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sight {
@@ -40,7 +40,7 @@ impl CloudBase {
         }
     }
 
-    /// What is between a camera and an aircraft at this altitude, if this part of its contrast arrives.
+    /// The medium between a camera and an aircraft at this altitude, given the part of its contrast that arrives.
     pub fn sight(&self, altitude_msl_m: f64, transmission: f64) -> Sight {
         if transmission < LEAST_TRANSMISSION {
             Sight::Haze

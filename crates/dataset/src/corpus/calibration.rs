@@ -28,7 +28,7 @@ pub struct Calibration {
 pub struct Conventions {
     /// Directions of the camera's axes.
     pub camera_axes: String,
-    /// Where pixel (0, 0) is.
+    /// Location of pixel (0, 0).
     pub pixel_origin: String,
     /// Frame and height datum of the extrinsics.
     pub world: String,
@@ -118,7 +118,7 @@ impl CameraEntry {
         }
     }
 
-    /// Why points cannot be projected with this camera, if so: a matrix or a lens that this software does not support.
+    /// The reason why points cannot be projected with this camera, if any: a matrix or a lens that this software does not support.
     pub fn fault(&self) -> Option<String> {
         let k = &self.k;
         if k[0][0] != k[1][1] || k[0][1] != 0.0 {
@@ -171,7 +171,7 @@ impl CameraEntry {
         });
     }
 
-    /// Whether a reader that supports only pinholes and straight light would misread it.
+    /// True if a reader that supports only pinholes and straight light would misread this entry.
     pub(crate) fn bends_light(&self) -> bool {
         !self.distortion.is_empty() || self.refraction_coefficient != 0.0
     }

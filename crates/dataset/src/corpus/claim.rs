@@ -28,7 +28,7 @@ use crate::files::own_path::refuse_link;
 /// Name of the claim on the files that belong to the whole corpus.
 pub const WHOLE_CORPUS: &str = "corpus";
 const FOLDER: &str = "claims";
-/// How often a claim may disappear between opening and locking its file.
+/// Attempts to open and lock a claim's file, which may be deleted in between.
 const ATTEMPTS: u32 = 100;
 /// Interval for checking a claim that another process holds.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
@@ -45,7 +45,7 @@ pub struct Claim {
     file: File,
 }
 
-/// Who holds a claim.
+/// The process that holds a claim.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Holder {
     host: String,
@@ -121,7 +121,7 @@ impl Claim {
         Self::take_in(&corpus.root().join(FOLDER), name)
     }
 
-    /// The same for folders that are not a corpus. The folder is created, and removed with the last claim if nothing else is in it.
+    /// The same for folders that are not a corpus. The folder is created, and removed with the last claim unless it has other entries.
     pub fn take_in(folder: &Path, name: &str) -> Result<Claimed> {
         let path = folder.join(name);
         for _ in 0..ATTEMPTS {
@@ -192,8 +192,8 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Still locked, so nobody can have created another file of this name. A file that cannot be deleted does no harm: it is not
-        // locked.
+        // The file is still locked, so no process can have created another one of this name. A file that cannot be deleted does no harm: it
+        // is not locked.
         let _ = fs::remove_file(&self.path);
         if let Some(folder) = self.path.parent() {
             // Succeeds only for the last claim.

@@ -42,7 +42,7 @@ pub const REGISTRATIONS: &str = "registrations";
 /// The part of the record of detections that every reader needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
-    /// What made them.
+    /// The detector that made them.
     #[serde(flatten)]
     pub detector: ModelIdentity,
     /// Hash of the scenario's parameters, as in its seal.
@@ -113,7 +113,7 @@ pub fn provenance(folder: &ScenarioFolder, model: &str) -> Result<Option<Provena
     record.map(|bytes| parse(&bytes, folder, model)).transpose()
 }
 
-/// The detections of this name as people tell them apart. The model is missing if the record cannot be read.
+/// The file name of the model and the name of its detections, as shown to users. The model is missing if the record cannot be read.
 pub fn named(folder: &ScenarioFolder, name: &str) -> NamedDetections {
     let provenance = provenance(folder, name).ok().flatten();
     NamedDetections {
@@ -143,7 +143,7 @@ pub(crate) fn table(
 /// The table of the registrations that belong to a model's detections; `None` if these have none.
 ///
 /// # Errors
-/// Those of [`table`].
+/// See [`table`].
 pub(crate) fn registrations_table(
     folder: &ScenarioFolder,
     model: &str,
@@ -196,12 +196,12 @@ fn named_table(
     })
 }
 
-/// What [`replace`] writes next to the record.
+/// Tables that [`replace`] writes next to the record.
 #[derive(Debug, Clone, Copy)]
 pub struct NewTables<'a> {
-    /// What the model detected.
+    /// The model's detections.
     pub detections: &'a Detections,
-    /// Where the same aircraft is in two views; `None` if that was not measured.
+    /// Shifts of the aircraft between two views; `None` if they were not measured.
     pub registrations: Option<&'a [Registration]>,
 }
 
@@ -270,7 +270,7 @@ fn settle(folder: &ScenarioFolder, model: &str) -> Result<()> {
     let provenance = match provenance(folder, model) {
         Ok(Some(provenance)) => provenance,
         Ok(None) => return Ok(()),
-        // Nobody can read the tables of a damaged record, so they may be replaced. If it cannot be read for now, they may not.
+        // The tables of a damaged record are unreadable, so they may be replaced. If the record cannot be read for now, they may not.
         Err(error) if error.is_bad_content() => return Ok(()),
         Err(error) => return Err(error),
     };

@@ -56,7 +56,7 @@ impl EffectiveQuantity {
         Self::CloudCover,
     ];
 
-    /// Whether a reported value is as good as the planned one. Never, if it is not a number.
+    /// True if a reported value agrees with the planned one; false for NaN.
     pub fn is_met(self, planned: f64, found: f64) -> bool {
         let off = (found - planned).abs();
         match self {
@@ -71,7 +71,7 @@ impl EffectiveQuantity {
         }
     }
 
-    /// Whether a reported value can be one: it is a number, within limits that are far wider than those of a plan.
+    /// True if a reported value is plausible: a number within limits that are far wider than a plan's.
     pub fn can_be(self, value: f64) -> bool {
         self.limits().hold(value)
     }
@@ -115,7 +115,7 @@ pub struct EffectiveWeather {
     pub visibility_m: Option<f64>,
     /// Wind speed, metres per second. Null where its unit is unknown.
     pub wind_speed_mps: Option<f64>,
-    /// Where the wind comes from, degrees true. Null for a light wind, which has no direction worth comparing.
+    /// Direction that the wind comes from, degrees true. Null for a light wind, which has no direction worth comparing.
     pub wind_from_true_deg: Option<f64>,
     /// Rain intensity, 0 to 1.
     pub rain_ratio: Option<f64>,
@@ -128,7 +128,7 @@ pub struct EffectiveWeather {
 /// A quantity that is not as planned.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WeatherDifference {
-    /// Which.
+    /// The quantity that differs.
     pub quantity: EffectiveQuantity,
     /// The planned value, in the unit of the record.
     pub planned: f64,
@@ -249,7 +249,7 @@ impl EffectiveWeather {
         self
     }
 
-    /// Whether the scenario is marked.
+    /// True if the scenario is marked.
     pub fn is_marked(&self) -> bool {
         !self.differing.is_empty()
     }
@@ -295,7 +295,7 @@ impl EffectiveWeather {
         }
     }
 
-    /// What contradicts itself: values that differ without a mark, and marks without values that differ.
+    /// Contradictions within the record: values that differ without a mark, and marks without values that differ.
     pub(crate) fn contradiction(&self, planned: &Weather) -> Option<String> {
         let unmarked = self
             .differences(planned)
@@ -311,7 +311,7 @@ impl EffectiveWeather {
     }
 }
 
-/// Whether the wind is strong enough for its direction to be compared.
+/// True if the wind is strong enough for its direction to be compared.
 pub fn has_direction(planned: &Weather) -> bool {
     planned.wind_speed_mps > LEAST_WIND_MPS
 }

@@ -1,7 +1,8 @@
-//! Which detector made a scenario's detections: an ONNX file and the settings beside it, told apart by content.
+//! Identity of the detector that made a scenario's detections: an ONNX file and the settings beside it, identified by content.
 //!
-//! The same model with other settings finds other boxes, so both are hashed into the name of the detections. A model without
-//! settings beside it keeps its own hash. Where it runs (processor or accelerator) only rounds differently and is no part of it.
+//! The same model with other settings finds other boxes, so both are hashed into the name of the detections. A model without settings
+//! beside it keeps its own hash. The device it runs on (processor or accelerator) is not part of the identity, because it only affects
+//! rounding.
 
 use std::fmt;
 
@@ -24,8 +25,7 @@ pub struct ModelIdentity {
 }
 
 impl ModelIdentity {
-    /// BLAKE3 hash of model and settings: the model's own without settings, else that of the lines `model_blake3` and
-    /// `profile_blake3`.
+    /// BLAKE3 hash of model and settings: the model's own without settings, else the hash of the lines `model_blake3` and `profile_blake3`.
     pub fn blake3(&self) -> String {
         match &self.profile_blake3 {
             None => self.model_blake3.clone(),
@@ -41,20 +41,20 @@ impl ModelIdentity {
         self.blake3().chars().take(NAME_DIGITS).collect()
     }
 
-    /// Whether detections with this name were made by it.
+    /// True if detections with this name were made by it.
     pub(crate) fn has_name(&self, name: &str) -> bool {
         let hashes = [Some(&self.model_blake3), self.profile_blake3.as_ref()];
         let are_hashes = hashes.into_iter().flatten().all(|hash| is_hash(hash));
         are_hashes && !name.is_empty() && self.blake3().starts_with(name)
     }
 
-    /// Whether both have the same content, whatever the file is called.
+    /// True if both have the same content, whatever the files are called.
     pub fn is_same_content(&self, other: &Self) -> bool {
         self.model_blake3 == other.model_blake3 && self.profile_blake3 == other.profile_blake3
     }
 }
 
-/// Detections as people tell them apart: the model's file name, if it is known, and the name of the detections.
+/// Detections as shown to users: the model's file name, if it is known, and the name of the detections.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct NamedDetections {
     /// File name of the model.
@@ -64,7 +64,7 @@ pub struct NamedDetections {
 }
 
 impl NamedDetections {
-    /// Whether a user who writes `asked` means these.
+    /// True if `asked`, as written by a user, names these detections.
     pub fn is_meant_by(&self, asked: &str) -> bool {
         self.hash == asked || self.model.as_deref() == Some(asked)
     }

@@ -72,7 +72,7 @@ impl ScenarioFolder {
     /// Rejects a sealed folder with another scenario's files, or a copy under another name.
     ///
     /// # Errors
-    /// Those of [`check_identity`], and a record that does not match the seal.
+    /// See [`check_identity`]; also fails if the record does not match the seal.
     pub fn check_identity(&self, sealed: &Sealed) -> Result<()> {
         match sealed.content(RECORD, kind_of(RECORD))? {
             Some(record) => self.check_record(sealed, &record),
@@ -200,8 +200,8 @@ impl OpenScenario {
         }
     }
 
-    /// Where the aircraft of each view is in the reference view, tick by tick, for the detections of one model; `None` if these have no
-    /// registrations: the scenario has one view, or `dtd detect` was run before it registered.
+    /// Shifts of the aircraft between each view and the reference view, tick by tick, for the detections of one model; `None` if these have
+    /// no registrations: the scenario has one view, or `dtd detect` was run before it registered.
     ///
     /// # Errors
     /// They were made from other videos, or the table is not the one that was written.
@@ -237,7 +237,7 @@ impl OpenScenario {
         })
     }
 
-    /// Whether detections were made from the sealed state of this scenario.
+    /// True if detections were made from the sealed state of this scenario.
     fn is_source_of(&self, provenance: &Provenance) -> bool {
         provenance.config_hash == self.seal().config_hash
             && provenance.videos_blake3 == self.videos_blake3()

@@ -1,9 +1,9 @@
-//! Whether a run answered for the flight that a corpus has: the name of a scenario only tells time, weather and repeat, so that another
-//! corpus may have it, too. The true distances beside the answers tell them apart.
+//! Checks that a run answered for the flight in the corpus. The name of a scenario only states time, weather and repeat, so another corpus
+//! may use the same name; the true distances beside the answers distinguish them.
 
 use crate::tables::frames::TickRow;
 
-/// How far a distance that was written may be from the same one as it was read, metres.
+/// Tolerance between a distance as written and as read, metres.
 const SAME_M: f64 = 1e-3;
 
 /// The first tick that shows that it is another flight.
@@ -13,7 +13,7 @@ pub enum OtherFlight {
     Longer {
         /// The first tick beyond it.
         tick: u32,
-        /// How many the corpus has.
+        /// Number of ticks in the corpus.
         ticks: usize,
     },
     /// The distances differ.

@@ -44,8 +44,8 @@ pub fn check_path(root: &Path) -> Result<()> {
     }
 }
 
-/// Rejects a folder that contains anything but a corpus: its files would be written among those of others, or replace them. What an
-/// interrupted start leaves is part of a corpus; hidden files, and the `lost+found` of a new disk, are nobody's work.
+/// Rejects a folder that contains anything but a corpus: the corpus would mix with other files or replace them. Remains of an interrupted
+/// start are part of a corpus; hidden files and the `lost+found` of a new disk are ignored.
 pub fn check_place(root: &Path) -> Result<()> {
     check_path(root)?;
     if has_plan(root)? || has_sealed_scenario(root) {
@@ -84,7 +84,7 @@ pub fn foreign_entries(names: impl Iterator<Item = String>) -> Option<String> {
     })
 }
 
-/// Whether a corpus may begin beside an entry of its folder.
+/// True if a corpus may begin beside this entry of its folder.
 fn is_harmless(name: &str) -> bool {
     name.starts_with('.')
         || name.ends_with(TEMPORARY_SUFFIX)
@@ -92,7 +92,7 @@ fn is_harmless(name: &str) -> bool {
         || HARMLESS.contains(&name)
 }
 
-/// Whether a file may be left by a start that was interrupted before it wrote the plan. A sweep of another name or text is judged
+/// True if the file may be the remains of a start that was interrupted before it wrote the plan. A sweep of another name or text is judged
 /// before it is replaced.
 fn is_of_interrupted_start(root: &Path, name: &str) -> bool {
     let path = root.join(name);
@@ -120,7 +120,7 @@ fn has_sealed_scenario(root: &Path) -> bool {
     entries.is_ok_and(|entries| entries.flatten().any(|entry| seal::is_at(&entry.path())))
 }
 
-/// Whether a text is a plan of any version, valid or not in its values.
+/// True if the text is a plan of any version, whether or not its values are valid.
 pub fn is_plan(text: &[u8]) -> bool {
     #[derive(Deserialize)]
     struct AnyPlan {

@@ -80,7 +80,7 @@ pub struct ScenarioRecord {
     pub runway: Runway,
     /// The touchdown target: distances are to this point.
     pub touchdown: Geodetic,
-    /// Where this flight's wheels first touched the ground, if within the recording.
+    /// Point where this flight's wheels first touched the ground, if within the recording.
     pub flight_touchdown: Option<Geodetic>,
     /// Name of the geoid that heights refer to; `null` if heights above mean sea level are taken as heights above the ellipsoid.
     pub geoid: Option<String>,
@@ -95,10 +95,10 @@ pub struct ScenarioRecord {
     pub rig: String,
     /// Identifiers of the views, in the order of the tables.
     pub views: Vec<String>,
-    /// How the pictures were taken, if the camera rested for blocks of ticks; missing if every picture was settled by itself.
+    /// The blocks of ticks for which the camera rested; missing if the camera was settled for each picture separately.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blocks: Option<Blocks>,
-    /// What made it.
+    /// Versions of the software that made it.
     pub versions: Versions,
 }
 
@@ -129,7 +129,7 @@ pub struct Versions {
     pub simulator: String,
     /// Version of the capture link in use.
     pub capture_link: u32,
-    /// Where the pixels came from: `link`, `gl`, `screen` or `screenshot`; missing in older records.
+    /// Source of the pixels: `link`, `gl`, `screen` or `screenshot`; missing in older records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixels: Option<String>,
     /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`; missing in older records.
@@ -143,7 +143,7 @@ impl ScenarioRecord {
         u64::from(self.ticks) * self.views.len() as u64
     }
 
-    /// How the weather at the aircraft differs from the planned one; empty unless the scenario is marked.
+    /// Differences between the weather at the aircraft and the planned one; empty unless the scenario is marked.
     pub fn weather_marks(&self) -> Vec<WeatherDifference> {
         let effective = self.effective_weather.as_ref();
         effective.map_or_else(Vec::new, |effective| {
@@ -151,7 +151,7 @@ impl ScenarioRecord {
         })
     }
 
-    /// Whether the weather at the aircraft differs from the planned one.
+    /// True if the weather at the aircraft differs from the planned one.
     pub fn is_marked(&self) -> bool {
         let effective = self.effective_weather.as_ref();
         effective.is_some_and(EffectiveWeather::is_marked)
@@ -185,8 +185,8 @@ impl ScenarioRecord {
         }
     }
 
-    /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a
-    /// view whose name is not a file name are errors, because then nothing else can be checked.
+    /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a view whose
+    /// name is not a file name are errors, because they prevent all other checks.
     pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
         let record: Self = read_json(path, "scenario record")?;
         record.readable(path)
@@ -232,7 +232,7 @@ impl ScenarioRecord {
         check.into_found()
     }
 
-    /// Why this record cannot be used, as text: its meaning is unknown, or the names of its files are invalid.
+    /// The reason why this record cannot be used, as text: its meaning is unknown, or the names of its files are invalid.
     fn unreadable(&self) -> Option<String> {
         if self.schema_version > SCHEMA_VERSION {
             return Some(format!(

@@ -1,11 +1,11 @@
-//! How a scenario folder is committed, and changed atomically.
+//! Atomic commit of a scenario folder, and of later changes to it.
 //!
 //! A folder is filled under another name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of
 //! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through
 //! [`replace_files`], holding the scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last.
 //! `DONE.json.new` commits the change; all that remains is renaming. Readers ([`crate::corpus::sealed`]) see the complete old state before
 //! that moment and the complete new one after it, and never write. If a process is killed or the disk fails, the next writer
-//! completes a committed change and drops an uncommitted one. An error after the commit, e.g. of a sync, undoes nothing: the files
+//! completes a committed change and drops an uncommitted one. An error after the commit, e.g. of a sync, does not undo it: the files
 //! alone determine the state, and removing what the new seal names would destroy the scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -60,7 +60,7 @@ pub struct SealedFile {
     pub blake3: String,
 }
 
-/// Why a manifest cannot be used.
+/// Reasons why a manifest cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BadManifest {
     /// Not the one that was sealed.
@@ -113,7 +113,7 @@ pub fn sealed_files(
     files_in(manifest)
 }
 
-/// The files that a manifest lists. Each has one line, and each view one video; the folder of the videos contains nothing else.
+/// The files that a manifest lists. Each has one line, and each view one video; the folder of the videos contains no other files.
 fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, BadManifest> {
     let file = |line: &str| match line.split_once("  ") {
         Some((blake3, name)) if is_within(Path::new(name)) => Ok(SealedFile {
@@ -159,12 +159,12 @@ pub(crate) fn view_of(name: &str) -> Option<&str> {
     (is_video && file_name::check(view).is_ok()).then_some(view)
 }
 
-/// Whether a name within the folder has the form of a scenario's file.
+/// True if a name within the folder has the form of a scenario's file.
 pub fn is_scenario_file(name: &str) -> bool {
     ScenarioFolder::FILES.contains(&name) || view_of(name).is_some()
 }
 
-/// Whether a relative name stays within its folder.
+/// True if a relative name stays within its folder.
 pub fn is_within(name: &Path) -> bool {
     let mut parts = name.components().peekable();
     parts.peek().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
@@ -197,7 +197,7 @@ fn hash_opened(mut file: File, path: &Path) -> Result<String> {
 
 /// Seals a folder whose files are all written.
 pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
-    // Nothing may be sealed that a power failure could still undo.
+    // The content must be on disk before it is sealed, so that a power failure cannot undo it.
     let mut folders = BTreeSet::new();
     for name in files_of(folder)? {
         let path = folder.join(name);
@@ -244,7 +244,7 @@ pub fn commit_folder(partial: &Path, committed: &Path) -> Result<()> {
     sync(committed.parent().unwrap_or(committed))
 }
 
-/// The seal of a folder, if it has one: that of a committed change, if any.
+/// The seal of a folder, if it has one: the seal of a committed change takes precedence.
 pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     // In this order: the first is renamed to the second.
     for path in [decision(folder), folder.join(DONE)] {
@@ -384,8 +384,8 @@ pub fn replace_files(
         write_json(&decision(folder), &seal)
     };
     let decided = { change }();
-    // An error may also come after the rename that commits the change, from the sync of the folder. Where even that is unknown,
-    // everything stays.
+    // An error may also come after the rename that commits the change, from the sync of the folder. If it is unknown whether the rename
+    // happened, all files stay.
     if decided.is_err() && matches!(decision(folder).try_exists(), Ok(false)) {
         drop_undecided(folder, names.iter().copied());
     }
@@ -433,7 +433,7 @@ fn complete(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Removes `.new` files that a change would have created, and no others: a user's notes may end in `.new`, too.
+/// Removes only the `.new` files that a change would have created: a user's notes may also end in `.new`.
 fn drop_undecided<'a>(folder: &Path, names: impl Iterator<Item = &'a str>) {
     for name in names.chain([MANIFEST]) {
         // Leftovers do no harm: readers go by the hash, and the next change overwrites them.
@@ -452,7 +452,7 @@ pub fn current_path(folder: &Path, name: &str) -> Result<PathBuf> {
     Ok(if is_pending { new } else { path })
 }
 
-/// Whether a committed change still has to be completed.
+/// True if a committed change still has to be completed.
 pub fn is_unsettled(folder: &Path) -> bool {
     decision(folder).exists()
 }

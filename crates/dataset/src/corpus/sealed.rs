@@ -1,4 +1,4 @@
-//! A sealed folder as readers see it. Reading takes no lock, changes nothing on disk, and works on a read-only file system.
+//! A sealed folder as readers see it. Reading takes no lock, does not write, and works on a read-only file system.
 //!
 //! The files alone determine the state of the folder. `DONE.json.new` if it exists, else `DONE.json`, names the manifest by its
 //! hash, and the manifest names each file by its hash. So each file is searched by its hash: under its name, as `<name>.new`, and
@@ -128,7 +128,7 @@ impl Sealed {
     /// Reads all of a sealed file and rejects it if it does not match the seal.
     ///
     /// # Errors
-    /// Those of [`Sealed::content`].
+    /// See [`Sealed::content`].
     pub fn check(&self, name: &str) -> Result<PathBuf> {
         let found = match self.hash_of(name) {
             Some(blake3) => self.find(name, blake3)?,
@@ -163,7 +163,7 @@ impl Sealed {
         })
     }
 
-    /// The sizes, in bytes, of a file whose size differs from the seal: actual and sealed. Only those of videos are sealed.
+    /// The sizes, in bytes, of a file whose size differs from the seal: actual and sealed. Only the sizes of videos are sealed.
     pub(crate) fn other_size(&self, name: &str) -> Result<Option<(u64, u64)>> {
         let Some(&sealed) = self.seal.video_bytes.get(name) else {
             return Ok(None);
@@ -175,7 +175,7 @@ impl Sealed {
             .filter(|(found, sealed)| found != sealed))
     }
 
-    /// Whether a file exists, whatever it contains.
+    /// Finds a file by its name, without reading its content.
     pub(crate) fn find_unread(&self, name: &str) -> Result<Found<PathBuf>> {
         let path = own_path(&self.folder, name)?;
         Ok(match path.is_file() {

@@ -1,5 +1,5 @@
-//! `failed/<id>.json`: scenarios that failed all attempts, with the reasons. The next run reads them, reports them, and tries
-//! again. For a corpus in an object store they are kept there, too, visible to everyone.
+//! `failed/<id>.json`: scenarios that failed all attempts, with the reasons. The next run reads them, reports them, and tries again. For a
+//! corpus in an object store the records are also kept there, visible to everyone.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,7 +16,7 @@ use crate::files::own_path::own_path;
 
 /// Folder of the records within a corpus.
 pub const FOLDER: &str = "failed";
-/// How often the folder may disappear.
+/// Attempts to write the record while other processes remove the folder.
 const ATTEMPTS: u32 = 100;
 
 /// The record of a scenario that was set aside.
@@ -26,12 +26,12 @@ pub struct SetAside {
     pub id: String,
     /// Hash of its parameters.
     pub config_hash: String,
-    /// Why each attempt failed, in order.
+    /// Reasons why each attempt failed, in order.
     pub reasons: Vec<String>,
 }
 
 impl SetAside {
-    /// The record of a scenario, if there is a readable one: it is informational, and nothing depends on it.
+    /// The record of a scenario, if there is a readable one: it is informational, and no result depends on it.
     pub fn read(corpus: &Corpus, id: &str) -> Option<Self> {
         let path = own_path(corpus.root(), Self::name(id)).ok()?;
         if !path.exists() {
@@ -66,7 +66,7 @@ impl SetAside {
         Ok(records)
     }
 
-    /// Writes the record, appending to those of earlier runs.
+    /// Writes the record, with the reasons of earlier runs before its own.
     pub fn write(mut self, corpus: &Corpus) -> Result<()> {
         if let Some(earlier) = Self::read(corpus, &self.id) {
             self.reasons.splice(0..0, earlier.reasons);
@@ -81,8 +81,8 @@ impl SetAside {
         outside_file::read(&path, FileKind::json("record of a failed scenario"))
     }
 
-    /// Adopts a record that was written elsewhere, unless the local one has more reasons: another machine may have continued, or
-    /// not know it.
+    /// Adopts a record that was written elsewhere, unless the local one has more reasons: another machine may have continued, or not have
+    /// this record.
     pub fn adopt(corpus: &Corpus, id: &str, text: &[u8]) -> Result<()> {
         let count = |record: Option<Self>| record.map_or(0, |record| record.reasons.len());
         let there: Option<Self> = serde_json::from_slice(text).ok();

@@ -1,4 +1,4 @@
-//! Third-party decoders that may panic on malformed input. Here that becomes an ordinary error, and nothing is printed.
+//! Third-party decoders that may panic on malformed input. A panic becomes an ordinary error and prints no message.
 
 use std::any::Any;
 use std::cell::Cell;

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 const MIB: u64 = 1 << 20;
 const GIB: u64 = 1 << 30;
 
-/// What a file contains, and its maximum size: far above anything real; a plan takes two kilobytes a scenario.
+/// Content of a file and its maximum size, which is far above any real file: a plan takes two kilobytes per scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileKind {
     what: &'static str,
@@ -97,7 +97,7 @@ pub fn open(path: &Path, kind: FileKind) -> Result<File> {
 /// Reads a file completely.
 ///
 /// # Errors
-/// Those of [`open`], and a file that cannot be read or that grows beyond its limit while being read.
+/// See [`open`]; also fails if the file cannot be read or grows beyond its limit while being read.
 pub fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(path, kind)?
@@ -111,7 +111,7 @@ pub fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
 /// Reads a text file completely.
 ///
 /// # Errors
-/// Those of [`read`], and invalid UTF-8.
+/// See [`read`]; also fails on invalid UTF-8.
 pub fn read_text(path: &Path, kind: FileKind) -> Result<String> {
     String::from_utf8(read(path, kind)?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();

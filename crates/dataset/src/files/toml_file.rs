@@ -45,7 +45,7 @@ impl<'a> TomlFile<'a> {
         })
     }
 
-    /// Whether this is the place of a date or time as TOML has them, which none of our files do.
+    /// True if the span holds a TOML date or time, which none of our files have.
     fn is_datetime(self, span: &Range<usize>) -> bool {
         fn is_within(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> bool {
             match value.get_ref() {
@@ -99,7 +99,7 @@ pub struct TomlError {
     pub path: PathBuf,
     /// Line and column, from 1, if the mistake has a position in the file.
     pub place: Option<(usize, usize)>,
-    /// What was found, what was expected, what to do.
+    /// Finding, expectation and remedy.
     pub message: String,
     excerpt: Option<String>,
 }

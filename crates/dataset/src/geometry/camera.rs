@@ -73,7 +73,7 @@ impl Camera {
         }
     }
 
-    /// Where an ECEF point appears, in camera axes (right, down, forward), metres: its true position unless there is refraction.
+    /// The apparent position of an ECEF point, in camera axes (right, down, forward), metres: its true position unless there is refraction.
     pub fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
         let seen_m = ecef_m - self.center_ecef_m;
         let appears_m = match self.refraction {
@@ -83,14 +83,13 @@ impl Camera {
         self.ecef_from_camera.transpose() * appears_m
     }
 
-    /// Where an ECEF point falls in the picture, pixels; `None` if it is not in front of the camera. The pixel may be outside the
-    /// picture.
+    /// The pixel at which an ECEF point appears; `None` if it is not in front of the camera. The pixel may be outside the image.
     pub fn project(&self, ecef_m: DVec3) -> Option<DVec2> {
         let point = self.to_camera(ecef_m);
         (point.z > 0.0).then(|| self.pixel_of(point))
     }
 
-    /// Whether an ECEF point is in the picture.
+    /// True if an ECEF point is within the image.
     pub fn shows(&self, ecef_m: DVec3) -> bool {
         // Pixel (0, 0) covers -0.5 to 0.5.
         let inside =
@@ -99,7 +98,7 @@ impl Camera {
             .is_some_and(|at| inside(at.x, self.width_px) && inside(at.y, self.height_px))
     }
 
-    /// Where a point in camera axes falls; it must be in front of the camera.
+    /// The pixel at which a point in camera axes appears; the point must be in front of the camera.
     pub fn pixel_of(&self, camera_m: DVec3) -> DVec2 {
         match self.distortion {
             None => {

@@ -24,7 +24,7 @@ pub struct Distortion {
     pub k3: f64,
 }
 
-/// Why coefficients are not those of a lens.
+/// Reasons why coefficients do not describe a lens.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BadLens {
     /// A coefficient is infinite or NaN.
@@ -39,7 +39,7 @@ pub enum BadLens {
          grows steadily up to {FIELD_OVER_HALF_DIAGONAL}"
     )]
     Folds {
-        /// Where, relative to the half diagonal.
+        /// Radius of the fold, relative to the half diagonal.
         radius: f64,
     },
     /// The picture would not be filled.
@@ -48,7 +48,7 @@ pub enum BadLens {
          coefficients"
     )]
     EmptyCorners {
-        /// Where the rim is drawn, relative to the half diagonal.
+        /// Radius at which the rim is drawn, relative to the half diagonal.
         rim: f64,
     },
 }
@@ -78,7 +78,7 @@ impl Distortion {
         Some(Self { k1, k2, p1, p2, k3 })
     }
 
-    /// Where the lens maps the ideal (pinhole) point `ideal`.
+    /// The point to which the lens maps the ideal (pinhole) point `ideal`.
     pub(crate) fn distort(&self, ideal: DVec2) -> DVec2 {
         let Self { k1, k2, p1, p2, k3 } = *self;
         let DVec2 { x, y } = ideal;
@@ -150,7 +150,7 @@ impl Distortion {
     /// over or leave its corners empty.
     ///
     /// # Errors
-    /// What is wrong.
+    /// See [`BadLens`].
     pub fn check(&self, corner: f64) -> Result<(), BadLens> {
         if self.coefficients().iter().any(|c| !c.is_finite()) {
             return Err(BadLens::NotANumber { lens: *self });

@@ -1,4 +1,4 @@
-//! How closely a simulator must draw what was requested: the one tolerance for recording and verification.
+//! Tolerance between the requested and the drawn pose of a simulator, shared by recording and verification.
 //!
 //! An echo is a simulator's report of where aircraft and camera were when it drew a picture. X-Plane places both in 32-bit floats,
 //! in metres from an origin that may be 50 km away, and rotates them in 32-bit degrees. So an echo matches only approximately. The
@@ -22,20 +22,20 @@ pub(crate) const CAMERA_ANGLE_TOLERANCE_DEG: f64 = 0.0002;
 pub enum EchoMismatch {
     /// A different position.
     Position {
-        /// Where it was drawn.
+        /// Pose that was drawn.
         drawn: Pose,
-        /// Where it should have been.
+        /// Expected pose.
         expected: Pose,
-        /// How far that is, metres.
+        /// Distance between the two, metres.
         off_m: f64,
     },
     /// A different orientation or field of view.
     Angle {
-        /// Which angle.
+        /// Name of the angle.
         name: &'static str,
-        /// What was drawn, degrees.
+        /// The angle that was drawn, degrees.
         drawn_deg: f64,
-        /// What should have been, degrees.
+        /// The expected angle, degrees.
         expected_deg: f64,
         /// The tolerance, degrees.
         tolerance_deg: f64,

@@ -11,7 +11,7 @@ use crate::geometry::pose::{Controls, FlightState, Pose};
 use crate::numbers::units::Degrees;
 
 impl FlightState {
-    /// Where the centre of gravity is, earth-centred and earth-fixed metres.
+    /// Position of the centre of gravity, earth-centred and earth-fixed metres.
     pub fn position_ecef(&self) -> DVec3 {
         self.pose.position().to_ecef()
     }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::distortion::Distortion;
 use crate::numbers::limits::{self, Check};
 
-/// How a camera's pictures are made.
+/// Imaging properties of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Imaging {
@@ -78,7 +78,7 @@ impl Imaging {
         }
     }
 
-    /// Whether these are ideal pictures of a pinhole in a vacuum, as X-Plane draws them.
+    /// True for ideal pictures of a pinhole in a vacuum, as X-Plane draws them.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
     }

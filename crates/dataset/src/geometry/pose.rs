@@ -101,7 +101,7 @@ pub struct FlightState {
     pub true_airspeed_mps: f64,
     /// Flaps and gear.
     pub controls: Controls,
-    /// Whether a wheel touches the ground.
+    /// True if a wheel touches the ground.
     pub on_ground: bool,
 }
 

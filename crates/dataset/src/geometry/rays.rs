@@ -7,7 +7,7 @@ use crate::geometry::camera::Camera;
 /// A line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
-    /// Where it begins, metres.
+    /// Origin, metres.
     pub origin_m: DVec3,
     /// Unit vector along it.
     pub direction: DVec3,
@@ -22,20 +22,20 @@ impl Ray {
         }
     }
 
-    /// How far along the ray a point is, metres; negative behind its origin.
+    /// Position of a point along the ray, metres; negative behind its origin.
     pub fn along_m(&self, point_m: DVec3) -> f64 {
         (point_m - self.origin_m).dot(self.direction)
     }
 
-    /// How far from the ray's line a point is, metres.
+    /// Distance of a point from the ray's line, metres.
     pub fn off_m(&self, point_m: DVec3) -> f64 {
         (point_m - self.origin_m).cross(self.direction).length()
     }
 }
 
-/// The point with the smallest sum of squared distances to the rays, weighted by the inverse square of the distance along them, which
-/// makes it the smallest sum of squared angles. `None` for fewer than two rays, for parallel ones, and where the lines meet behind the
-/// origin of a ray: nothing is seen there.
+/// The point with the smallest sum of squared distances to the rays, weighted by the inverse square of the distance along them, which makes
+/// it the smallest sum of squared angles. `None` for fewer than two rays, for parallel ones, and where the lines meet behind the origin of
+/// a ray, which a camera cannot see.
 pub fn meeting_point_m(rays: &[Ray]) -> Option<DVec3> {
     let &[reference, _, ..] = rays else {
         return None;

@@ -40,7 +40,7 @@ impl Refraction {
     }
 }
 
-/// How much higher objects appear at a horizontal distance, metres.
+/// Height by which refraction lifts objects at a horizontal distance, metres.
 pub fn lift_m(coefficient: f64, distance_m: f64) -> f64 {
     coefficient * distance_m * distance_m / (2.0 * EARTH_RADIUS_M)
 }

@@ -110,7 +110,8 @@ impl RunwayCoordinates {
 pub(crate) mod tests {
     use super::*;
 
-    /// The runway of all tests. `testkit` reads the same file: its types are those of another `dataset` than the one tested here.
+    /// The runway of all tests. `testkit` reads the same file; its `Runway` cannot be used here, because it belongs to another build of
+    /// `dataset` than the one under test.
     pub(crate) fn changi_02l() -> Runway {
         serde_json::from_str(include_str!("../../../testkit/src/changi_02l.json")).unwrap()
     }

@@ -1,6 +1,6 @@
 //! Weighted linear least squares with a few unknowns, by their normal equations.
 
-/// A pivot below this part of its diagonal element is nothing but rounding: the unknown follows from the others.
+/// A pivot below this part of its diagonal element is pure rounding error: the unknown follows from the others.
 const SINGULAR: f64 = 1e-14;
 
 /// The normal equations of `value = row . unknowns`, filled row by row.
@@ -64,7 +64,7 @@ impl NormalEquations {
     pub fn inverse(&self) -> Option<Vec<Vec<f64>>> {
         let unknowns = self.right.len();
         let factor = CholeskyFactor::of(self.matrix.clone(), unknowns)?;
-        // Row for column: the inverse is symmetric, too.
+        // Row for column: the inverse is symmetric like the matrix.
         let row = |k: usize| {
             let mut unit = vec![0.0; unknowns];
             unit[k] = 1.0;

@@ -13,7 +13,7 @@ pub struct Limits {
     pub least: f64,
     /// The maximum.
     pub most: f64,
-    /// What the number is, with its unit: "a pitch in degrees".
+    /// Description of the number, with its unit: "a pitch in degrees".
     pub what: &'static str,
 }
 
@@ -26,7 +26,7 @@ impl Limits {
         Self { least, most, what }
     }
 
-    /// Whether a number is within the limits, except for rounding. NaN never is.
+    /// True if a number is within the limits, except for rounding; false for NaN.
     pub fn hold(&self, value: f64) -> bool {
         let slack = ROUNDING * self.least.abs().max(self.most.abs());
         (self.least - slack..=self.most + slack).contains(&value)
@@ -121,7 +121,7 @@ impl Check {
         self.place.pop();
     }
 
-    /// What was found.
+    /// Takes the numbers found outside their limits.
     pub(crate) fn into_found(self) -> Vec<FieldOutOfLimits> {
         self.found
     }
@@ -178,7 +178,7 @@ pub const VELOCITY_DOWN_MPS: Limits = Limits::new(-150.0, 150.0, "a vertical vel
 /// Of a state of a recorded flight: from any clock, even a computer's.
 pub const FLIGHT_TIME_S: Limits = Limits::new(-1e10, 1e10, "a time in seconds");
 
-// How a live flight of a sweep begins.
+// Start of a live flight of a sweep.
 
 /// From the touchdown target.
 pub const START_DTD_NM: Limits = Limits::new(0.5, 40.0, "a distance in nautical miles");
@@ -192,7 +192,7 @@ pub const START_ABOVE_PROFILE_M: Limits = Limits::new(-500.0, 1_000.0, "a height
 pub const START_HEADING_OFFSET_DEG: Limits = Limits::new(-60.0, 60.0, "an angle in degrees");
 /// True airspeed.
 pub const START_SPEED_MPS: Limits = Limits::new(55.0, 150.0, "an airspeed in m/s");
-/// Where a stepped descent continues.
+/// Distance from the threshold at which a stepped descent continues.
 pub const STEP_FROM_THRESHOLD_M: Limits = Limits::new(500.0, 60_000.0, "a distance in metres");
 /// Share of one side of a split.
 pub const SPLIT_PART: Limits = Limits::new(0.0, 1.0, "a part");
@@ -293,7 +293,7 @@ pub const ZULU_TIME_S: Limits = Limits::new(0.0, 86_400.0, "a time of day in sec
 
 /// From 40 NM at the slowest speed, three times over.
 pub const MOST_APPROACH_S: f64 = 4_000.0;
-/// Ticks of one scenario: an approach at 240 a second.
+/// Ticks of one scenario: an approach at 240 per second.
 pub(crate) const MOST_TICKS: u32 = 1_000_000;
 /// See [`MOST_TICKS`].
 pub const TICKS: Limits = Limits::new(1.0, MOST_TICKS as f64, "a number of ticks");
@@ -330,7 +330,7 @@ pub const SCORE: Limits = Limits::new(0.0, 1.0, "a score");
 pub const FEATURE_SCALE_PX: Limits = Limits::new(1e-9, 16_384.0, "a standard deviation in pixels");
 /// Of an aircraft from one view to another.
 pub(crate) const SHIFT_PX: Limits = Limits::new(-16_384.0, 16_384.0, "a shift in pixels");
-/// A shift that is less certain says nothing.
+/// A less certain shift carries no information.
 pub(crate) const SHIFT_SD_PX: Limits = Limits::new(0.0, 100.0, "a standard deviation in pixels");
 /// Of an aircraft between two views.
 pub(crate) const VIEW_SCALE: Limits = Limits::new(0.01, 100.0, "a ratio of two sizes");

@@ -43,12 +43,12 @@ pub struct PlannedCamera {
     pub pitch_deg: f64,
     /// Horizontal field of view, degrees.
     pub hfov_deg: f64,
-    /// Distortion of its lens; `None` is a pinhole. What applies to a scenario is in its [`Imaging`].
+    /// Distortion of its lens; `None` is a pinhole. The lens of a scenario is in its [`Imaging`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
 }
 
-/// Where the cameras of one scenario are aimed, as drawn.
+/// Aim of the cameras of one scenario, as drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
 pub enum Aim {

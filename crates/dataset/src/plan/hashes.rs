@@ -1,7 +1,7 @@
 //! The hashes of a plan: of each scenario's parameters, and of the list of scenarios.
 //!
-//! Only values that were read or drawn are hashed, nothing derived by trigonometry: its last digits differ between machines. Numbers
-//! are written with the fewest digits that read back as the same number, members in the order of the structs.
+//! Only values that were read or drawn are hashed. Values derived by trigonometry are excluded, because their last digits differ between
+//! machines. Numbers are written with the fewest digits that read back as the same number, members in the order of the structs.
 
 use super::{Common, Parameters, Plan, PlannedScenario};
 
@@ -11,7 +11,7 @@ pub struct ConfigHasher {
     common: Vec<u8>,
 }
 
-/// Why a plan does not match its hashes.
+/// Reasons why a plan does not match its hashes.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum HashMismatch {
     /// A scenario's parameters were changed.

@@ -1,4 +1,4 @@
-//! Which scenarios are planned, for readers that need nothing else of a plan: plans of any version have that.
+//! The planned scenarios, for readers that need no other part of a plan: plans of any version list them.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -57,13 +57,13 @@ impl PlannedScenarios {
         planned.map(String::as_str)
     }
 
-    /// Whether a scenario is planned; without a plan, each is.
+    /// True if a scenario is planned; without a plan, always true.
     pub fn has(&self, id: &str) -> bool {
         let planned = self.config_hashes.as_ref();
         planned.is_none_or(|planned| planned.contains_key(id))
     }
 
-    /// Rejects a scenario that is not planned, or has other parameters. Without a plan there is nothing to compare with.
+    /// Rejects a scenario that is not planned, or has other parameters. Without a plan, accepts every scenario.
     ///
     /// # Errors
     /// See above.

@@ -46,7 +46,7 @@ pub struct Parameters {
     pub flight: Flight,
     /// Start of a live or computed flight; absent for recordings.
     pub live: Option<LiveStart>,
-    /// Where the cameras are aimed; absent if as in the rig.
+    /// Aim of the cameras; absent if as in the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
     /// Placement error of each camera, by its identifier; absent if there is none.
@@ -75,7 +75,7 @@ pub struct LiveStart {
 }
 
 impl PlannedScenario {
-    /// Whether the name starts with the time and the weather, as all names of scenarios do.
+    /// True if the name starts with the time and the weather, as all names of scenarios do.
     pub(super) fn is_named_after_its_conditions(&self) -> bool {
         let digits = self.time_of_day.replace(':', "");
         let rest = self.id.strip_prefix(&digits);

@@ -259,7 +259,7 @@ pub struct TableParts {
 }
 
 impl TableParts {
-    /// A table without any part, of which nothing is written.
+    /// A table without parts; no file is written yet.
     pub fn new(path: &Path) -> Self {
         Self {
             path: path.to_owned(),
@@ -369,7 +369,7 @@ pub struct ColumnOutOfLimits {
     pub column: String,
     /// The first of them, with their rows.
     pub first: Vec<(usize, OutOfLimits)>,
-    /// How many there are.
+    /// Total number.
     pub count: usize,
 }
 
@@ -510,7 +510,7 @@ impl Table {
         }
     }
 
-    /// What a [`Table::collecting`] found in the requested columns.
+    /// Takes the faults that a [`Table::collecting`] found in the requested columns.
     pub(crate) fn into_collected(self) -> Vec<ColumnOutOfLimits> {
         self.collected.unwrap_or_default()
     }
@@ -520,7 +520,7 @@ impl Table {
         self.batches.iter().map(RecordBatch::num_rows).sum()
     }
 
-    /// Whether a column of this name exists.
+    /// True if a column of this name exists.
     pub fn has(&self, column: &str) -> bool {
         self.schema.column_with_name(column).is_some()
     }
@@ -675,8 +675,8 @@ impl Table {
     }
 }
 
-/// How the columns of a file are read, or why they are rejected: strings through their dictionary, so that a long repeated one
-/// takes its memory once, and no nested columns.
+/// The schema with which the columns of a file are read, or the reason why they are rejected. Strings are read through their dictionary, so
+/// that a long repeated one takes its memory once; nested columns are rejected.
 fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
     let columns = schema.fields().len();
     if columns > MOST_COLUMNS {

@@ -9,7 +9,7 @@ use crate::numbers::limits::{self, Limits};
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::work::memory;
 
-/// What the simulator reported about the picture of one view at one tick.
+/// The simulator's report about the picture of one view at one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewStamp {
     /// The simulator's frame counter when the picture was taken, counted from the scenario's first picture.
@@ -52,7 +52,7 @@ pub struct TickRow {
     pub true_airspeed_mps: f64,
     /// Flaps and gear.
     pub controls: Controls,
-    /// Whether a wheel touches the ground.
+    /// True if a wheel touches the ground.
     pub on_ground: bool,
     /// One stamp per view, in the order of [`Frames::views`].
     pub views: Vec<ViewStamp>,

@@ -1,4 +1,4 @@
-//! Boxes in pictures, and the table of the true ones (`boxes_truth.parquet`); that of the detected ones is in
+//! Bounding boxes, and the table of the ground truth (`boxes_truth.parquet`). The table of detected boxes is in
 //! [`crate::corpus::detections`].
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel, so a box that covers exactly that pixel has its centre at (0, 0) and is
@@ -108,7 +108,7 @@ pub struct TruthBox {
 }
 
 impl TruthBox {
-    /// Whether a detector is expected to find this aircraft: most of it is in the picture.
+    /// True if a detector is expected to find this aircraft: most of it is in the picture.
     pub fn is_expected(&self) -> bool {
         self.visible_fraction > EXPECTED_VISIBLE_FRACTION
     }

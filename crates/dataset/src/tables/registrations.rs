@@ -25,14 +25,14 @@ pub struct Registration {
     pub result: std::result::Result<Shift, NoShift>,
 }
 
-/// Where the aircraft in one view is in another.
+/// Position of the aircraft in one view relative to another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shift {
     /// The point of the reference view that was followed, right, pixels: the centre of the detected box.
     pub x_px: f64,
     /// The same, down.
     pub y_px: f64,
-    /// Where that point is in the view, minus where it is in the reference view: right, pixels.
+    /// Position of that point in the view, minus its position in the reference view: right, pixels.
     pub dx_px: f64,
     /// The same, down.
     pub dy_px: f64,
@@ -48,7 +48,7 @@ pub struct Shift {
     pub correlation: f64,
 }
 
-/// Why a tick of a view has no shift.
+/// Reasons why a tick of a view has no shift.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum NoShift {
     /// One of the views has no detection.
@@ -59,9 +59,9 @@ pub enum NoShift {
     Faint,
     /// The two pictures do not show the same aircraft.
     Different,
-    /// No shift near that of the boxes fits.
+    /// No shift near the one given by the boxes fits.
     Lost,
-    /// A shift fits, but so loosely that it says less than the boxes.
+    /// A shift fits, but so loosely that it is less accurate than the boxes.
     Vague,
 }
 
@@ -114,7 +114,7 @@ const FIELDS: [ShiftField; 9] = [
     ("correlation", limits::CORRELATION, |s| s.correlation),
 ];
 
-/// Whether all numbers of a shift can be stored.
+/// True if all numbers of a shift can be stored.
 pub fn is_within_limits(shift: &Shift) -> bool {
     FIELDS
         .iter()

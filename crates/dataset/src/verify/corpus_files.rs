@@ -18,7 +18,7 @@ const SPLITS: &str = Corpus::SPLITS;
 const RECORD: &str = "scenario.json";
 const SCENARIOS: &str = "scenarios";
 
-/// What was read of the scenarios.
+/// The scenarios, with the records and calibrations that could be read.
 pub(super) struct Found<'a> {
     pub(super) scenarios: &'a [ScenarioFolder],
     pub(super) records: &'a BTreeMap<String, ScenarioRecord>,
@@ -148,7 +148,7 @@ fn check_splits(corpus: &Corpus, records: &BTreeMap<String, ScenarioRecord>, fau
     }
 }
 
-/// What is among the scenarios, and is neither a complete one nor marked as unfinished.
+/// Reports entries among the scenarios that are neither complete scenarios nor marked as unfinished.
 fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut Faults) {
     let Ok(entries) = fs::read_dir(corpus.root().join(SCENARIOS)) else {
         return;

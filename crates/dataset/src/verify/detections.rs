@@ -30,7 +30,7 @@ struct Counts {
     registration: Option<RegistrationCounts>,
 }
 
-/// What a record says of its registrations.
+/// Counts of registrations in a record.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct RegistrationCounts {
@@ -189,7 +189,7 @@ fn check_registration_counts(
     }
 }
 
-/// Below `score` is only what counts, and nothing is below `faint_score`.
+/// Checks that boxes below `score` are confirmed, and that none is below `faint_score`.
 fn check_scores(file: &str, counts: &Counts, rows: &[Row], faults: &mut Faults) {
     let setting = |name| counts.settings.get(name).and_then(Value::as_f64);
     let (Some(score), Some(faint)) = (setting("score"), setting("faint_score")) else {

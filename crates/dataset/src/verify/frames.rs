@@ -93,8 +93,8 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
     }
 }
 
-/// No frame has two ticks, all frames of a block and view come before those of the next, and within a block the ticks are drawn in their
-/// order, but for those that were lost and shown again after later ones: `scenario.json` says how many.
+/// Checks that no frame has two ticks, all frames of a block and view come before the frames of the next, and within a block the ticks are
+/// drawn in their order, except for ticks that were lost and shown again after later ones (`scenario.json` has their number).
 fn check_blocks(blocks: &Blocks, frames: &Frames, faults: &mut Faults) {
     let block_ticks = blocks.ticks.max(1) as usize;
     let mut last_of_block: Option<u64> = None;
@@ -150,7 +150,7 @@ fn out_of_order(values: &[u64]) -> usize {
     values.len() - lasts.len()
 }
 
-/// The cameras used for drawing are those of the calibration.
+/// Checks that the cameras used for drawing match the calibration.
 pub(super) fn check_cameras(frames: &Frames, calibration: &Calibration, faults: &mut Faults) {
     for (index, view) in frames.views.iter().enumerate() {
         let Some(entry) = calibration.cameras.get(view) else {

@@ -14,7 +14,7 @@ use crate::geometry::imaging::Imaging;
 use crate::geometry::runway::Runway;
 use crate::plan::{Aim, Jitter, Picture, PlannedCamera, plan_hash};
 
-/// What every scenario should be.
+/// Planned properties of every scenario.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct PlanAsWritten {
@@ -24,7 +24,7 @@ pub(super) struct PlanAsWritten {
     scenarios: Vec<ScenarioAsWritten>,
 }
 
-/// What all scenarios have in common.
+/// Properties shared by all scenarios.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct CommonAsWritten {
@@ -77,13 +77,13 @@ impl PlanAsWritten {
             .collect()
     }
 
-    /// What a scenario shares with all others.
+    /// The properties that a scenario shares with all others.
     pub(super) fn common<'a>(&'a self, scenario: &'a ScenarioAsWritten) -> &'a CommonAsWritten {
         self.common.as_ref().unwrap_or(&scenario.parameters.common)
     }
 }
 
-/// A value of a plan, or what is there instead; null if nothing is.
+/// A value of a plan, or the invalid value in its place; null if it is missing.
 pub(super) enum Written<T> {
     Value(T),
     Odd { found: Value, fault: String },
@@ -137,7 +137,7 @@ impl<'de, T: DeserializeOwned> Deserialize<'de> for Written<T> {
 }
 
 impl<T: Serialize + PartialEq> Written<T> {
-    /// How a recorded value differs from the planned one, as text.
+    /// Text on how a recorded value differs from the planned one.
     pub(super) fn other_than(&self, what: &str, recorded: &T) -> Option<String> {
         if self.value() == Some(recorded) {
             return None;

@@ -1,8 +1,8 @@
 //! Compares `calibration.json` with `plan.json`: are the cameras placed, aimed and configured as planned?
 //!
-//! The plan has masts, the aim of a scenario, the placement error of each mast, and the lens, air and sensor; together they
-//! determine each camera and the quality of its pictures. A calibration that is consistent with itself, the tables and the labels
-//! may still be that of another rig.
+//! The plan has masts, the aim of a scenario, the placement error of each mast, and the lens, air and sensor; together they determine each
+//! camera and the quality of its pictures. A calibration that is consistent with itself, the tables and the labels may still belong to
+//! another rig.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ const LENGTH_TOLERANCE_M: f64 = 1e-5;
 /// ... and as much at the far end of a long lens.
 const ANGLE_TOLERANCE_DEG: f64 = 1e-9;
 
-/// What a plan states about the cameras of one scenario.
+/// A plan's statements about the cameras of one scenario.
 pub(super) struct PlannedCameras<'a> {
     runway: &'a Runway,
     cameras: &'a [PlannedCamera],
@@ -49,7 +49,7 @@ impl<'a> PlannedCameras<'a> {
         })
     }
 
-    /// Compares the cameras of a scenario with it. Which cameras must exist is checked with `scenario.json`.
+    /// Compares the cameras of a scenario with it. The set of cameras is checked with `scenario.json`.
     pub(super) fn check(&self, id: &str, calibration: &Calibration, faults: &mut Faults) {
         for camera in self.cameras {
             if let Some(found) = calibration.cameras.get(&camera.id) {
@@ -121,7 +121,7 @@ impl<'a> PlannedCameras<'a> {
     }
 }
 
-/// What was drawn for a camera, if anything was.
+/// The value drawn for a camera, or the default if none was drawn.
 fn drawn<T: Copy + Default>(of_each: &Option<BTreeMap<String, T>>, camera: &PlannedCamera) -> T {
     let drawn = of_each.as_ref().and_then(|of_each| of_each.get(&camera.id));
     drawn.copied().unwrap_or_default()

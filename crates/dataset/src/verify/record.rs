@@ -147,7 +147,7 @@ pub(super) fn check_calibration(
     }
 }
 
-/// Which part of an entry does not follow from its placement.
+/// Name of the part of an entry that does not follow from its placement.
 fn difference(entry: &CameraEntry) -> Option<&'static str> {
     let again = CameraEntry::from_pose(entry.placed, entry.width_px, entry.height_px);
     let [ours, theirs] = [&again, entry].map(|entry| entry.camera());

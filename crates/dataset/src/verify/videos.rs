@@ -25,7 +25,7 @@ pub(super) fn check(
             .views
             .iter()
             .map(|view| {
-                // What was sealed, if that can be read; a stray file with another extension is reported as such.
+                // The sealed video, if the seal can be read; a stray file with another extension is reported as such.
                 let sealed = sealed.as_ref().and_then(|sealed| sealed.video_of(view));
                 let path =
                     sealed.map_or_else(|| folder.video_path(view), |name| folder.root().join(name));
@@ -73,7 +73,7 @@ struct Decoded<'a> {
     time_base: Option<TimeBase>,
     /// Timestamps, in units of the time base.
     pts: Vec<i64>,
-    /// Why decoding stopped before the end.
+    /// Reason why decoding stopped before the end.
     fault: Option<String>,
     watcher: Option<Watcher<'a>>,
 }

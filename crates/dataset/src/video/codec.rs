@@ -25,7 +25,7 @@ pub enum VideoCodec {
     Ffv1,
 }
 
-/// Presets that x264 and x265 know.
+/// Presets of x264 and x265.
 const X26X_PRESETS: [&str; 10] = [
     "ultrafast",
     "superfast",
@@ -40,7 +40,7 @@ const X26X_PRESETS: [&str; 10] = [
 ];
 /// `cpu-used` of libaom.
 const AOM_PRESETS: [&str; 9] = ["0", "1", "2", "3", "4", "5", "6", "7", "8"];
-/// FFV1 has nothing to choose.
+/// FFV1 has no presets.
 const NO_PRESETS: [&str; 1] = ["none"];
 
 impl VideoCodec {
@@ -53,7 +53,7 @@ impl VideoCodec {
         Self::Ffv1,
     ];
 
-    /// Whether decoded pictures equal the input byte for byte.
+    /// True if decoded pictures equal the input byte for byte.
     pub fn is_lossless(self) -> bool {
         matches!(self, Self::H264Lossless | Self::Ffv1)
     }

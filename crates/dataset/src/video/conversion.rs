@@ -1,7 +1,7 @@
-//! Decoded pictures, or parts of them, to RGB.
+//! Conversion of decoded pictures, or parts of them, to RGB.
 //!
-//! A part is copied out of the planes and converted by itself, with the settings of the whole picture: of a picture in which only one
-//! small aircraft is of interest, 97 % are never converted.
+//! A part is copied out of the planes and converted separately, with the settings of the whole picture: if only one small aircraft is of
+//! interest, 97 % of a picture are never converted.
 
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::software::scaling::Flags;

@@ -1,4 +1,4 @@
-//! How far an unfinished video is: each of its pictures is a fragment of the file.
+//! Progress of an unfinished video: each of its pictures is a fragment of the file.
 
 use std::io::{BufReader, ErrorKind, Read};
 use std::path::Path;

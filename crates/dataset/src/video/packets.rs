@@ -1,4 +1,4 @@
-//! The coded pictures of a video, as they are: for formats that take packets, so that nothing is encoded again.
+//! Packets of a video: the coded pictures, for formats that take packets without re-encoding.
 //!
 //! MP4 keeps the parameter sets of H.264 and H.265 in its header, and writes the length of each unit before it (ISO/IEC 14496-15).
 //! Streams have start codes instead (Annex B), and repeat the parameter sets at key frames, so that a reader may begin there. AV1 is the
@@ -32,9 +32,9 @@ pub enum PacketCodec {
 pub struct CodedPicture {
     /// Its timestamp, in units of the `pts` of tables.
     pub pts: i64,
-    /// Whether decoding can begin here.
+    /// True if decoding can begin here.
     pub is_key: bool,
-    /// What a decoder reads.
+    /// Input of a decoder.
     pub data: Vec<u8>,
 }
 
@@ -50,7 +50,7 @@ pub struct PacketReader {
     framing: Framing,
 }
 
-/// How units are told apart in the file.
+/// Boundaries of units in the file.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 struct Framing {
     /// Bytes of a unit's length; 0: units are not divided.
@@ -96,7 +96,7 @@ impl PacketReader {
         }))
     }
 
-    /// How the pictures are coded.
+    /// Codec of the pictures.
     pub fn codec(&self) -> PacketCodec {
         self.codec
     }
@@ -138,9 +138,9 @@ impl PacketReader {
     }
 }
 
-/// What the container says of the codec.
+/// The codec parameters in the container's header.
 fn header_of(parameters: &codec::Parameters) -> Vec<u8> {
-    // SAFETY: the pointer is that of living parameters. FFmpeg keeps `extradata_size` bytes at `extradata`, or a null pointer.
+    // SAFETY: the parameters are alive while the pointer is used. FFmpeg keeps `extradata_size` bytes at `extradata`, or a null pointer.
     unsafe {
         let parameters = &*parameters.as_ptr();
         let bytes = usize::try_from(parameters.extradata_size).unwrap_or(0);

@@ -1,8 +1,8 @@
 //! Conversion between RGB and the coded pixel format, in BT.709.
 //!
-//! FFmpeg's converter assumes BT.601 unless it is told otherwise, whatever the frames' tags say, and `ffmpeg-next` does not wrap
-//! the function that sets it. Nor does it wrap a conversion from memory outside FFmpeg's frames, without which every picture would
-//! be copied once more (`docs/video.md` has the cost).
+//! FFmpeg's converter assumes BT.601 by default, whatever the frames' tags say, and `ffmpeg-next` does not wrap the function that changes
+//! it. Nor does it wrap a conversion from memory outside FFmpeg's frames, without which every picture would be copied once more
+//! (`docs/video.md` has the cost).
 #![allow(unsafe_code)]
 
 use std::os::raw::c_int;
@@ -57,8 +57,8 @@ impl Scaler {
             Matrix::Bt709 => ffi::SWS_CS_ITU709,
         };
         let range = if full_range { 1 } else { LIMITED_RANGE };
-        // SAFETY: the context is valid and not shared; the coefficients are a static table of swscale. It ignores the range of the
-        // RGB side. A negative result means that neither side is YUV: then there is nothing to set.
+        // SAFETY: the context is valid and not shared; the coefficients are a static table of swscale. It ignores the range of the RGB
+        // side. A negative result means that neither side is YUV: then no coefficients apply.
         unsafe {
             let coefficients = ffi::sws_getCoefficients(space);
             ffi::sws_setColorspaceDetails(

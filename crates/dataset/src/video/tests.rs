@@ -426,7 +426,7 @@ fn any_path_is_a_path_and_no_protocol() {
 
 #[test]
 fn a_relative_path_with_a_colon_names_no_protocol_and_one_that_is_not_utf_8_is_refused() {
-    // If the folder is missing, FFmpeg reports that, and nothing about protocols.
+    // If the folder is missing, FFmpeg's error is about the folder and does not mention protocols.
     let path = Path::new("no:such/view.mp4");
     let settings = VideoSettings::default();
     let rate = FrameRate::new(30, 1).unwrap();

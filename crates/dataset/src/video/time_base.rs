@@ -1,4 +1,5 @@
-//! Units of timestamps. Tables count in units of a frame rate, files in units of their own, so times are compared rather than numbers.
+//! Units of timestamps. Tables count in units of a frame rate and each file in the units of its container, so times are compared rather
+//! than numbers.
 
 use std::fmt;
 

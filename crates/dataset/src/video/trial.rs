@@ -1,7 +1,7 @@
-//! A trial of an encoder before it is trusted with a night: a hundred pictures on the user's machine.
+//! Trial of an encoder before a long recording: a hundred pictures on the user's machine.
 //!
-//! Input: the settings, size and frame rate of a recording, and an encoder. Output: nothing, or what is wrong. Pictures carry their number
-//! and patches of known colours. They are encoded twice: into a file that is finished, which must have all of them in order with their
+//! Input: the settings, size and frame rate of a recording, and an encoder. Output: success, or the fault. Pictures carry their number and
+//! patches of known colours. They are encoded twice: into a file that is finished, which must have all of them in order with their
 //! timestamps and colours; and into one that is never finished. A copy of the latter, taken after the last picture, is what a killed
 //! process would leave on the disk, and must have all but the last pictures.
 
@@ -18,10 +18,10 @@ use crate::numbers::frame_rate::FrameRate;
 pub const TRIAL_PICTURES: u32 = 100;
 /// Pictures that may be missing at the end after a kill: the last fragment, and the one before it.
 const LOST_BY_A_KILL: u32 = 2;
-/// How far the mean of a patch may be from its colour, of 255. Another range or matrix is off by more than 15 somewhere.
+/// Tolerance between the mean of a patch and its colour, of 255. Another range or matrix is off by more than 15 somewhere.
 const COLOUR_TOLERANCE: f64 = 8.0;
 
-/// What a trial found wrong.
+/// A fault found by a trial.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialFault {
     /// It does not encode, or its file cannot be read.
@@ -30,7 +30,7 @@ pub enum TrialFault {
     /// Pictures are missing, or there are too many.
     #[error("{found} pictures came back of {TRIAL_PICTURES}")]
     Count {
-        /// How many came back.
+        /// Number of pictures that came back.
         found: u32,
     },
     /// A picture is not the one of its place.
@@ -71,7 +71,7 @@ pub enum TrialFault {
     Killed {
         /// Pictures that are readable and right.
         readable: u32,
-        /// What ends them.
+        /// The error that ends them.
         why: String,
     },
 }
@@ -98,7 +98,7 @@ type Start<'a> = dyn Fn(&Path) -> Result<Box<dyn Recording>> + 'a;
 /// Tries an encoder in a folder, which must exist; leaves its files there.
 ///
 /// # Errors
-/// What is wrong with it.
+/// See [`TrialFault`].
 pub fn try_encoder(
     folder: &Path,
     settings: &VideoSettings,

@@ -48,7 +48,7 @@ impl UploadedFrames {
             });
         }
         let pool = Self(frames);
-        // SAFETY: the data of a frames reference is an AVHWFramesContext, which nothing else uses before it is initialised.
+        // SAFETY: the data of a frames reference is an AVHWFramesContext, which no other code uses before it is initialised.
         let code = unsafe {
             let context = (*pool.0).data.cast::<ffi::AVHWFramesContext>();
             (*context).format = ffi::AVPixelFormat::AV_PIX_FMT_VAAPI;

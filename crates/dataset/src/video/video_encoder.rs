@@ -7,7 +7,7 @@ use ffmpeg_next::format::Pixel;
 
 use super::{VideoCodec, VideoSettings};
 
-/// What encodes the videos. It does not change the sweep's codec, so scenarios of one corpus may have different encoders.
+/// Encoder of the videos. It does not change the sweep's codec, so scenarios of one corpus may have different encoders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum VideoEncoder {
     /// FFmpeg's software encoders: what `docs/video.md` measured.
@@ -44,7 +44,7 @@ impl VideoEncoder {
         }
     }
 
-    /// What it needs, for a person whose machine lacks it.
+    /// Requirements, for a user whose machine lacks them.
     pub fn needs(self) -> &'static str {
         match self {
             Self::Software => "an FFmpeg with this encoder",
@@ -87,13 +87,13 @@ impl VideoEncoder {
         }
     }
 
-    /// Whether pictures are uploaded to the GPU before they are encoded. The other encoders do so themselves.
+    /// True if pictures must be uploaded to the GPU before they are encoded. The other encoders upload them internally.
     pub(super) fn needs_upload(self) -> bool {
         self == Self::Vaapi
     }
 
-    /// Options of the encoder, as FFmpeg names them: constant quality, no reordering, nothing held back. Presets of the sweep are those of
-    /// the software encoders and do not apply.
+    /// Options of the encoder, as FFmpeg names them: constant quality, no reordering, no delayed output. The sweep's presets refer to the
+    /// software encoders and do not apply.
     pub(super) fn options(self, settings: &VideoSettings) -> Vec<(&'static str, String)> {
         /// FFmpeg's unit of quality.
         const LAMBDA_PER_QP: u32 = 118;
@@ -153,7 +153,7 @@ mod tests {
         table.contains("AVOptions").then_some(table)
     }
 
-    /// Whether a table has an option, and, if its values have names, this value.
+    /// True if a table has an option and, if its values have names, this value.
     fn has(table: &str, option: &str, value: &str) -> bool {
         let first_word = |line: &str| line.split_whitespace().next().map(str::to_owned);
         // Names of values stand below their option, farther to the right.

@@ -12,7 +12,7 @@ use rustix::process::{Resource, getrlimit};
 
 const KIB: u64 = 1 << 10;
 const GIB: u64 = 1 << 30;
-/// What a process needs besides the estimate: code, stacks, buffers of codecs. Below this nothing is rejected.
+/// Memory that a process needs besides the estimate: code, stacks, buffers of codecs. Smaller needs are never rejected.
 const SMALL_BYTES: u64 = 1 << 20;
 
 /// The limit that `--max-memory` sets for the whole process; unlimited by default.
@@ -72,22 +72,22 @@ impl fmt::Display for Bytes {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what} needs about {needed} of memory; there are {available} ({limited_by})")]
 pub struct TooMuchMemory {
-    /// What it is.
+    /// Description of the data.
     pub what: String,
-    /// By estimate.
+    /// Estimated need.
     pub needed: Bytes,
-    /// How much there is.
+    /// Available memory.
     pub available: Bytes,
-    /// What limits it.
+    /// The limit that applies.
     pub limited_by: &'static str,
 }
 
 /// Memory that is available to this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Available {
-    /// How much.
+    /// Amount.
     pub bytes: u64,
-    /// What limits it.
+    /// The limit that applies.
     pub limited_by: &'static str,
 }
 
@@ -178,12 +178,12 @@ fn machine_bytes() -> Option<u64> {
     Some(kib * KIB)
 }
 
-/// What the control group of this process leaves; page cache counts as free.
+/// Memory that the control group of this process has left; page cache counts as free.
 fn container_bytes() -> Option<u64> {
     let groups = fs::read_to_string("/proc/self/cgroup").ok()?;
     let group = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
     let mut least = None;
-    // The limit of every parent group applies, too.
+    // The limit of every parent group applies as well.
     for folder in std::path::Path::new(group.trim_start_matches('/')).ancestors() {
         let folder = std::path::Path::new("/sys/fs/cgroup").join(folder);
         let number = |name: &str| -> Option<u64> {

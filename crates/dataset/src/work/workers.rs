@@ -2,8 +2,8 @@
 
 use std::thread;
 
-/// Lets `count` threads, one of them the caller's, do the same work, and waits for all of them. The error is that of the first one
-/// that failed, the caller's before the others'.
+/// Runs the same work on `count` threads, one of them the caller's, and waits for all of them. Returns the error of the first thread that
+/// failed; the caller's takes precedence.
 ///
 /// # Errors
 /// A thread's.

@@ -7,7 +7,7 @@ use tar::{Builder, EntryType, Header};
 
 /// Unit of an archive: the size of a header, and what contents are padded to.
 const BLOCK_BYTES: u64 = 512;
-/// What ends an archive: two blocks of zeros.
+/// End marker of an archive: two blocks of zeros.
 pub(super) const END: [u8; 2 * BLOCK_BYTES as usize] = [0; 2 * BLOCK_BYTES as usize];
 
 /// A file of a sample: its name after the key, and its content.
@@ -28,7 +28,7 @@ pub(super) fn entries(key: &str, files: &[SampleFile]) -> io::Result<Vec<u8>> {
     Ok(mem::take(archive.get_mut()))
 }
 
-/// Whether entries of this size fit into an archive that has others of `written` bytes and may have `most_bytes` with its end.
+/// True if entries of this size fit into an archive that already has `written` bytes and may have `most_bytes` including its end marker.
 pub(super) fn fits(written: u64, added: u64, most_bytes: u64) -> bool {
     written + added + END.len() as u64 <= most_bytes
 }

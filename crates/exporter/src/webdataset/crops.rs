@@ -50,7 +50,7 @@ pub(crate) fn check(source: &Source<'_>, crop_px: [u32; 2]) -> Result<()> {
     Ok(())
 }
 
-/// Where a crop is in its picture.
+/// Position of a crop in its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 struct Crop {
     left_px: u32,
@@ -96,7 +96,7 @@ struct Cropped<'a> {
     rgb: Vec<u8>,
 }
 
-/// What is known of a crop. Boxes are in its pixels and may lie outside it.
+/// Position, boxes and calibration of a crop. Boxes are in its pixels and may lie outside it.
 #[derive(Serialize)]
 struct View<'a> {
     crop: Crop,
@@ -215,7 +215,7 @@ mod tests {
             assert_eq!([crop.width_px, crop.height_px], [8, 5]);
             [crop.left_px, crop.top_px]
         };
-        // Pixels 17 to 24 and 8 to 12: the centre is that of the box.
+        // Pixels 17 to 24 and 8 to 12: the crop is centred on the box.
         assert_eq!(corner(20.5, 10.0), [17, 8]);
         assert_eq!(corner(0.0, 0.0), [0, 0]);
         assert_eq!(corner(39.0, 29.0), [32, 25]);

@@ -5,7 +5,7 @@
 //! <split>-000000.tar     samples in a shuffled order
 //! ```
 //!
-//! Scenarios are decoded side by side, each into a file of its own; when all are there, their samples are copied into shards in an order
+//! Scenarios are decoded side by side, each into a separate file; when all are complete, their samples are copied into shards in an order
 //! that only the seed, the scenarios and their ticks determine. A shard appears under its name when it is whole, and the files of the
 //! scenarios stay until all shards are there, so a mix that was interrupted goes on with the next shard.
 
@@ -86,12 +86,13 @@ struct Entry {
     key: u64,
     /// Number of the scenario.
     scenario: usize,
-    /// Where it begins in the scenario's file.
+    /// Offset in the scenario's file.
     offset: u64,
     bytes: u64,
 }
 
-/// Copies the samples of all scenarios, which come with their split and what is stored of them, into shards. Returns the names of these.
+/// Copies the samples of all scenarios, which are given with their split and their stored samples, into shards. Returns the names of the
+/// shards.
 pub(super) fn mix(
     folder: &Path,
     seed: u64,

@@ -17,7 +17,7 @@ use crate::pictures::ViewPictures;
 use crate::source::Source;
 use crate::still::StillFormat;
 
-/// What is known of a tick.
+/// Metadata of a tick.
 #[derive(Serialize)]
 struct Sample<'a, V> {
     scenario: &'a str,
@@ -91,12 +91,12 @@ pub(super) struct Decoded<'a> {
     pub(super) size_px: [u32; 2],
 }
 
-/// How a format shows the pictures of its samples.
+/// Form in which a format stores the pictures of its samples.
 pub(super) trait Showing {
-    /// What is known of a view.
+    /// Metadata of a view.
     type View: Serialize;
 
-    /// The pixels that a sample has of a view, with their width and height, and what is known of it.
+    /// The pixels that a sample has of a view, with their width and height, and its metadata.
     fn show<'p>(
         &'p mut self,
         view: &str,

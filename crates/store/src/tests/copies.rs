@@ -12,19 +12,19 @@ use tempfile::TempDir;
 
 use super::ID;
 
-/// A copy in a folder of its own.
+/// A copy in a separate folder.
 pub(super) struct LocalCopy {
     _folder: TempDir,
     pub(super) corpus: Corpus,
     pub(super) seal: Seal,
-    /// Which recording it is of.
+    /// Number of the recording.
     pub(super) recording: u32,
     /// Place in the rule for copies of one recording: the greater goes first.
     pub(super) rank: u32,
 }
 
 impl LocalCopy {
-    /// A copy of a recording, labelled with an offset or not, and sealed at a time of its own.
+    /// A copy of a recording, labelled with an offset or not, and sealed at the given time.
     pub(super) fn new(recording: u32, label: Option<f64>, sealed_s: u64, rank: u32) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let corpus = Corpus::create(folder.path()).unwrap();

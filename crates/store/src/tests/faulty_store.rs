@@ -23,11 +23,11 @@ pub(super) struct Faults {
     pub(super) seed: u64,
     /// The longest delay of a request, in turns of the other tasks.
     pub(super) most_turns: u64,
-    /// One of so many writes is applied very late; half of these after its sender was told that it failed. 0 for none.
+    /// One of this number of writes is applied very late, half of these after the sender received an error. 0 for none.
     pub(super) late_write_of: u64,
-    /// Whether the store compares versions.
+    /// True if the store compares versions.
     pub(super) is_conditional: bool,
-    /// Whether every answer with content breaks off after its first half.
+    /// True if every answer with content breaks off after its first half.
     pub(super) cuts_content: bool,
 }
 

@@ -53,7 +53,7 @@ fn copy_with<'a>(copies: &[&'a LocalCopy], seal: &Seal) -> &'a LocalCopy {
         .expect("a copy that was pushed")
 }
 
-/// Whether the result of one upload is true of what the store has in the end.
+/// True if the result of one upload agrees with the final content of the store.
 fn is_true(pushed: &Pushed, ours: &LocalCopy, last: &LocalCopy) -> bool {
     let is_same_recording = ours.recording == last.recording;
     match pushed {

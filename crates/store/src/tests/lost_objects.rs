@@ -1,4 +1,4 @@
-//! What a store lost is noticed by one listing, and sent again.
+//! Objects that a store lost are detected by one listing, and sent again.
 
 use super::copies::LocalCopy;
 use super::faulty_store::{Faults, FaultyStore};
@@ -78,7 +78,7 @@ async fn an_unlabelled_copy_gives_back_a_video_and_takes_no_labels() {
     let state = store.committed_state(ID, None).await.unwrap();
     assert_eq!(state, Committed::Whole(labelled.seal.clone()));
     assert_eq!(faulty.requests.heads.load(Ordering::Relaxed), 0);
-    // What only the labelled copy had is gone: a whole copy goes before it, whatever its labels.
+    // The labelled copy's additional file is gone: a whole copy goes before a damaged one, whatever its labels.
     lose(&store, "boxes_truth.parquet", Loss::Deleted).await;
     let pushed = push(&store, &plain.corpus).await.unwrap();
     assert!(matches!(

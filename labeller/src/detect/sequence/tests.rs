@@ -18,7 +18,7 @@ const EACH_SECOND: FrameRate = FrameRate {
     denominator: 1,
 };
 
-/// Where a blob is at a tick, if it is there: its left-most column and top-most row.
+/// Position of a blob at a tick, if it is in the picture: its left-most column and top-most row.
 type Path = fn(u32) -> Option<[u32; 2]>;
 
 /// 24 x 8 pixels.
@@ -58,7 +58,7 @@ fn search(
     search_view(&scenario, &view, finder, &mut |_| Ok(())).unwrap()
 }
 
-/// How each picture was searched: `f`ull, `t`racked or `s`caled; a capital if it has no box.
+/// Search mode of each picture: `f`ull, `t`racked or `s`caled; a capital if it has no box.
 fn modes_of(findings: &ViewFindings, ticks: u32) -> String {
     let Detections { boxes, misses } = &findings.detections;
     let letter = |mode: SearchMode| mode.word().chars().next().unwrap();

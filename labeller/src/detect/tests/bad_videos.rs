@@ -1,4 +1,4 @@
-//! Videos that do not show what the tables say: named, and nothing is written.
+//! Videos that do not match the tables are named in an error, and no tables are written.
 
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{VideoSettings, VideoWriter};

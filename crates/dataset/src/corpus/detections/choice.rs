@@ -1,4 +1,4 @@
-//! Which of a corpus's detections are meant.
+//! Choice among a corpus's detections.
 
 use std::collections::BTreeMap;
 
@@ -7,12 +7,12 @@ use crate::corpus::ScenarioFolder;
 use crate::corpus::model_identity::NamedDetections;
 use crate::error::Result;
 
-/// Why no detections were chosen. Lists name what there is.
+/// Reasons why no detections were chosen. Lists name the available ones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum NoChoice {
     /// There are none at all.
     None,
-    /// There are none of the model that was asked for, but others.
+    /// There are only detections of models other than the requested one.
     Others(String),
     /// Several are meant.
     Several(String),

@@ -11,7 +11,7 @@ use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::tables::pixel_box::{BOX_FIELDS, PixelBox};
 use crate::work::memory;
 
-/// What a model found in the pictures of a scenario.
+/// A model's detections in the pictures of a scenario.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detections {
     /// The boxes, by tick.
@@ -34,11 +34,11 @@ pub struct Detection {
     /// Number of the window in which the first pass over the picture saw it: row by row, from 0; in pictures that were searched in
     /// [`SearchMode::Tracked`], number of the crop.
     pub tile: u32,
-    /// Number of the track that it belongs to: of one aircraft in one view. `None` if nothing was tracked.
+    /// Number of its track: one aircraft in one view. `None` without tracking.
     pub track: Option<u32>,
-    /// How its picture was searched.
+    /// Search mode of its picture.
     pub mode: SearchMode,
-    /// Whether its track has enough boxes to be an aircraft; always, if nothing was tracked.
+    /// True if its track has enough boxes to be an aircraft; always true without tracking.
     pub confirmed: bool,
 }
 
@@ -49,13 +49,13 @@ pub struct Miss {
     pub tick: u32,
     /// Identifier of the view.
     pub view: String,
-    /// How it was searched.
+    /// Search mode of the picture.
     pub mode: SearchMode,
-    /// Why it has none.
+    /// The reason why it has none.
     pub reason: MissReason,
 }
 
-/// How a picture was searched.
+/// Search mode of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum SearchMode {
     /// The whole picture, pixel by pixel.
@@ -66,14 +66,14 @@ pub enum SearchMode {
     Scaled,
 }
 
-/// Why a picture has no box.
+/// Reasons why a picture has no box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum MissReason {
-    /// The search of the picture saw nothing.
+    /// The search of the picture found no candidates.
     Nothing,
     /// The first pass saw something that the second did not confirm.
     Refuted,
-    /// Nothing was seen where the known tracks were expected, and nowhere else was searched.
+    /// Only the expected places of the known tracks were searched, without a result.
     Lost,
     /// There was no track to follow, and the next search of a whole picture was not due.
     NotSearched,
@@ -109,7 +109,7 @@ impl MissReason {
 }
 
 impl Detection {
-    /// A box of a picture that was searched whole, by itself: confirmed, since there is nothing else to go by.
+    /// A box from a search of one whole picture without tracking. It counts as confirmed, for lack of other evidence.
     pub fn untracked(
         tick: u32,
         view: impl Into<String>,

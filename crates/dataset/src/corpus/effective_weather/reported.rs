@@ -18,7 +18,7 @@ pub struct Range {
     pub most: f64,
 }
 
-/// What was reported under one weather of the sweep.
+/// Weather that was reported under one weather of the sweep.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ReportedWeather {
     /// Number of scenarios.
@@ -56,7 +56,7 @@ impl ReportedWeather {
         }
     }
 
-    /// Whether there is anything to report.
+    /// True if at least one scenario has a report.
     pub fn is_reported(&self) -> bool {
         self.scenarios > self.unreported
     }

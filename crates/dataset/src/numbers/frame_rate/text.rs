@@ -65,7 +65,7 @@ pub fn deserialize<'de, D: Deserializer<'de>>(input: D) -> Result<FrameRate, D::
 /// Writes a rate in this notation.
 ///
 /// # Errors
-/// Those of the output.
+/// Errors of the output.
 pub fn serialize<S: Serializer>(rate: &FrameRate, output: S) -> Result<S::Ok, S::Error> {
     rate.to_string().serialize(output)
 }

@@ -1,8 +1,8 @@
-//! How much the pages of a Parquet file unfold to, as their own headers say: the decoder allocates by these, whatever the file's metadata
-//! says.
+//! Decompressed sizes of the pages of a Parquet file, according to the page headers: the decoder allocates by these, whatever the file's
+//! metadata says.
 //!
 //! A page's header is a structure of Thrift's compact protocol before the page: field 2 is the size of the decompressed page, field 3 the
-//! size of the page in the file. Everything else is skipped.
+//! size of the page in the file. All other fields are skipped.
 
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
 

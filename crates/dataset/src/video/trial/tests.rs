@@ -38,11 +38,11 @@ enum Fault {
     Order,
     /// One picture is lost.
     Loss,
-    /// Levels are those of the limited range.
+    /// Levels are scaled to the limited range.
     Range,
     /// Red and blue are swapped.
     Colours,
-    /// What is written reaches the file only in part until it is finished.
+    /// Output reaches the file only in part until it is finished.
     HeldBack,
 }
 
