@@ -1,7 +1,7 @@
 //! The datarefs of X-Plane that we use, and the only conversion between SI and X-Plane's units.
 //!
 //! Input: conditions and runways in SI. Output: lists of dataref writes. Names and units differ between X-Plane 11 and 12 only for
-//! the weather ([`weather`]): a name whose comment begins with a version is used in that version alone, because X-Plane 12 keeps those
+//! the weather ([`weather`]): a name whose comment begins with a version is used in that version alone, because X-Plane 12 keeps the names
 //! of 11 and complains when one is looked up. The tolerances for reading back are one table ([`tolerance`]).
 
 mod effective_weather;
@@ -204,7 +204,7 @@ pub struct AutopilotSwitch {
 }
 
 impl AutopilotSwitch {
-    /// Whether it is on, from the datarefs read; `None` if too few could be read to decide.
+    /// State of the function, from the datarefs read; `None` if too few could be read to decide.
     pub fn is_on(&self, read: impl Fn(&str) -> Option<f32>) -> Option<bool> {
         let mut all_known = true;
         for states in self.on_while {
@@ -314,12 +314,12 @@ impl DatarefWrite {
         }
     }
 
-    /// Whether it is to be read back.
+    /// True if the written value is read back.
     pub(crate) fn is_read_back(&self) -> bool {
         self.tolerance != Tolerance::Unread
     }
 
-    /// Whether a value read back matches the written one.
+    /// True if a value read back matches the written one.
     pub fn is_met_by(&self, value: f32) -> bool {
         self.tolerance.allows(self.value, value)
     }

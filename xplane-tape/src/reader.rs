@@ -115,12 +115,12 @@ impl TapeReader {
         &self.info
     }
 
-    /// Where it is.
+    /// Path of the tape.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether its recorder finished. Known once [`TapeReader::next_entry`] has returned the last message.
+    /// True if its recorder finished. Known once [`TapeReader::next_entry`] has returned the last message.
     pub fn is_whole(&self) -> bool {
         self.whole
     }

@@ -20,7 +20,7 @@ pub enum PixelKind {
     Screenshot,
 }
 
-/// How large a picture is.
+/// Size of an image, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PictureSize {
     /// Width, pixels.

@@ -49,9 +49,9 @@ pub enum Request {
     },
     /// Start a flight there, unless it has started, and hold the aircraft there once the scenery has loaded. For plugins only.
     Travel {
-        /// Where.
+        /// Start position.
         start: FlightStart,
-        /// Whether the flight has started there (by X-Plane 12's Web API).
+        /// True if the flight has already started there (by X-Plane 12's Web API).
         #[serde(default)]
         already_started: bool,
     },
@@ -125,10 +125,10 @@ pub enum Answer {
         /// address is connected through an intermediary, a recorder or a tunnel, which must see the pictures pass.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shares_memory_with: Option<SocketAddr>,
-        /// Whether it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
+        /// True if it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         imaging: bool,
-        /// Whether it can draw the check pattern under the windows of its user interface.
+        /// True if it can draw the check pattern under the windows of its user interface.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         patterns_under: bool,
         /// The screen that it draws on, if the client cannot reach it: the plugin's, for a client on another computer.
@@ -140,7 +140,7 @@ pub enum Answer {
         /// Whether a tape gives the answers: what it lacks will not come later either.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         replayed: bool,
-        /// Whether it can show a tick for one drawn frame, with the frame's number in the margins around the picture.
+        /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         frame_codes: bool,
     },
@@ -166,7 +166,7 @@ pub enum Answer {
     ProfileKept,
     /// To [`Request::StillShown`].
     Shown {
-        /// Whether every frame since then has shown the same.
+        /// True if every frame since then has shown the same.
         still: bool,
     },
     /// To [`Request::Complaints`].
@@ -182,16 +182,16 @@ pub enum Answer {
     Flown {
         /// Names of the columns.
         columns: Vec<String>,
-        /// How many states.
+        /// Number of states.
         rows: usize,
     },
     /// To [`Request::Capture`]; the payload is the picture.
     Frame(FrameHeader),
     /// Instead of any of them.
     Error {
-        /// What went wrong.
+        /// Description of the failure.
         text: String,
-        /// Whether the same request would be refused again.
+        /// True if the same request would be refused again.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         repeats: bool,
     },

@@ -13,7 +13,7 @@ pub enum PictureBytes {
     Own(Vec<u8>),
     /// Grabbed into memory of a pool.
     Pooled(PooledPicture),
-    /// Where the simulator drew them.
+    /// Shared memory into which the simulator drew the image.
     Shared(SharedPicture),
 }
 
@@ -40,7 +40,7 @@ impl Deref for PooledPicture {
 
 impl Drop for PooledPicture {
     fn drop(&mut self) {
-        // Fails if nothing is grabbed any more.
+        // Fails if the grabbing has ended.
         let _ = self.pool.send(mem::take(&mut self.bytes));
     }
 }

@@ -1,10 +1,10 @@
 //! Shared memory for pictures: on one computer, the simulator draws them into the client's memory.
 //!
-//! The client creates a file in memory (`memfd`) with slots for some pictures, and tells the simulator the process and the number
-//! under which it is open. A request for a picture lends a slot to the simulator; the answer returns it with the picture in it. The
-//! file has no name, so a killed process leaves nothing behind; its size is sealed, so that no access can fail; and it begins with
-//! a secret, so that the file of another process, perhaps in another container with the same numbers, is not mistaken for it. Over
-//! loopback each picture was copied twice and cost the client more than 5 % of a core (`docs/capture-link.md`).
+//! The client creates a file in memory (`memfd`) with slots for some images, and sends the simulator the process and the number under which
+//! it is open. A request for a picture lends a slot to the simulator; the answer returns it with the picture in it. The file has no name,
+//! so a killed process leaves no file behind; its size is sealed, so that no access can fail; and it begins with a secret, so that the file
+//! of another process, perhaps in another container with the same numbers, is not mistaken for it. Over loopback each picture was copied
+//! twice and cost the client more than 5 % of a core (`docs/capture-link.md`).
 //!
 //! Pictures that pass a recorder, or come from another computer or from the plugin, travel over TCP.
 #![allow(unsafe_code)]
@@ -41,7 +41,7 @@ pub struct SharedMemory {
     pub descriptor: i32,
     /// The secret at the beginning of the file, 32 hexadecimal digits.
     pub secret: String,
-    /// How many slots it has.
+    /// Number of slots.
     pub slots: u32,
     /// Size of a slot, bytes, a multiple of 65,536. The first slot begins at byte 65,536.
     pub slot_bytes: usize,
@@ -63,7 +63,7 @@ impl SharedMemory {
         options
     }
 
-    /// What is wrong with an offer, if anything.
+    /// The fault of an offer, if any.
     fn fault(&self) -> Option<UnusableMemory> {
         if self.slots == 0 || self.slots > MAX_SLOTS {
             return Some(UnusableMemory::Slots { slots: self.slots });
@@ -76,7 +76,7 @@ impl SharedMemory {
     }
 }
 
-/// Why a client's memory cannot be used.
+/// Reason why a client's memory cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum UnusableMemory {
     /// None, or more than a client needs.
@@ -98,7 +98,7 @@ pub enum UnusableMemory {
     NotOpened {
         /// Its path.
         path: String,
-        /// Why not.
+        /// Underlying error.
         cause: io::Error,
     },
     /// A file that could shrink while it is mapped.
@@ -135,7 +135,7 @@ pub enum UnusableMemory {
     NotHere,
 }
 
-/// Why there is no slot for a picture.
+/// Reason why there is no slot for an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoSlot {
     /// Too large a number.
@@ -143,7 +143,7 @@ pub enum NoSlot {
     NoSuch {
         /// The number.
         number: u32,
-        /// How many there are.
+        /// Number of slots.
         slots: usize,
     },
     /// Another picture is not finished.
@@ -167,7 +167,7 @@ pub enum NoSlot {
 /// The client's side: memory for some pictures of one size.
 #[derive(Debug)]
 pub struct SharedPictures {
-    /// Stays open as long as a simulator may need to open it, too.
+    /// Stays open as long as a simulator may need to open it.
     _file: File,
     memory: SharedMemory,
     free: Arc<Mutex<Vec<Slot>>>,
@@ -200,9 +200,8 @@ impl SharedPictures {
         memory.descriptor = file.as_raw_fd();
         file.write_all_at(memory.secret.as_bytes(), 0)?;
         let slots = (0..slots).rev().map(|number| {
-            // SAFETY: the file cannot shrink. Others write to it, but to this slot only while it is lent, when nobody here reads
-            // it: `SharedPicture` alone gives access to it. A simulator that breaks this rule corrupts its picture; all bytes are
-            // valid.
+            // SAFETY: the file cannot shrink. Others write to it, but to this slot only while it is lent, when this process does not read
+            // it: `SharedPicture` alone gives access to it. A simulator that breaks this rule corrupts its picture; all bytes are valid.
             let memory = unsafe { memory.slot(number).map(&file) }?;
             Ok(Slot { number, memory })
         });
@@ -274,7 +273,7 @@ pub struct DrawingSlots {
 }
 
 impl DrawingSlots {
-    /// Whether this computer can share memory at all.
+    /// True if this computer can share memory at all.
     pub const POSSIBLE: bool = memfd::POSSIBLE;
 
     /// Opens the memory that a client offers. If it cannot be used, pictures are sent over the link.

@@ -21,7 +21,7 @@ pub const MAX_HEADER_BYTES: usize = 64 << 10;
 /// Longest payload, bytes: a picture of the largest size.
 pub const MAX_PAYLOAD_BYTES: usize = 192 << 20;
 
-/// Why the link cannot be read or written.
+/// Failure to read or write the link.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The socket failed.
@@ -30,7 +30,7 @@ pub enum LinkError {
     /// The other side closed.
     #[error("the other side closed the connection inside {inside}")]
     Ended {
-        /// Where.
+        /// Part of the message at which it ended.
         inside: &'static str,
     },
     /// Another program listens there.
@@ -74,7 +74,7 @@ pub enum LinkError {
 }
 
 impl LinkError {
-    /// Whether the other side hung up, as a client does that was interrupted.
+    /// True if the other side hung up, as an interrupted client does.
     pub fn is_hang_up(&self) -> bool {
         matches!(self, Self::Io(error)
             if matches!(error.kind(), ErrorKind::ConnectionReset | ErrorKind::BrokenPipe))

@@ -95,7 +95,7 @@ struct Client {
     note: Option<PortNote>,
 }
 
-/// What a client has subscribed to and not ended.
+/// Active subscriptions of a client.
 #[derive(Debug, Default)]
 struct Subscriptions {
     indices: BTreeSet<i32>,
@@ -179,7 +179,7 @@ impl Client {
                 Ok(Some(Err(Ok((length, from))))) if is_answer(self.route.simulator, from) => {
                     self.pass_to_client(&mut buffer[..length]).await;
                 }
-                // From a stranger, or the notice that nobody listens, perhaps not yet.
+                // A stranger's datagram, or a notice that the port is not open, perhaps only not yet.
                 Ok(Some(Err(_))) => {}
                 Ok(None) | Err(_) => return,
             }
