@@ -161,7 +161,7 @@ pub enum MockError {
     Bind {
         /// Which.
         address: SocketAddr,
-        /// For what.
+        /// Purpose.
         what: &'static str,
         /// Why not.
         r#source: io::Error,

@@ -36,7 +36,7 @@ pub enum BridgeError {
     NobodyAnswers {
         /// Address of the request.
         address: SocketAddr,
-        /// For how long.
+        /// Time waited.
         waited: Duration,
         /// True if its computer reported that the port is closed.
         refused: bool,
@@ -58,7 +58,7 @@ pub enum BridgeError {
          give the address, --sim HOST:PORT, e.g. --sim 127.0.0.1:49000. Without X-Plane, use the stand-in: --sim mock"
     )]
     NobodyAnnounced {
-        /// For how long we listened.
+        /// Time waited.
         waited: Duration,
     },
     /// More than one simulator was heard.
@@ -219,7 +219,7 @@ pub enum BridgeError {
     NoPlugin {
         /// Address of the request.
         address: SocketAddr,
-        /// For how long.
+        /// Time waited.
         waited: Duration,
     },
     /// The capture link could not be opened.

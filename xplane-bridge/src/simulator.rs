@@ -64,7 +64,7 @@ pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
 /// Timeout of a freeze or a release.
 const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
-/// How long X-Plane's weather takes to show, if the plugin does not report it, seconds.
+/// Time until X-Plane's weather shows, if the plugin does not report it, seconds.
 const WEATHER_SETTLE_S: f32 = 15.0;
 /// Attempts at grabbing a frame off the screen, which somebody may replace meanwhile.
 const MOST_GRABS: u32 = 5;
@@ -95,15 +95,15 @@ pub struct SimulatorDescription {
     pub window: Option<SimulatorWindow>,
     /// The only possible picture size; `None` if any size is possible, or it is unknown.
     pub drawn_size: Option<PictureSize>,
-    /// Whether it can draw lenses, refraction, turbulent air and noise.
+    /// True if it can draw lenses, refraction, turbulent air and noise.
     pub imaging: bool,
-    /// Whether it can draw the check pattern under the windows of its user interface.
+    /// True if it can draw the check pattern under the windows of its user interface.
     pub patterns_under: bool,
     /// Its profile.
     pub profile: KnownProfile,
-    /// Whether a tape gives the answers.
+    /// True if a tape gives the answers.
     pub replayed: bool,
-    /// Whether it can show a tick for one drawn frame, with the frame's number in the margins around the picture.
+    /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
     pub frame_codes: bool,
 }
 
@@ -475,7 +475,7 @@ impl Simulator {
         }
     }
 
-    /// Whether this simulator can draw such views; nothing is sent.
+    /// Checks that this simulator can draw such views; sends no request.
     ///
     /// # Errors
     /// [`BridgeError::NoImaging`] if it draws ideal pictures only and a view is none.
@@ -529,8 +529,8 @@ impl Simulator {
     /// The picture of the oldest outstanding capture.
     ///
     /// # Errors
-    /// Nothing is outstanding, nothing comes for a minute, the simulator rejects it, its conditions have changed, or the answer
-    /// does not belong to that capture. The caller checks whether the drawn pose is the requested one. For the screen also
+    /// No capture is outstanding, no answer comes for a minute, the simulator rejects it, its conditions have changed, or the answer does
+    /// not belong to that capture. The caller checks whether the drawn pose is the requested one. For the screen also
     /// [`BridgeError::ViewTaken`], if the frame is never left alone while it is grabbed.
     pub fn receive_frame(&mut self) -> BoxFuture<'_, Result<CapturedFrame, BridgeError>> {
         Box::pin(async move {
@@ -555,7 +555,7 @@ impl Simulator {
         })
     }
 
-    /// Whether the frame that was just grabbed has been on the screen since the simulator reported it.
+    /// True if the frame that was just grabbed has been on the screen since the simulator reported it.
     async fn is_still_shown(&mut self) -> Result<bool, BridgeError> {
         let doing = "asking for the grabbed frame";
         match self
@@ -622,12 +622,12 @@ impl Simulator {
             PictureBytes::Own(rgb) if self.spare_buffers.len() < MAX_OUTSTANDING_CAPTURES => {
                 self.spare_buffers.push(rgb);
             }
-            // Shared memory is free again once nobody holds it.
+            // Shared memory is free again once its last user drops it.
             PictureBytes::Own(_) | PictureBytes::Pooled(_) | PictureBytes::Shared(_) => {}
         }
     }
 
-    /// Lets the simulator run again and disconnects: nothing stays subscribed.
+    /// Lets the simulator run again and disconnects: no subscription remains.
     ///
     /// # Errors
     /// The simulator does not confirm. Everything that can be undone is undone nevertheless.

@@ -65,7 +65,7 @@ pub enum TapeError {
     Bind {
         /// Requested address.
         address: SocketAddr,
-        /// For what.
+        /// Purpose.
         what: &'static str,
         /// Underlying error.
         r#source: io::Error,

@@ -184,8 +184,7 @@ impl LinkMessage {
         Some(Self::new(header.to_string().as_bytes(), self.payload()))
     }
 
-    /// As it is stored without its payload: The stored form without the payload: lengths and header unchanged, then the payload's hash if
-    /// `with_hash`.
+    /// The stored form without the payload: lengths and header unchanged, then the payload's hash if `with_hash`.
     pub(super) fn reference(&self, with_hash: bool) -> Vec<u8> {
         let mut kept = self.bytes[..self.header_end].to_vec();
         if with_hash {

@@ -23,8 +23,7 @@ pub enum Deliver {
     Drawn,
     /// It is on the screen for one drawn frame, with that frame's number in the margins around it. The payload is empty.
     Coded,
-    /// The same, with the aircraft in another place: The same, with the aircraft displaced: the frame reveals the lag of the scene behind
-    /// the number.
+    /// The same, with the aircraft displaced: the frame reveals the lag of the scene behind the number.
     Probe,
     /// The file that X-Plane's screenshot command writes is the answer's payload: PNG.
     Screenshot,
@@ -63,8 +62,7 @@ impl CaptureRequest {
         rgb_bytes(self.width_px, self.height_px)
     }
 
-    /// Sizes that the answer's payload may have, bytes: Sizes that the answer's payload may have, bytes: the image's size, none if it is
-    /// only drawn, or the size of any file.
+    /// Sizes that the answer's payload may have, bytes: the image's size, none if it is only drawn, or the size of any file.
     pub fn payload_bytes(&self) -> RangeInclusive<usize> {
         match self.deliver {
             Deliver::Picture => self.rgb_bytes()..=self.rgb_bytes(),

@@ -68,8 +68,7 @@ pub struct DatarefValues {
     pub values: Vec<DatarefValue>,
 }
 
-/// `RREF,` from the simulator as a view of its datagram: `RREF,` from the simulator as a view of its datagram: the values are read in
-/// place, without allocation.
+/// `RREF,` from the simulator as a view of its datagram: the values are read in place, without allocation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DatarefValuesView<'a> {
     values: &'a [[u8; VALUE_BYTES]],

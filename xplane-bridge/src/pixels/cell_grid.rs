@@ -15,14 +15,14 @@ pub(super) struct Grid {
     pub(super) rows: usize,
 }
 
-/// What differs between two pictures, cell by cell.
+/// Differences between two images, cell by cell.
 #[derive(Debug, Default)]
 pub(super) struct Changes {
     /// Values that differ by more than a level.
     pub(super) beyond_level: Vec<u32>,
     /// Values that differ by more than half of it.
     pub(super) beyond_half: Vec<u32>,
-    /// Whether anything differs.
+    /// True for cells in which anything differs.
     pub(super) differs: Vec<bool>,
 }
 
@@ -63,7 +63,7 @@ impl Grid {
         ((right - left) * (bottom - top) * CHANNELS) as u32
     }
 
-    /// Which cells some rectangles touch.
+    /// Cells that some of the rectangles touch.
     pub(super) fn touched(&self, rectangles: &[Rectangle]) -> Vec<bool> {
         let mut touched = vec![false; self.cells()];
         for rectangle in rectangles {

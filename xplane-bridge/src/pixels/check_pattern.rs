@@ -45,7 +45,7 @@ pub struct Sighting {
     pub rectangle: Rectangle,
 }
 
-/// Why no code could be read.
+/// Reason why no code could be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Unreadable {
     /// No border anywhere.
@@ -72,8 +72,8 @@ pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
     picture
 }
 
-/// Finds the pattern in a picture of the window or of the whole screen, and reads its code. Tolerates noise, lower contrast and
-/// scaling; the rectangle is exact if nothing is scaled.
+/// Finds the pattern in a picture of the window or of the whole screen, and reads its code. Tolerates noise, lower contrast and scaling;
+/// without scaling the rectangle is exact.
 ///
 /// # Errors
 /// There is none, or an incomplete one.
@@ -100,8 +100,8 @@ pub fn read(picture: &RgbPicture) -> Result<Sighting, Unreadable> {
     }
 }
 
-/// Whether a picture of just the window may show the pattern: checks its corners, cheap enough for every picture. Nothing else has
-/// all four of them in magenta.
+/// True if an image of just the window may show the pattern: checks its corners, cheap enough for every picture. Only the pattern has all
+/// four of them in magenta.
 pub fn covers(picture: &RgbPicture) -> bool {
     let (width, height) = (picture.width_px, picture.height_px);
     width > 0

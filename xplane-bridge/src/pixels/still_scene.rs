@@ -1,20 +1,20 @@
-//! Whether something covers the scene, from pictures of a camera that rests.
+//! Detection of covers over the scene, in images of a camera that rests.
 //!
-//! Input: the pictures of one block, and in each the rectangles that may move (aircraft, shadow, lights). Output: the rectangle of
-//! whatever came over the scene: a message, a window, a notification, a pointer.
+//! Input: the images of one block, and in each the rectangles that may move (aircraft, shadow, lights). Output: the rectangle of a cover
+//! that came over the scene: a message, a window, a notification, a pointer.
 //!
-//! The picture is divided into cells of 16 x 16 pixels, and the first seven pictures of a cell in which nothing moves give its noise:
-//! ripples of water change many of its values from picture to picture, most cells none. From then on a cell is covered
+//! The image is divided into cells of 16 x 16 pixels, and the first seven images of a cell without a moving object give its noise: ripples
+//! of water change many values of their cells from image to image, other cells do not change. From then on a cell is covered
 //!
-//! - in a paused world, if it differs from its first picture by more than its noise ([`CoverKind::Appeared`]);
-//! - where time runs, if it differs from the picture just before by more than its noise, and until it looks again like before the
-//!   cover: clouds drift slowly, and a picture of some seconds ago proves nothing;
+//! - in a paused world, if it differs from its first image by more than its noise ([`CoverKind::Appeared`]);
+//! - where time runs, if it differs from the image just before by more than its noise, and until it looks again like before the cover:
+//!   clouds drift slowly, so an image of some seconds ago is no reference;
 //! - where time runs, also if rain or clouds changed it again and again, and suddenly it and its neighbours stand still to the last bit
 //!   ([`CoverKind::StandsStill`]): something opaque that came in too gradually to be noticed.
 //!
-//! A cell that a moving rectangle touches is not judged. What lay over the scene from the first picture of the block on belongs to
-//! it; when it goes, the scene differs from the beginning and is called covered. Nothing here tells the two
-//! apart: the attempt is repeated.
+//! A cell that a moving rectangle touches is not judged. An object that lay over the scene from the first image of the block on counts as
+//! part of it; when it goes, the scene differs from the beginning and is called covered. The two cases cannot be distinguished here: the
+//! attempt is repeated.
 
 mod standing_still;
 #[cfg(test)]
@@ -27,10 +27,10 @@ use super::Rectangle;
 use super::cell_grid::Grid;
 pub use watch::{CoverWatch, Verdict};
 
-/// Whether the world changes by itself between two pictures.
+/// Motion of the world between two images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WorldTime {
-    /// Nothing but water moves.
+    /// Only water moves.
     Paused,
     /// Clouds drift and rain falls.
     Runs,
@@ -39,18 +39,18 @@ pub enum WorldTime {
 /// Something that covers the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cover {
-    /// Where, to the cell.
+    /// Covered rectangle, to the cell.
     pub rectangle: Rectangle,
-    /// How it shows.
+    /// The way in which it was detected.
     pub kind: CoverKind,
-    /// How many of the pictures before this one may show it as well, although they were accepted.
+    /// Number of images before this one that may show it as well, although they were accepted.
     pub pictures_before: u32,
 }
 
-/// How a cover shows.
+/// The way in which a cover is detected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CoverKind {
-    /// The picture changed more than this scene does by itself.
+    /// The image changed more than this scene usually does.
     Appeared,
     /// It stands still where the scene never did.
     StandsStill,
@@ -61,10 +61,10 @@ const LEARNT: usize = 6;
 /// Of these, ordered by size, the one that counts: what comes and goes meanwhile shows in two of them and must not pass for noise.
 const TYPICAL: usize = LEARNT - 3;
 
-/// What is known of a cell.
+/// State of a cell.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
-    /// Whether the kept pictures show the scene here, and not the aircraft.
+    /// True if the kept images show the scene here, and not the aircraft.
     known: bool,
     /// The first comparisons with the picture before: values that changed, and that changed at least half as much; and how much brighter
     /// or darker they are in the mean.
@@ -72,16 +72,16 @@ struct Cell {
     shifts: [f64; LEARNT],
     /// The darkest and the brightest mean of these pictures.
     means: (f64, f64),
-    /// How many of them there are.
+    /// Number of these comparisons.
     learnt: usize,
-    /// Whether nothing at all changed in the typical comparison.
+    /// True if no value changed in the typical comparison.
     still: bool,
-    /// Whether so many values change by themselves that only their mean says something.
+    /// True if so many values change in the scene itself that only their mean is meaningful.
     restless: bool,
     /// Values that change, and by how much their mean shifts, from picture to picture: as learnt, or where time runs as of late.
     noise: f64,
     shift: f64,
-    /// Whether these, and the picture before, are of a time before something moved through the cell.
+    /// True if these, and the image before, date from before something moved through the cell.
     outdated: bool,
     covered: bool,
 }
@@ -124,7 +124,7 @@ impl Cell {
         })
     }
 
-    /// The most values that may change in a cell that nothing covers.
+    /// Maximum number of values that may change in an uncovered cell.
     fn allowed(&self, limits: Limits, values: u32) -> f64 {
         limits.allowed(self.noise, values)
     }
@@ -134,13 +134,13 @@ impl Cell {
         2.0 * self.shift + SHIFT_LEVELS
     }
 
-    /// Clouds come and go: the noise is that of late.
+    /// Takes the noise from recent images, since clouds come and go.
     fn follow(&mut self, changed: f64, shift: f64) {
         self.noise = changed.max(FADING * self.noise);
         self.shift = shift.max(FADING * self.shift);
     }
 
-    /// Whether the mean of water that moves is one that it never had.
+    /// True if the mean of moving water is outside its previous range.
     fn is_out_of_range(&self, mean: f64) -> bool {
         let (darkest, brightest) = self.means;
         let beyond = (brightest - darkest) / 2.0 + SHIFT_LEVELS;
@@ -148,9 +148,9 @@ impl Cell {
     }
 }
 
-/// What the mean of a cell may change beyond what it does by itself, levels.
+/// Accepted change of a cell's mean beyond the scene's own changes, levels.
 const SHIFT_LEVELS: f64 = 6.0;
-/// How much of the noise of the picture before still counts.
+/// Share of the previous image's noise that still counts.
 const FADING: f64 = 0.9;
 /// A cell beside a covered one is partly covered if this share of what would cover it has changed.
 const PARTLY: f64 = 0.3;
@@ -166,7 +166,7 @@ struct Limits {
     level: u8,
     /// A cell is covered if this share of its values has changed, over its noise.
     share: f64,
-    /// A cell of which a larger share changes by itself is restless.
+    /// A cell in which the scene itself changes a larger share is restless.
     restless: f64,
 }
 
@@ -204,15 +204,15 @@ pub struct StillScene {
     uncovered: Vec<u8>,
     /// The last picture, where it is needed.
     latest: Vec<u8>,
-    /// Whether this is the first picture.
+    /// True until the first image has been examined.
     is_new: bool,
-    /// For how many pictures nothing of a cover could be judged.
+    /// Number of images in which no part of a cover could be judged.
     hidden_looks: u32,
     standing_still: StandingStill,
 }
 
 impl StillScene {
-    /// Knows nothing yet of pictures of this size.
+    /// A scene of images of this size, before its first image.
     pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
         let grid = Grid::new(width_px, height_px);
         Self {
@@ -333,7 +333,7 @@ impl StillScene {
             .standing_still
             .look(&self.grid, &changes.differs, touched);
         if !changes.differs.contains(&true) {
-            // The same frame once more: nothing to learn from.
+            // The same frame once more: it adds no information.
             return self.verdict(&[], standing);
         }
         let (mut came_while_learning, mut still_covered) = (Vec::new(), Vec::new());
@@ -414,7 +414,7 @@ impl StillScene {
             }
             cell.learn((changed, at_least_half), before, now);
             let came = !cell.is_learning() && cell.has_learnt(limits, values);
-            // What came may have gone again.
+            // The cover that came may have gone again.
             cell.covered = came && since_uncovered() > cell.allowed(limits, values);
             return came;
         }
@@ -476,7 +476,7 @@ impl StillScene {
         }
     }
 
-    /// Whether cells look more like before the cover than like in the last picture, although clouds may have drifted meanwhile.
+    /// True if cells look more like before the cover than like in the last image, although clouds may have drifted meanwhile.
     fn is_as_before(&self, rgb: &[u8], cells: &[usize]) -> bool {
         let distance = |other: &[u8]| -> u64 {
             let cells = cells.iter();
@@ -485,7 +485,8 @@ impl StillScene {
         distance(&self.uncovered) < distance(&self.latest)
     }
 
-    /// Pictures with a cover, and the first one without it, say nothing about the noise of cells that were learning or renewed theirs.
+    /// Discards what was learnt from images with a cover, or from the first one without it: they are no evidence of the noise of cells that
+    /// were learning or renewed theirs.
     fn learn_nothing(&mut self, learning: &[usize], renewed: &[usize]) {
         for at in learning {
             let cell = &mut self.cells[*at];
@@ -506,8 +507,8 @@ impl StillScene {
         cell.outdated = true;
     }
 
-    /// Whether a cell is covered, in a paused world, from how many of its values changed since the picture before and since the scene was
-    /// last uncovered. Returns whether something came, and perhaps went, while its noise was learnt.
+    /// Decides, in a paused world, if a cell is covered, from the number of its values that changed since the image before and since the
+    /// scene was last uncovered. Returns true if something came, and perhaps went, while its noise was learnt.
     fn judge(&mut self, at: usize, rgb: &[u8], since_latest: u32, since_uncovered: u32) -> bool {
         let (limits, values) = (self.limits, self.grid.values(at));
         let mut came_while_learning = false;

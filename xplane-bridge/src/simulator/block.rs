@@ -38,13 +38,13 @@ pub use trial::{BlockTrial, KnownBlocks};
 const SEGMENT_BYTES: usize = 96 << 20;
 /// Ticks between two probes: at least and at most.
 const SEGMENT_TICKS: (usize, usize) = (12, 100);
-/// Buffers besides those of three segments, one of which is with the caller: for what is under way and grabbed.
+/// Buffers beyond the ones of three segments (one of which the caller holds): for images under way and grabbed.
 const MORE_BUFFERS: usize = 16;
 /// A screen without any readable code for this long is covered, or its window is gone.
 const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
 /// A grab may show the aircraft as it was so many frames before.
 const MOST_BEHIND: u64 = 8;
-/// Turns in a row in which nothing is sent, expected or delivered: more would never end.
+/// Maximum number of turns in a row in which no request is sent and no image is expected or delivered: more would never end.
 const MOST_IDLE: u32 = 8;
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
 const SETTLED_LEVELS: f64 = 0.25;
@@ -58,20 +58,20 @@ pub struct BlockOfTicks<'a> {
     pub states: &'a [FlightState],
     /// Rate of the ticks.
     pub frame_rate: FrameRate,
-    /// Which camera of the rig, counted from 0.
+    /// Index of the rig's camera, counted from 0.
     pub view: u32,
-    /// Where the camera rests.
+    /// Pose of the resting camera.
     pub camera: CameraPose,
     /// Size of the pictures, pixels.
     pub size_px: (u32, u32),
 }
 
-/// How a block was recorded.
+/// Report on a recorded block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockReport {
-    /// How many frames the scene was behind the code; `None` if every tick was held until it had settled.
+    /// Number of frames by which the scene was behind the code; `None` if every tick was held until it had settled.
     pub frames_behind: Option<u32>,
-    /// Whether a probe of this block told that.
+    /// True if a probe of this block measured that.
     pub is_measured: bool,
     /// Ticks that were shown again.
     pub repeated: u32,
@@ -87,7 +87,7 @@ pub struct BlockRecording<'a> {
     covers: CoverWatch,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
-    /// What was drawn, by frame.
+    /// Headers of the drawn frames, by frame.
     drawn: BTreeMap<u64, FrameHeader>,
 }
 
@@ -228,7 +228,7 @@ impl BlockRecording<'_> {
         })
     }
 
-    /// How it went. Complete after the last picture.
+    /// Report on the recording. Complete after the last picture.
     pub fn report(&self) -> BlockReport {
         let tally = self.sequence.tally();
         let all_held = tally.held as usize >= self.block.states.len();
@@ -339,7 +339,7 @@ impl BlockRecording<'_> {
         Ok(())
     }
 
-    /// The frame from which on the scene is covered, if it is in the grab of a frame. Nothing is known yet of a scene that settles.
+    /// The frame from which on the scene is covered, if it is in the grab of a frame. Always `None` while the scene settles.
     fn covered_from(&mut self, number: u64, rgb: &[u8]) -> Result<Option<u64>, PixelError> {
         if self.sequence.is_settling() {
             return Ok(None);
@@ -358,7 +358,7 @@ impl BlockRecording<'_> {
         Err(PixelError::CoveredBefore.into())
     }
 
-    /// Where the aircraft and its shadow may be in the grab of a frame.
+    /// Rectangles in which the aircraft and its shadow may be in the grab of a frame.
     fn moving(&self, number: u64) -> Vec<Rectangle> {
         let BlockOfTicks {
             camera, size_px, ..
@@ -407,7 +407,7 @@ impl BlockRecording<'_> {
 }
 
 impl Drop for BlockRecording<'_> {
-    /// Answers that nobody will take would be mistaken for those of the next requests.
+    /// Closes the link if answers are outstanding: they would be mistaken for the answers to the next requests.
     fn drop(&mut self) {
         self.simulator.grabs.rest(true);
         if !self.asked.is_empty() {

@@ -24,7 +24,7 @@ pub struct ConnectOptions {
     pub token: Option<String>,
     /// Address of X-Plane 12's Web API, if it may be used. It is used if it belongs to the same simulator.
     pub web_api: Option<SocketAddr>,
-    /// Whether every picture must be sent over the link, even if the simulator could draw it into our memory.
+    /// True if every image must be sent over the link, even if the simulator could draw it into our memory.
     pub no_shared_memory: bool,
     /// The local side of UDP.
     pub local_udp: LocalUdp,
@@ -46,7 +46,7 @@ impl ConnectOptions {
     }
 }
 
-/// Where X-Plane 12's Web API is looked for.
+/// Location of X-Plane 12's Web API.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WebApiPlace {
     /// X-Plane's default: on its own computer only, so it is tried only if that is this one.
@@ -100,7 +100,7 @@ impl WebApiPlace {
 
 const EXPECTED: &str = "expected HOST:PORT, e.g. 127.0.0.1:8086 or localhost:8086, or `off`";
 
-/// Why a text does not say where the Web API is.
+/// Reason why a text is not a location of the Web API.
 #[derive(Debug, thiserror::Error)]
 pub enum BadWebApiPlace {
     /// Not an address, and no host of this name is known.

@@ -75,11 +75,11 @@ impl fmt::Display for Verdict {
 /// One point of the examination.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Check {
-    /// What was checked.
+    /// Name of the check.
     pub name: &'static str,
-    /// How it came out.
+    /// Its result.
     pub verdict: Verdict,
-    /// What was found.
+    /// Details of the result.
     pub found: String,
     /// The remedy, unless it is ok.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -152,7 +152,7 @@ pub enum Measuring {
     Never,
 }
 
-/// What is to be recorded afterwards.
+/// The recording that is planned afterwards.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Intent {
     /// File of the sweep, as the user names it.
@@ -161,7 +161,7 @@ pub struct Intent {
     pub pictures: PictureSize,
 }
 
-/// What to examine.
+/// Settings of an examination.
 #[derive(Debug, Clone)]
 pub struct DoctorOptions {
     /// Its UDP address; by default the one in the beacon, or X-Plane's default.
@@ -170,15 +170,15 @@ pub struct DoctorOptions {
     pub web_api: WebApiPlace,
     /// The screen that it draws on, if pictures come off it.
     pub screen: Arc<dyn Screen>,
-    /// How long to listen for the beacon. X-Plane sends one a second.
+    /// Time to listen for the beacon. X-Plane sends one per second.
     pub listen: Duration,
-    /// How long to wait for values over UDP.
+    /// Time to wait for values over UDP.
     pub wait: Duration,
     /// The local side of UDP.
     pub local_udp: LocalUdp,
-    /// Whether to measure.
+    /// When to measure.
     pub measuring: Measuring,
-    /// What is to be recorded with it, if known.
+    /// The planned recording, if known.
     pub intent: Option<Intent>,
 }
 
@@ -375,8 +375,8 @@ async fn connect(address: SocketAddr, options: &DoctorOptions) -> Result<Simulat
     Simulator::connect_with(address, LINK_TIMEOUT, options).await
 }
 
-/// Why nothing comes over UDP. Incoming connections that are switched off show elsewhere: the beacon is sent nevertheless, and the
-/// Web API says so in its answer.
+/// Explains why no values come over UDP. Incoming connections that are switched off show elsewhere: the beacon is sent nevertheless, and
+/// the Web API says so in its answer.
 async fn silent(
     address: SocketAddr,
     silence: &Silence,

@@ -17,7 +17,7 @@ use crate::datarefs::{DatarefWrite, effective_weather_datarefs, effective_weathe
 use crate::error::BridgeError;
 use crate::profile::Profile;
 
-/// How long the aircraft's surroundings and the picture may take to follow the settings.
+/// Time for the aircraft's surroundings and the image to follow the settings.
 const SHOWING: Duration = Duration::from_secs(10);
 
 impl Simulator {
@@ -105,13 +105,13 @@ impl Simulator {
             .collect()
     }
 
-    /// Whether the clouds at the aircraft are wrong where it may help to regenerate them.
+    /// True if the clouds at the aircraft are wrong where it may help to regenerate them.
     pub(super) fn is_sky_wrong(&self, shown: &EffectiveWeather) -> bool {
         let clouds = EffectiveQuantity::CloudCover;
         shown.differing.contains(&clouds) && !self.not_followed.contains(&clouds)
     }
 
-    /// Whether a quantity was measured to follow what is written, and no later experience contradicts it.
+    /// True if a quantity was measured to follow the written value, and no later experience contradicts it.
     fn must_follow(&self, quantity: EffectiveQuantity) -> bool {
         let profile = self.description.profile.current();
         profile.is_some_and(|profile: &Profile| profile.follows(quantity))

@@ -19,9 +19,9 @@ use futures_util::future::BoxFuture;
 pub(super) enum DrawnOn {
     /// One that the caller can grab.
     Here,
-    /// That of another computer, which the plugin there grabs for us.
+    /// The screen of another computer, which the plugin there grabs for us.
     Elsewhere(Arc<dyn Screen>),
-    /// That of another computer; why nobody grabs it.
+    /// The screen of another computer, with the reason why it is not grabbed.
     OutOfReach(String),
 }
 
@@ -45,7 +45,7 @@ impl DrawnOn {
 }
 
 impl Simulator {
-    /// The screen to grab: `here`, or that of the simulator's computer.
+    /// The screen to grab: `here`, or the one of the simulator's computer.
     pub(super) fn screen(&self, here: &Arc<dyn Screen>) -> Result<Arc<dyn Screen>, PixelError> {
         match &self.drawn_on {
             DrawnOn::Here => Ok(here.clone()),
@@ -56,9 +56,9 @@ impl Simulator {
         }
     }
 
-    /// Chooses the source of pictures, and proves that it works: for the screen, that the simulator's window is visible, complete,
-    /// and in the size of the pictures, width and height in pixels, on `screen`, or on that of its own computer if that is another
-    /// one and the plugin grabs there. Without this call, pictures come over the link.
+    /// Chooses the source of pictures, and proves that it works: for the screen, that the simulator's window is visible, complete, and in
+    /// the size of the images, width and height in pixels, on `screen`, or on the screen of its own computer if it is another one and the
+    /// plugin grabs there. Without this call, pictures come over the link.
     ///
     /// # Errors
     /// The simulator does not offer the choice, or the proof fails; the message says what to change.
@@ -134,7 +134,7 @@ impl Simulator {
         self.pixels.kind()
     }
 
-    /// How captures must request their pictures.
+    /// The delivery that captures must request.
     pub fn deliver(&self) -> Deliver {
         match self.pixels.kind() {
             PixelKind::Screen => Deliver::Drawn,

@@ -1,5 +1,4 @@
-//! Which datarefs are subscribed, which have answered, and which to request next. Pure: takes the time and values, returns
-//! requests.
+//! Bookkeeping of datarefs: subscribed, answered, and next to request. Pure: takes the time and values, returns requests.
 
 use std::time::Duration;
 

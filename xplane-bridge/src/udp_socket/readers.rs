@@ -1,4 +1,4 @@
-//! Which reader of a socket gets which values. Pure, but for the channels to the readers.
+//! Assignment of a socket's values to its readers. Pure, but for the channels to the readers.
 
 use std::collections::BTreeMap;
 use std::collections::hash_map::RandomState;
@@ -11,7 +11,7 @@ use crate::packet::{DatarefValue, Position};
 /// Datagrams that wait for a reader; more are lost, as is usual with UDP.
 const WAITING: usize = 256;
 /// The numbers of a socket begin at one of this many places, this far apart: a client that takes over the port of another one must not
-/// mistake a value that is still on the way for one of its own.
+/// mistake a value that is still on the way for one of its subscriptions.
 const STARTS: u64 = 65_536;
 const APART: i32 = 256;
 

@@ -98,7 +98,7 @@ impl GrabThread {
         spawn_blocking(move || {
             let memory = (pool, free);
             if let Err(error) = grab_all(screen.as_ref(), region, &resting, &memory, &tell) {
-                // Nobody listens when the block has ended.
+                // The receiver is gone when the block has ended.
                 let _ = tell.send(Err(error));
             }
         });
@@ -110,7 +110,7 @@ impl GrabThread {
         }
     }
 
-    /// Whether it still grabs.
+    /// Discards the images received so far. Returns true if it still grabs.
     fn forget_pictures(&mut self) -> bool {
         loop {
             match self.pictures.try_recv() {

@@ -35,8 +35,8 @@ pub struct RemoteScreen {
 }
 
 impl RemoteScreen {
-    /// That of the plugin whose capture link is there, with the link's token. It is opened and grabbed on threads of a runtime that
-    /// may block (`spawn_blocking`).
+    /// The screen grabbed by the plugin whose capture link is at `link`, with the link's token. It is opened and grabbed on threads of a
+    /// runtime that may block (`spawn_blocking`).
     pub fn new(link: SocketAddr, token: Option<String>) -> Self {
         Self { link, token }
     }

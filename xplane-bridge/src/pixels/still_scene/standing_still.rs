@@ -10,14 +10,14 @@ use crate::pixels::cell_grid::Grid;
 
 /// For how many pictures a cell must stand still.
 const LEAST_STILL: u32 = 6;
-/// How many pictures before that show how often a cell changes.
+/// Number of earlier images needed to know how often a cell changes.
 const LEAST_SEEN: u32 = 30;
 /// A cover that comes gradually is complete within so many pictures.
 const COMES_WITHIN: u32 = 30;
 /// Minus the logarithm of the probability that is beyond chance, of any group, and more for each of its cells, since there are more
 /// large groups than small ones.
 const BEYOND_CHANCE: (f64, f64) = (40.0, 2.5);
-/// With fewer changes than this share of the usual ones, the world has stopped: such a picture says nothing.
+/// With fewer changes than this share of the usual ones, the world has stopped, and the image is no evidence.
 const STOPPED: f64 = 0.25;
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -35,13 +35,13 @@ impl History {
         f64::from(self.changed) / (seen + 2.0)
     }
 
-    /// Whether it is known how often it changes.
+    /// True if it is known how often it changes.
     fn is_known(self) -> bool {
         self.seen - self.still >= LEAST_SEEN
     }
 
     /// Minus the logarithm of the probability that it stood still by chance for so long, if the calmer cells change in a share of the
-    /// pictures; zero if that means nothing yet.
+    /// images; zero while there is too little evidence.
     fn surprise(self, calm_share: f64) -> f64 {
         if self.still < LEAST_STILL || !self.is_known() {
             return 0.0;
@@ -50,7 +50,7 @@ impl History {
     }
 }
 
-/// How often every cell changes, and since when it does not.
+/// History of every cell's changes, and the cells that are part of a cover.
 #[derive(Debug)]
 pub(super) struct StandingStill {
     histories: Vec<History>,
@@ -66,7 +66,7 @@ impl StandingStill {
         }
     }
 
-    /// Whether a cell is part of a cover, or beside one, so that it may be partly covered.
+    /// True if a cell is part of a cover, or beside one, so that it may be partly covered.
     pub(super) fn is_near_cover(&self, grid: &Grid, at: usize) -> bool {
         grid.around(at).any(|beside| self.covered[beside])
     }
@@ -153,7 +153,7 @@ impl StandingStill {
         oldest
     }
 
-    /// How often a cell changes that is calmer than three quarters of all.
+    /// Lower quartile, over the known cells, of the share of images in which a cell changes.
     fn calm_share(&self) -> f64 {
         let known = self.histories.iter().filter(|history| history.is_known());
         let mut shares: Vec<f64> = known.map(|history| history.share()).collect();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::{Cover, StillScene, WorldTime};
 use crate::pixels::{PixelError, Rectangle};
 
-/// How long a cover is waited for.
+/// Time to wait for a cover to go.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Clouds drift noticeably between two pictures that are further apart.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
@@ -16,7 +16,7 @@ const REMEMBERED: usize = 128;
 /// Use of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Nothing covers it.
+    /// No cover.
     Clear,
     /// Something does: whatever was taken from this frame on is to be taken again.
     Covered {

@@ -1,4 +1,4 @@
-//! Where the aircraft is in a picture, and where else it can be shown for a probe.
+//! Position of the aircraft in an image, and other positions at which it can be shown for a probe.
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::geodesy::Geodetic;
@@ -9,7 +9,7 @@ use crate::pixels::Rectangle;
 
 /// Half the size of a box around any airliner of the Boeing 737's size: forward, right and down of its centre of gravity, metres.
 pub(super) const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
-/// What a lamp, a blur or a shadow edge adds around the box, pixels.
+/// Margin for a lamp, a blur or a shadow edge around the box, pixels.
 const AROUND_PX: f64 = 3.0;
 /// A displaced aircraft is at least this far from its place, pixels.
 const LEAST_SHIFT_PX: f64 = 8.0;
@@ -19,9 +19,9 @@ const TICKS_AROUND: usize = 7;
 /// The aircraft in another place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Displaced {
-    /// Where it is shown.
+    /// Pose at which it is shown.
     pub(super) pose: Pose,
-    /// Where that is in the picture.
+    /// Rectangle of that pose in the image.
     pub(super) place: Rectangle,
 }
 

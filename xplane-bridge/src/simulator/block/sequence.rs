@@ -4,7 +4,7 @@
 //! of all ticks in their order, each once. No clock, no socket: everything can be replayed in a test.
 //!
 //! A grab with number m shows the scene of frame m - lag. The lag is measured by probes (`probe.rs`) at both ends of a block and between
-//! its segments, and has to be the same each time: pictures count when the probe after them has told the lag that they were taken with.
+//! its segments, and has to be the same each time: images count once the probe after them has measured the lag with which they were taken.
 //! A view whose last block ended with a probe begins the next one with that lag, which the first probe has to confirm.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -30,7 +30,7 @@ pub(super) trait Scene {
     /// The bytes of a part.
     fn part(&self, area: Rectangle) -> Vec<u8>;
 
-    /// Whether exposure, shadows and loading have come to rest since an earlier picture of the same tick.
+    /// True if exposure, shadows and loading have come to rest since an earlier image of the same tick.
     fn is_settled_after(&self, before: &Self) -> bool;
 }
 
@@ -59,16 +59,16 @@ pub(super) struct Taken<P> {
     pub(super) picture: P,
 }
 
-/// How a block was recorded.
+/// Statistics of a recorded block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Tally {
     /// Ticks that were shown again, because their picture was lost or not proven.
     pub(super) repeated: u32,
-    /// Probes that told the lag.
+    /// Probes that measured the lag.
     pub(super) seen: u32,
     /// Probes whose aircraft could not be seen.
     pub(super) unseen: u32,
-    /// How often the lag changed.
+    /// Number of changes of the lag.
     pub(super) changes: u32,
     /// Ticks that were held until they had settled.
     pub(super) held: u32,
@@ -118,7 +118,7 @@ pub(super) struct Sequence<P> {
     settle_frames: u64,
     probe_place: ProbePlace,
     known_lag: Option<u64>,
-    /// Whether the known lag is used before a probe has confirmed it.
+    /// True if the known lag is used before a probe has confirmed it.
     begins_with_known_lag: bool,
     phase: Phase,
     /// The next tick that was never shown, and those to show again.
@@ -130,7 +130,7 @@ pub(super) struct Sequence<P> {
     since_probe: u32,
     /// Sent and not answered yet.
     sent: VecDeque<Show>,
-    /// What is shown from a frame on.
+    /// Content shown from each frame on.
     shown: BTreeMap<u64, Show>,
     /// Answered ticks without a picture, by frame.
     unseen: BTreeMap<u64, u32>,
@@ -139,7 +139,7 @@ pub(super) struct Sequence<P> {
     undecided: VecDeque<Grab<P>>,
     last_settling: Option<P>,
     probe: Option<Probe>,
-    /// A probe was sent, and nothing after it.
+    /// A probe was sent, and no request after it.
     ends_with_probe: bool,
     /// A probe was due whose aircraft is not in the picture.
     has_skipped_probe: bool,
@@ -335,7 +335,7 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// Whether every request that a grab may show has been answered.
+    /// True if every request that a grab may show has been answered.
     fn is_certain(&self, number: u64) -> bool {
         let (least, _) = self.frames_behind();
         let last = self.shown.keys().next_back();
@@ -350,7 +350,7 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// What a grab shows for certain, and since which frame.
+    /// Content that a grab shows for certain, and the frame since which it has been shown.
     fn content(&self, grab: &Grab<P>) -> Option<(u64, Show)> {
         let (least, most) = self.frames_behind();
         let newest = grab.number.checked_sub(least)?;
@@ -376,7 +376,7 @@ impl<P: Scene> Sequence<P> {
         self.miss(number);
         if let Some((frame, outcome)) = self.probe.as_ref().and_then(Probe::outcome) {
             self.probe = None;
-            // An aircraft that was seen does not disappear: the scene may be further behind than a probe can tell.
+            // An aircraft that was seen does not disappear: the scene may be further behind than a probe can measure.
             let is_doubtful = outcome == Outcome::Unseen && self.tally.seen > 0;
             self.told(
                 frame,
@@ -453,7 +453,7 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// A probe told the lag of the frames around it.
+    /// Handles the outcome of a probe for the frames around it.
     fn told(&mut self, frame: u64, outcome: Outcome) {
         match outcome {
             Outcome::Behind(_) => self.tally.seen += 1,
@@ -503,7 +503,7 @@ impl<P: Scene> Sequence<P> {
         self.phase = Phase::Held;
     }
 
-    /// What was taken since the last probe is taken again.
+    /// Discards the images taken since the last probe, so that they are taken again.
     fn forget_unproven(&mut self) {
         let confirmed = self.confirmed_up_to;
         let doubtful = self.pictures.extract_if(.., |_, picture| {
@@ -562,7 +562,7 @@ impl<P: Scene> Sequence<P> {
         })
     }
 
-    /// Whether exposure, shadows and loading have not come to rest yet: pictures differ by themselves.
+    /// True while exposure, shadows and loading have not come to rest: images of the same tick still differ.
     pub(super) fn is_settling(&self) -> bool {
         matches!(self.phase, Phase::Settling { .. })
     }
@@ -572,17 +572,17 @@ impl<P: Scene> Sequence<P> {
         mem::take(&mut self.spent)
     }
 
-    /// Whether every tick has been delivered.
+    /// True if every tick has been delivered.
     pub(super) fn is_done(&self) -> bool {
         self.delivered == self.ticks
     }
 
-    /// Whether a request has to be answered before anything else happens.
+    /// True if a request has to be answered before anything else happens.
     pub(super) fn waits_for_answer(&self) -> bool {
         !self.sent.is_empty()
     }
 
-    /// Whether a grab is needed for anything that goes on.
+    /// True if a grab is needed for anything in progress.
     pub(super) fn expects_grabs(&self) -> bool {
         let is_idle = self.sent.is_empty() && self.unseen.is_empty() && self.probe.is_none();
         !(is_idle && matches!(self.phase, Phase::Moving { .. }))
@@ -593,12 +593,12 @@ impl<P: Scene> Sequence<P> {
         self.delivered
     }
 
-    /// The lag that the probes of this block told, or that was known before.
+    /// The lag that the probes of this block measured, or that was known before.
     pub(super) fn lag(&self) -> Option<u64> {
         self.known_lag
     }
 
-    /// How it went.
+    /// Statistics of the recording.
     pub(super) fn tally(&self) -> Tally {
         self.tally
     }

@@ -19,7 +19,7 @@ const NOISE_FACTOR: f64 = 1.5;
 /// ... and in so many more.
 const MORE_PIXELS: usize = 4;
 
-/// Views that the code tells apart.
+/// Number of views that the code can distinguish.
 const VIEWS: usize = 16;
 
 /// What is known about blocks of a simulator: kept from one connection to the next.
@@ -27,7 +27,7 @@ const VIEWS: usize = 16;
 pub struct KnownBlocks {
     /// The result of the trial; `None` before it.
     pub trial: Option<BlockTrial>,
-    /// How many frames the scene was behind the code in the last block that showed it.
+    /// Number of frames by which the scene was behind the code in the last block that showed it.
     frames_behind: Option<u64>,
     /// The same of each view, by its number in the code, if a probe of its last block showed it.
     of_view: [Option<u64>; VIEWS],
@@ -49,12 +49,12 @@ impl KnownBlocks {
     }
 }
 
-/// Whether pictures of blocks are those that settle.
+/// Result of comparing images of a block with settled ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlockTrial {
     /// They are equal within the noise of two settled ones.
     Equal,
-    /// They are not: every picture is settled by itself.
+    /// They are not: every image has to settle.
     Different {
         /// The first tick that differs.
         tick: u32,
@@ -66,7 +66,7 @@ pub enum BlockTrial {
 }
 
 impl Simulator {
-    /// What is known about its blocks.
+    /// Knowledge about its blocks, for the next connection.
     pub fn known_blocks(&self) -> KnownBlocks {
         self.known_blocks
     }
@@ -80,7 +80,7 @@ impl Simulator {
     /// compares them. Unless they are equal, [`Simulator::can_record_blocks`] is false from now on. The simulator is frozen.
     ///
     /// # Errors
-    /// As those of [`super::BlockRecording::next_picture`] and [`Simulator::receive_frame`].
+    /// As for [`super::BlockRecording::next_picture`] and [`Simulator::receive_frame`].
     pub fn try_blocks<'a>(
         &'a mut self,
         flight: BlockOfTicks<'a>,
@@ -180,8 +180,8 @@ fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
     starts
 }
 
-/// How many pixels of a picture differ from a settled one, and how many do between two settled ones, if there are too many in the
-/// picture or where the aircraft is.
+/// Returns the number of pixels in which an image differs from a settled one, and the number in which two settled ones differ, if there are
+/// too many in the whole image or at the aircraft's place.
 fn compare(
     [moved, settled, again]: [&[u8]; 3],
     width_px: u32,

@@ -12,7 +12,7 @@ use crate::Simulator;
 use crate::error::BridgeError;
 use crate::link::{CapturedFrame, Deliver, PixelKind};
 
-/// Maximum mean difference between pictures of the same shot, of 255, besides what moves by itself.
+/// Maximum mean difference between images of the same shot, of 255, in addition to the scene's own motion.
 pub(super) const SAME: f64 = 1.0;
 /// Frames after which everything has settled.
 pub(super) const SETTLED: u32 = 60;
@@ -31,9 +31,9 @@ pub(super) fn noon_zulu_s(longitude_deg: f64) -> f64 {
 /// Content of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shot {
-    /// How far the aircraft is moved to the east.
+    /// Distance by which the aircraft is moved to the east.
     pub(super) moved_m: f64,
-    /// How far the camera is turned to the right.
+    /// Angle by which the camera is turned to the right.
     pub(super) turned_deg: f64,
     /// And upwards.
     pub(super) up_deg: f64,
@@ -64,7 +64,7 @@ impl Shot {
     };
 }
 
-/// How pictures are taken.
+/// Source of the images for the measurements.
 pub(super) struct Eyes<'a> {
     pub(super) simulator: &'a mut Simulator,
     place: PlaceOnGround,
@@ -81,7 +81,7 @@ impl<'a> Eyes<'a> {
         }
     }
 
-    /// Why nothing is visible, if so.
+    /// The reason why no image can be seen, if so.
     pub(super) fn blind(&self) -> Option<String> {
         deliver(self.simulator).is_none().then(|| {
             "pictures cannot be seen from here: run the doctor on X-Plane's own computer, in its desktop session".into()

@@ -20,11 +20,11 @@ use crate::profile::Profile;
 const METERS_PER_DEGREE: f64 = 111_320.0;
 /// Maximum difference between a probe and the datarefs: they have 32 bits, and wheels are not the centre of gravity.
 const GROUND_TOLERANCE_M: f64 = 10.0;
-/// How high above its place the aircraft is shown, so that nothing hides it.
+/// Height of the displayed aircraft above its place, so that it is not hidden.
 const SHOWN_ABOVE_M: f64 = 300.0;
 /// The camera's position relative to it.
 const CAMERA_BEHIND_M: f64 = 150.0;
-/// How far it is moved between pictures that must differ.
+/// Distance by which it is moved between images that must differ.
 pub(super) const MOVED_M: f64 = 15.0;
 /// Maximum mean difference between pictures of the same pose, of 255: film grain and temporal smoothing.
 const SAME: f64 = 1.0;
@@ -59,8 +59,8 @@ pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) ->
     }
 }
 
-/// Takes pictures A A B A: all as requested, A the same each time, B different, frame numbers growing. In a pause, unless pauses
-/// show nothing new and a clock runs.
+/// Takes pictures A A B A: all as requested, A the same each time, B different, frame numbers growing. The simulator is paused, unless
+/// pauses do not show new poses and a clock runs.
 pub(super) async fn lockstep(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
@@ -148,7 +148,7 @@ pub(super) fn request(
     };
     CaptureRequest {
         tick,
-        // The same moment each time: nothing that moves by itself may make the pictures differ.
+        // The same moment each time: motion of the scene must not make the images differ.
         time_ns: 0,
         view: 0,
         pose,
@@ -167,7 +167,7 @@ pub(super) fn request(
     }
 }
 
-/// The error says what is out of step. Pictures that move by themselves are not compared.
+/// The error names what is out of step. In a restless scene (water), images are not compared.
 fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(), String> {
     for (asked, frame) in frames {
         let aircraft = aircraft_mismatch(&frame.pose, &asked.pose);

@@ -34,7 +34,7 @@ const BLOCK_RATE: FrameRate = FrameRate {
 /// Over which distance the aircraft moves meanwhile, to the east.
 const BLOCK_WAY_M: f64 = 30.0;
 
-/// Measures the pace of the pictures that are to be recorded. Nothing is encoded.
+/// Measures the pace of the images that are to be recorded, without encoding.
 pub(super) async fn measure(
     simulator: &mut Simulator,
     place: &PlaceOnGround,

@@ -1,4 +1,4 @@
-//! What pictures show of a static simulator: whether a pause shows new poses, how soon, and what moves by itself.
+//! Measurements on images of a static simulator: whether a pause shows new poses, how soon, and the motion that remains.
 
 use super::Check;
 use super::eyes::{Eyes, SAME, SETTLED, Shot};
@@ -126,7 +126,7 @@ impl PictureFindings {
     }
 }
 
-/// Whether another shot is another picture in a pause. If not, it must be one while time runs: in fog all look alike.
+/// Measures whether another shot gives another image in a pause. If not, it must give one while time runs: in fog all images look alike.
 async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<bool>, BridgeError> {
     eyes.freeze(SETTLED).await?;
     if differ(eyes, noise).await? {
