@@ -6,7 +6,7 @@
 //! threads.
 //!
 //! Distortion and refraction belong to the camera: rays and projections include them, so no picture is drawn first and warped
-//! afterwards. Blur, seeing and noise are a [`Degradation`], and cost nothing when absent.
+//! afterwards. Blur, seeing and noise are a [`Degradation`], and have no cost when absent.
 
 mod air;
 mod aircraft;
@@ -70,7 +70,7 @@ pub struct Scene {
     spoiled: Spoiled,
 }
 
-/// The instants of what moves by itself, seconds.
+/// The instants of the moving parts of the scene, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Instants {
     /// Of flashing lamps.
@@ -107,7 +107,7 @@ impl Spoiled {
         Blur::new(self.blur_sigma_px.hypot(seeing_px))
     }
 
-    /// How far seeing moves the image of something at a distance, pixels.
+    /// Displacement of the image of an object at a distance by seeing, pixels.
     fn shift_px(&self, distance_m: f64, time_s: f64) -> Option<DVec2> {
         self.turbulence
             .as_ref()
@@ -121,13 +121,13 @@ struct Canvas {
     y: usize,
     width: usize,
     light: Vec<Vec3>,
-    /// Whether a pixel differs from the backdrop.
+    /// True for pixels that differ from the backdrop.
     touched: Vec<bool>,
 }
 
 impl Scene {
-    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large picture). The
-    /// position of the sun is that of the year 2023, as seen from the camera.
+    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large picture). The position of
+    /// the sun is computed for the year 2023, as seen from the camera.
     pub fn new(camera: &Camera, runway: &Runway, weather: &Weather, clock: &Clock) -> Self {
         let view = View::new(camera, runway);
         let beta_per_m = air::beta_per_m(weather.visibility_m);
@@ -306,7 +306,7 @@ impl Scene {
         lamps
     }
 
-    /// Composites airframe and lamps over the backdrop, in linear light. `None` if nothing is inside the picture.
+    /// Composites airframe and lamps over the backdrop, in linear light. `None` if neither is inside the image.
     fn composite(
         &self,
         patch: Option<&Patch>,

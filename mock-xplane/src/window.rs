@@ -29,7 +29,7 @@ pub use cover::CoverWindow;
 
 /// Title of the window.
 const TITLE: &str = "X-Plane stand-in (dtd mock-xplane)";
-/// How long a window manager may take to map the window.
+/// Time for a window manager to map the window.
 const MAP_TIMEOUT: Duration = Duration::from_secs(5);
 /// The depth of the pixels we send: 32 bits each, with red, green and blue in the lower 24.
 const DEPTH: u8 = 24;
@@ -37,7 +37,7 @@ const BYTES_PER_PIXEL: usize = 4;
 
 /// Shows pictures: a window, or in tests something with faults.
 pub trait DisplayWindow: fmt::Debug + Send + Sync {
-    /// Where it is.
+    /// Its position and size.
     ///
     /// # Errors
     /// It no longer exists.
@@ -50,7 +50,7 @@ pub trait DisplayWindow: fmt::Debug + Send + Sync {
     fn show(&self, picture: &RgbPicture) -> Result<(), WindowError>;
 }
 
-/// Why nothing can be shown.
+/// Reason why images cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
     /// No connection to a display.
@@ -58,9 +58,9 @@ pub enum WindowError {
         "cannot open the X11 display {display:?}: {source}. Is DISPLAY set, and does an X server run there (e.g. Xvfb)?"
     )]
     Connect {
-        /// Which.
+        /// Name of the display.
         display: String,
-        /// Why not.
+        /// Underlying error.
         r#source: ConnectError,
     },
     /// The display has another pixel format.
@@ -68,7 +68,7 @@ pub enum WindowError {
         "the X11 display has pixels of another form ({found}), expected 24-bit colour in 32 bits, e.g. Xvfb -screen 0 1920x1280x24"
     )]
     PixelForm {
-        /// What it has.
+        /// Pixel format of the display.
         found: String,
     },
     /// The window does not fit.
@@ -90,7 +90,7 @@ pub enum WindowError {
     OtherSize {
         /// Its size.
         window: String,
-        /// That of the picture.
+        /// Size of the image.
         picture: String,
     },
     /// The window did not appear.
@@ -278,7 +278,7 @@ impl DisplayWindow for X11Window {
         for [red, green, blue] in picture.rgb.as_chunks().0 {
             pixels.extend([*blue, *green, *red, 0]);
         }
-        // Nobody reads the events; they must not pile up.
+        // The events are never used, but must not pile up.
         while self.connection.poll_for_event()?.is_some() {}
         self.put(&pixels)?;
         // Set again each time: the effect of changing a background's pixmap later is implementation-defined.

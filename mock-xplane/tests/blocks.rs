@@ -1,5 +1,5 @@
-//! Blocks of ticks from a camera that rests, through the hosted plugin and a real screen: every picture is that of its tick, whatever the
-//! scene's lag, and equal to the settled one.
+//! Blocks of ticks from a camera that rests, through the hosted plugin and a real screen: every image shows its own tick, whatever the
+//! scene's lag, and equals the settled one.
 #![cfg(target_os = "linux")]
 
 use std::net::SocketAddr;
@@ -32,7 +32,7 @@ const RATE: FrameRate = FrameRate {
     denominator: 1,
 };
 
-/// A stand-in with a window on an X server of its own.
+/// A stand-in with a window on a separate X server.
 struct Shown {
     _xvfb: Xvfb,
     simulator: Simulator,
@@ -258,7 +258,7 @@ fn rainy() -> Conditions {
     rainy
 }
 
-/// Where the ground and the aircraft are in a picture.
+/// Areas of the ground and the aircraft in an image.
 struct Parts {
     horizon_px: f64,
     aircraft: [DVec2; 2],

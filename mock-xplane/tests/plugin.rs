@@ -313,7 +313,7 @@ async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_t
     let mut simulator = taking_screenshots("camera_taken,stale_frames").await;
     assert_like(&pictures(&mut simulator).await, &wanted);
     simulator.release().await.unwrap();
-    // Where the frame that is kept is some frames late, it still shows what the camera saw before it was taken away.
+    // The kept frame may be some frames late, but still shows what the camera saw before it was taken away.
     let late = "cockpit_view,stale_frames,screenshot_without_camera";
     let mut simulator = taking_screenshots(late).await;
     assert_like(&pictures(&mut simulator).await, &wanted);
@@ -556,7 +556,7 @@ async fn a_live_approach_through_the_plugin_lands_where_the_built_in_one_does() 
         .to_ecef()
         .distance(start.to_ecef());
     assert!(begin < 30.0, "starts {begin} m off");
-    // Positions move as velocities say, in spite of a local origin that jumps. What 0.1 s can hold in turns and flare remains.
+    // Positions move as velocities say, in spite of a local origin that jumps. Turns and flare within 0.1 s remain as a difference.
     for pair in flown[1].windows(2) {
         let way = pair[1].position_ecef() - pair[0].position_ecef();
         let step_s = pair[1].time_s - pair[0].time_s;

@@ -95,7 +95,7 @@ async fn a_capture_link_of_another_version_is_refused_although_datagrams_were_lo
     tokio::spawn(async move {
         let (mut stream, _) = listener.accept().await.unwrap();
         stream.write_all(b"DTDL\x01\0\0\0").await.unwrap();
-        // Stays open: the client must notice by itself.
+        // Stays open: the client must notice the failure without a hang-up.
         std::future::pending::<()>().await;
     });
     let error = error_of(address, Duration::from_secs(3)).await;

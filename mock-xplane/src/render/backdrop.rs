@@ -50,7 +50,7 @@ pub(crate) struct Backdrop {
     ground: Vec<Vec3>,
     /// The sky at time 0.
     still_sky: Arc<SkyGrid>,
-    /// Seconds between computed instants; `None` if nothing moves.
+    /// Seconds between computed instants; `None` if the backdrop is static.
     instant_s: Option<f64>,
     instants: Kept<SkyGrid>,
     /// Time of the last picture, seconds.
@@ -168,7 +168,7 @@ impl Backdrop {
         sky
     }
 
-    /// Whether pictures follow each other so closely that most instants are shown by at least two.
+    /// True if images follow each other so closely that most instants are shown by at least two.
     fn shows_an_instant_twice(&self, time_s: f64, instant_s: f64) -> bool {
         let mut last_s = self
             .last_time_s

@@ -33,7 +33,7 @@ pub(crate) struct DriftingLayer {
     keys: Kept<Key>,
 }
 
-/// What the nodes show of a layer at a key instant.
+/// A layer at the nodes at a key instant.
 struct Key {
     /// Luminance, cd/m2, and opacity.
     light: Vec<Vec4>,

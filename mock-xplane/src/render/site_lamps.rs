@@ -77,7 +77,7 @@ fn city_lamp(view: &View, ground: &Ground, i: u32) -> Option<(DVec3, Vec3)> {
     visible.then(|| (place, WARM * (100.0 + 900.0 * unit_hash(i, 3, 9).powi(3))))
 }
 
-/// How a lamp of some candela appears.
+/// Image of a lamp of some candela.
 pub(crate) fn spot(
     view: &View,
     air: &Air,

@@ -55,7 +55,7 @@ pub(crate) fn encode(exposed: Vec3) -> Vec3 {
     })
 }
 
-/// What [`encode`] looks up.
+/// Function that [`encode`] tabulates.
 fn display(exposed: f32) -> f32 {
     255.0 * srgb_from_linear(1.0 - (-exposed).exp())
 }

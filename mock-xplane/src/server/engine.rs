@@ -11,7 +11,7 @@ use xplane_bridge::fly::FlyRequest;
 
 use crate::render::{Instants, Scene};
 
-/// Why an engine does not fly an approach.
+/// Reason why an engine does not fly an approach.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotFlown {
     /// The aircraft was still in the air at the end.

@@ -47,7 +47,7 @@ for name in ('xp_rules', 'fake_xp', 'held_lock', 'host'):
     exec(compile(settings[name], name + '.py', 'exec'), module.__dict__)
 sys.modules['host'].run(settings)";
 
-/// Which plugin to run, and the faults of the simulator around it.
+/// The plugin to run, and the faults of the simulator around it.
 #[derive(Debug, Clone)]
 pub struct PluginOptions {
     /// Folder of `PI_dtd_bridge.py`.
@@ -58,7 +58,7 @@ pub struct PluginOptions {
     pub window_px: (u32, u32),
     /// Simulated time between two frames, seconds.
     pub frame_period_s: f64,
-    /// How many frames a second are drawn at most, in real time.
+    /// Maximum number of frames drawn per second, in real time.
     pub most_frames_per_s: Option<f64>,
     /// How many frames the scene is behind; `None`: none, or as [`Quirk::StaleFrames`] says.
     pub scene_behind: Option<SceneBehind>,

@@ -13,7 +13,7 @@ use super::engine::{Engine, SceneRenderer};
 /// Maximum number of prepared pictures: two rigs of a few cameras.
 const KEPT: usize = 8;
 
-/// What a prepared picture depends on.
+/// The inputs of a prepared image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SceneKey {
     pub(super) camera: CameraPose,

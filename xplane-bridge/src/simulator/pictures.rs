@@ -57,8 +57,8 @@ impl Simulator {
     }
 
     /// Chooses the source of pictures, and proves that it works: for the screen, that the simulator's window is visible, complete, and in
-    /// the size of the images, width and height in pixels, on `screen`, or on the screen of its own computer if it is another one and the
-    /// plugin grabs there. Without this call, pictures come over the link.
+    /// the size of the images, width and height in pixels, on `screen`, or on the screen of the simulator's computer if it is another one
+    /// and the plugin grabs there. Without this call, pictures come over the link.
     ///
     /// # Errors
     /// The simulator does not offer the choice, or the proof fails; the message says what to change.

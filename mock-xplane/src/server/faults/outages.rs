@@ -50,7 +50,7 @@ impl Outages {
         self.count(|counts| counts.captures += 1);
     }
 
-    /// The simulator freezes for a while by itself, unless an outage is in progress.
+    /// Freezes the simulator for a while, unless an outage is in progress.
     pub(crate) fn freeze_for(&self, time: Duration) {
         let freeze = Outage {
             begins: Moment::After(Duration::ZERO),

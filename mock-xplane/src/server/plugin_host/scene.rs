@@ -86,7 +86,7 @@ pub(super) struct PluginScene {
     flight: Option<Playback>,
     move_origin_every_frames: Option<u32>,
     quirks: Quirks,
-    /// How often somebody else had placed the aircraft when we last checked.
+    /// Number of placements of the aircraft by others at the last check.
     placements: u64,
     shots: Shots,
     /// The last picture before the pause, if a pause freezes it.
@@ -329,7 +329,7 @@ impl PluginScene {
         }
     }
 
-    /// What would be drawn now.
+    /// The shot that would be drawn now.
     fn shot(&self) -> Shot {
         let world = self.world.lock();
         let view = |name: &str| world.datarefs().get(&format!("{VIEW}{name}"));
@@ -352,7 +352,7 @@ impl PluginScene {
         }
     }
 
-    /// X-Plane's own view, which nobody controls: from the aircraft.
+    /// X-Plane's own view, which clients do not control: from the aircraft.
     fn show_own_view(&self) {
         let [x, y, z] = self.vector(LOCAL_XYZ).to_array();
         let angle = |name: &str| self.own(&format!("{POSITION}{name}"))[0];
@@ -557,7 +557,7 @@ impl PluginScene {
         }
     }
 
-    /// Whether the aircraft is in the air, fast enough and with its engines running.
+    /// True if the aircraft is in the air, fast enough and with its engines running.
     fn flies(&self) -> bool {
         let speed_mps = self.vector(LOCAL_VELOCITY).length();
         let free = self

@@ -1,6 +1,6 @@
 //! The recorded weather at the aircraft, looked up by what had been written.
 //!
-//! Clients never write these datarefs, and X-Plane changes them by itself after a command, so a history of values between writes cannot
+//! Clients never write these datarefs, and X-Plane changes them some time after a command, so a history of values between writes cannot
 //! place them: a replay that sends its commands a little earlier, or leaves a scenario out, would read the weather of another scenario.
 //! Under the same written datarefs the last reading counts: the one that the recorded client ended with.
 

@@ -1,4 +1,4 @@
-//! Why a request is rejected, in X-Plane's terms.
+//! Reasons why a request is rejected, in X-Plane's terms.
 
 use axum::Json;
 use axum::http::StatusCode;

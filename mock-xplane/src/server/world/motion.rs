@@ -26,7 +26,7 @@ pub(super) struct Rates {
     pub(super) yaw_deg_s: f64,
 }
 
-/// Whether a state is flying.
+/// True if a state is flying.
 pub(super) fn is_flying(state: &FlightState) -> bool {
     !state.on_ground && state.velocity_north_mps.hypot(state.velocity_east_mps) > FLYING_MPS
 }

@@ -21,7 +21,7 @@ pub(super) struct LateClouds {
 pub(super) struct Snapped {
     /// The datarefs that changed, without index.
     pub(super) names: Vec<String>,
-    /// Whether the picture follows.
+    /// True if the image follows.
     pub(super) show: bool,
 }
 

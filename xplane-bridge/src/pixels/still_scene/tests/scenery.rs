@@ -3,10 +3,10 @@
 use super::super::WorldTime;
 use crate::pixels::Rectangle;
 
-/// What changes from picture to picture.
+/// Changes from image to image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sky {
-    /// Nothing.
+    /// No changes.
     Clear,
     /// One level everywhere.
     Grainy,
