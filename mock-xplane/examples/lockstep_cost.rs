@@ -2,8 +2,8 @@
 //!
 //! 30 ticks per second, two views of 1920x1280 each, against a stand-in that does not draw and runs on separate threads of the same
 //! process. The client, including its other work (it watches 110 datarefs), has one thread, whose processor time the kernel counts. Once
-//! with the pictures in shared memory, once over the link (442 MB a second through the loopback), as from a simulator on another computer.
-//! Linux only.
+//! with the pictures in shared memory, once over the link (442 MB per second through the loopback), as from a simulator on another
+//! computer. Linux only.
 
 use std::error::Error;
 use std::fs;

@@ -51,7 +51,7 @@ pub(crate) const DEFAULT_WEB_PORT: u16 = 8086;
 /// The capture link listens this much above the UDP port.
 const CAPTURE_PORT_OFFSET: u16 = 10;
 
-/// The settling time of weather that our plugin announces, seconds, unless its settings say otherwise.
+/// The settling time of weather that our plugin announces by default, seconds.
 const WEATHER_SETTLE_S: f64 = 15.0;
 
 /// Settings of the server.
@@ -65,7 +65,7 @@ pub struct ServerOptions {
     pub beacon: bool,
     /// The computer's name in the beacon. X-Plane 12 may send none, and some clients need one.
     pub beacon_name: Option<String>,
-    /// Which X-Plane to imitate: 11.55 or 12.4.0.
+    /// The X-Plane to imitate: 11.55 or 12.4.0.
     pub generation: Generation,
     /// TCP port of X-Plane 12's Web API; 0 takes any free one. `None` is X-Plane's own port, or any free one if `port` is 0.
     pub web_port: Option<u16>,

@@ -145,7 +145,7 @@ async fn what_a_request_announces_and_the_server_does_not_know_is_refused_by_its
         assert!(text.contains(expected), "{text}");
         assert!(receive(&mut stream).await.is_none());
     }
-    // Behind it, what is not understood is said, and the conversation goes on.
+    // After it, requests that are not understood are reported, and the conversation goes on.
     let mut client = greeted(&running).await;
     let hello = r#"{"message":"hello","client":"x","token":"open sesame","of_a_later_version":1}"#;
     assert!(matches!(

@@ -289,7 +289,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
             let asked = capture(tick as u32);
             assert_eq!(aircraft_mismatch(&found.pose, &asked.pose), None);
             assert_eq!(camera_mismatch(&found.camera, &asked.camera), None);
-            // What differs is a few pixels of an edge: a camera some millimetres aside.
+            // Only a few pixels of an edge differ: a camera some millimetres aside.
             let (mean, largest) = difference(&found.rgb, &wanted.rgb);
             println!("tick {tick}: mean difference {mean:.4}, largest {largest}");
             assert!(mean < 0.1, "tick {tick}, {options:?}: {mean} {largest}");
@@ -301,7 +301,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
         );
         simulator.release().await.unwrap();
     }
-    // The measure is no formality: the next tick's picture is far from this one's.
+    // The measure can fail: the next tick's picture is far from this one's.
     let (mean, _) = difference(&wanted[0].rgb, &wanted[1].rgb);
     assert!(mean > 2.0, "{mean}");
 }
@@ -320,7 +320,7 @@ async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_t
     simulator.release().await.unwrap();
 }
 
-/// The pictures of all ticks are those wanted, but for a few pixels of an edge.
+/// The images of all ticks equal the wanted ones, except for a few pixels of an edge.
 fn assert_like(found: &[CapturedFrame], wanted: &[CapturedFrame]) {
     for (tick, (found, wanted)) in found.iter().zip(wanted).enumerate() {
         let asked = capture(tick as u32);
@@ -406,7 +406,7 @@ async fn a_frame_that_somebody_replaces_while_it_is_grabbed_is_grabbed_again() {
         assert_eq!(disturbances.pending.load(Relaxed), 0);
         assert!(found.rgb == wanted.rgb, "tick {tick}");
     }
-    // Whoever does it all the time gets no picture, and a reason.
+    // A client that does it all the time gets no image, and a reason.
     disturbances.pending.store(u32::MAX, Relaxed);
     let capture = CaptureRequest {
         deliver,
@@ -417,7 +417,7 @@ async fn a_frame_that_somebody_replaces_while_it_is_grabbed_is_grabbed_again() {
     assert!(error.contains("each of the 5 times"), "{error}");
 }
 
-/// Grabs in which somebody looks into the cockpit.
+/// Grabs while the user looks into the cockpit.
 #[cfg(target_os = "linux")]
 struct Disturbances {
     simulator: SocketAddr,

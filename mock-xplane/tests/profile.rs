@@ -1,4 +1,4 @@
-//! What `dtd doctor` measures where reports disagree: for each quirk that may or may not be there, another answer.
+//! Measurements by `dtd doctor` where reports disagree: for each quirk that may or may not be there, another answer.
 
 use std::net::SocketAddr;
 use std::time::Duration;

@@ -225,7 +225,7 @@ impl AutopilotSwitch {
         all_known.then_some(false)
     }
 
-    /// All datarefs that show whether it is on.
+    /// All datarefs that show its state.
     pub fn datarefs(&self) -> impl Iterator<Item = &'static str> {
         self.on_while
             .iter()
@@ -233,7 +233,7 @@ impl AutopilotSwitch {
     }
 }
 
-/// What engages an approach on the autopilot, in order: the button for localizer and glide slope, then the button of whichever of
+/// Functions that engage an approach on the autopilot, in order: the button for localizer and glide slope, then the button of whichever of
 /// the two does not show.
 pub(crate) const APPROACH_SWITCHES: [AutopilotSwitch; 5] = [
     AutopilotSwitch {
@@ -366,7 +366,7 @@ pub(crate) fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     ]
 }
 
-/// What [`COMMAND_REGENERATE_WEATHER`] resets and must be written again: clouds and temperature.
+/// True if [`COMMAND_REGENERATE_WEATHER`] resets a dataref, so that it must be written again: clouds and temperature.
 pub fn needs_repeating_after_regeneration(name: &str) -> bool {
     name.contains("/cloud_")
         || name == TEMPERATURE_C
@@ -409,8 +409,8 @@ pub fn clock_from_datarefs(read: impl Fn(&str) -> f32) -> Clock {
     }
 }
 
-/// What an autopilot needs for an instrument approach: power, the first receiver as its source, and the radio settings of the runway, if
-/// it has any.
+/// Writes that prepare an autopilot for an instrument approach: power, the first receiver as its source, and the radio settings of the
+/// runway, if it has any.
 ///
 /// The course knob is magnetic. For a runway without a magnetic course the knob is left alone: on a localizer frequency it only
 /// turns a needle's card, and a true course there would be wrong.

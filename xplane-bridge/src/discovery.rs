@@ -22,7 +22,7 @@ use crate::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
 use crate::simulator::running_since;
 use crate::udp_socket::LocalUdp;
 
-/// How long to listen: three beacons, of which two may be lost.
+/// Time to listen: three beacons, of which two may be lost.
 pub const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(3);
 /// [`Beacon::host`] of X-Plane; 2 is PlaneMaker.
 const HOST_X_PLANE: i32 = 1;

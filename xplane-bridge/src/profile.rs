@@ -4,8 +4,8 @@
 //! sends to every client with its `hello`, on whichever computer. [`crate::Simulator`] uses some of it; the rest is for people, who
 //! send it to us.
 //!
-//! Without a profile, `dtd generate` checks the pictures itself before the first scenario, and assumes of the weather what most reports
-//! say.
+//! Without a profile, `dtd generate` checks the pictures itself before the first scenario, and assumes the majority of reports about the
+//! weather.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -48,9 +48,9 @@ impl<T> Finding<T> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WindUnit {
-    /// As its name says.
+    /// As in its name.
     MetersPerSecond,
-    /// As Laminar's list of datarefs says.
+    /// As in Laminar's list of datarefs.
     Knots,
 }
 
@@ -149,7 +149,7 @@ pub struct RecordedPace {
 pub struct Profile {
     /// [`PROFILE_FORMAT`].
     pub format: u32,
-    /// When, UTC.
+    /// Time of the measurement, UTC.
     pub measured_at: String,
     /// Version of `dtd` that measured.
     pub dtd: String,
@@ -316,7 +316,7 @@ impl Profile {
         needed(&self.visibility_needs_regeneration) || needed(&self.clouds_need_regeneration)
     }
 
-    /// How long weather may take, at least `usual`: one and a half times as long as clouds took.
+    /// Timeout for weather, at least `default`: one and a half times as long as clouds took.
     pub(crate) fn weather_patience(&self, default: Duration) -> Duration {
         let took_s = self.clouds_take_s.found().copied().unwrap_or(0.0);
         let measured = Duration::try_from_secs_f64(1.5 * took_s.min(600.0));

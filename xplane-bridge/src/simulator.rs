@@ -1,7 +1,7 @@
 //! The client: one connected simulator, by UDP and capture link.
 //!
-//! Input: conditions, flights to fly, poses and cameras to draw. Output: flight states and pictures. Everything has a timeout;
-//! whatever may be lost (UDP) is requested again; every setting is read back.
+//! Input: conditions, flights to fly, poses and cameras to draw. Output: flight states and pictures. Everything has a timeout; requests
+//! that may be lost (UDP) are repeated; every setting is read back.
 
 mod block;
 mod commands;
@@ -66,7 +66,7 @@ const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
 const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
 /// Time until X-Plane's weather shows, if the plugin does not report it, seconds.
 const WEATHER_SETTLE_S: f32 = 15.0;
-/// Attempts at grabbing a frame off the screen, which somebody may replace meanwhile.
+/// Attempts at grabbing a frame off the screen, which may be replaced meanwhile.
 const MOST_GRABS: u32 = 5;
 /// Time reserved for opening the capture link once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
@@ -148,7 +148,7 @@ pub struct Simulator {
     not_followed: BTreeSet<EffectiveQuantity>,
     /// The aircraft in use, by its name in sweeps.
     aircraft: Option<String>,
-    /// The started flight that is still to be flown, and whether it is in the air.
+    /// The started flight that is still to be flown, and true if it is in the air.
     begun: Option<(FlightStart, bool)>,
     /// With the memory that was lent for the picture, if it is shared.
     outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,

@@ -31,7 +31,7 @@ pub const SILENCE: Duration = Duration::from_millis(2_500);
 pub struct Reading {
     /// In X-Plane's unit.
     pub value: f32,
-    /// When it came.
+    /// Time of its arrival.
     pub at: Instant,
 }
 

@@ -5,7 +5,7 @@
 //! client that was killed and whose port this one took over ([`PortNote`]): its subscription is ended by its number.
 //!
 //! A system reports only to connected sockets that a port is closed. So a second socket, which is connected and on which no answer is
-//! expected, finds out whether any program listens there.
+//! expected, finds out if any program listens there.
 //!
 //! [`simulator_address`]: crate::simulator_address
 
@@ -172,8 +172,8 @@ impl SimulatorSocket {
             && matches!(self.ask_for_refusal().await, Err(error) if is_refusal(&error))
     }
 
-    /// Sends a datagram without effect from a connected socket. The systems that we know (Linux, macOS, Windows) report a refusal at the
-    /// next use of it; on one that does not, a closed port looks like a silent one.
+    /// Sends a datagram without effect from a connected socket. Linux, macOS and Windows report a refusal at the next use of it; on one
+    /// that does not, a closed port looks like a silent one.
     async fn ask_for_refusal(&self) -> io::Result<()> {
         let open = || async {
             let socket = UdpSocket::bind(local_address(self.simulator(), 0)).await?;

@@ -262,7 +262,7 @@ impl WebApi {
     /// Reads a dataref that is one number.
     ///
     /// # Errors
-    /// As [`WebApi::read`], and if it is no number.
+    /// As [`WebApi::read`], and if it is not a number.
     pub async fn read_number(&self, name: &str) -> Result<f64, WebApiError> {
         let found = self.read(name).await?;
         found.as_f64().ok_or_else(|| WebApiError::WrongAnswer {
@@ -442,7 +442,7 @@ async fn send<T: DeserializeOwned>(
     })
 }
 
-/// The text of an answer that is no error.
+/// The text of an answer that is not an error.
 async fn answer(
     address: SocketAddr,
     doing: &str,

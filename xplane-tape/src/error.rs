@@ -93,7 +93,7 @@ pub enum TapeError {
 }
 
 impl TapeError {
-    /// Whether the caller must name another file, or repair it, first: the same call will fail again.
+    /// True if the caller must name another file, or repair it, first: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Exists { .. }

@@ -171,9 +171,9 @@ pub struct TapeInfo {
     pub dtd: String,
     /// Address at which the simulator received UDP packets.
     pub simulator: String,
-    /// When recording began, RFC 3339 in UTC.
+    /// Start of the recording, RFC 3339 in UTC.
     pub began: String,
-    /// How the pictures are stored: `inline`, `reference` or `none`.
+    /// Storage format of the images: `inline`, `reference` or `none`.
     pub frames: String,
 }
 
@@ -202,7 +202,7 @@ impl TapeInfo {
             .into()
     }
 
-    /// The error says what is missing or has another version.
+    /// The error names what is missing or has another version.
     pub(super) fn of_metadata(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
         let take = |key: &str| {
             let value = metadata.get(key).cloned();

@@ -1,4 +1,4 @@
-//! Messages of the capture link as bytes, whatever their content: for a recorder that must not change them.
+//! Messages of the capture link as bytes, independent of their content: for a recorder that must not change them.
 
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncReadExt};
@@ -25,7 +25,7 @@ pub enum BadLinkMessage {
         /// Number of bytes.
         found: usize,
     },
-    /// Longer or shorter than it says.
+    /// Longer or shorter than announced.
     #[error("{expected} bytes announced, {found} found")]
     OtherLength {
         /// Number of bytes by its own lengths.

@@ -37,7 +37,7 @@ pub struct Entry {
     pub place: MessagePosition,
     /// Its channel.
     pub channel: Channel,
-    /// When it passed the recorder, nanoseconds since 1970 in UTC.
+    /// Time at which it passed the recorder, nanoseconds since 1970 in UTC.
     pub time_ns: u64,
     /// Its bytes.
     pub data: Vec<u8>,

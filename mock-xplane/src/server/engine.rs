@@ -1,5 +1,5 @@
-//! What the server needs from a simulator: flying an approach and drawing pictures. The built-in engine is this crate's own; tests
-//! use a cheaper one.
+//! The server's interface to a simulator: flying an approach and drawing images. The built-in engine is this crate's own; tests use a
+//! cheaper one.
 
 use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};

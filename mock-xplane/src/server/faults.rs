@@ -28,14 +28,14 @@ pub struct Faults {
     pub reordering: f64,
     /// Seed of the three above.
     pub seed: u64,
-    /// When the simulator itself fails. Each outage happens once; any number of them may follow each other.
+    /// Failures of the simulator itself. Each outage happens once; any number of them may follow each other.
     pub outages: Vec<Outage>,
 }
 
 /// One period without answers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
-    /// When it begins.
+    /// Time of its beginning.
     pub begins: Moment,
     /// Its effect on clients.
     pub kind: OutageKind,

@@ -60,7 +60,7 @@ pub struct PluginOptions {
     pub frame_period_s: f64,
     /// Maximum number of frames drawn per second, in real time.
     pub most_frames_per_s: Option<f64>,
-    /// How many frames the scene is behind; `None`: none, or as [`Quirk::StaleFrames`] says.
+    /// Lag of the scene in frames; `None` for no lag, or the lag of [`Quirk::StaleFrames`].
     pub scene_behind: Option<SceneBehind>,
     /// Counts the frames.
     pub frames_drawn: FramesDrawn,

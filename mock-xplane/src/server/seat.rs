@@ -1,4 +1,4 @@
-//! The single place at the aircraft. A client keeps it as long as it uses it; a silent client keeps it until another one wants it.
+//! The single place at the aircraft. A client keeps it as long as it uses it; a silent client keeps it until another one requests it.
 //!
 //! So a client may take all the time it needs between two requests (a commit to a slow store, a debugger), and one that hangs, or was never
 //! more than an open connection, blocks no other.
@@ -44,7 +44,7 @@ pub(super) struct Seated {
     _place: OwnedMutexGuard<()>,
 }
 
-/// When a client was last heard of.
+/// Time of a client's last sign of life.
 #[derive(Debug)]
 pub(super) struct Activity {
     state: StdMutex<State>,

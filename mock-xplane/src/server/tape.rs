@@ -7,7 +7,7 @@
 //!
 //! No answer is invented. A dataref has the recorded values, in their order, and advances past a write or a command when a client sends the
 //! same one ([`history`]); the weather at the aircraft is looked up by the same writes ([`shown_weather`]). A request of the capture link
-//! is answered if the tape has it, under the same written datarefs; otherwise an `error` says what was requested and what the tape has
+//! is answered if the tape has it, under the same written datarefs; otherwise an `error` reports what was requested and what the tape has
 //! ([`conversation`]). A picture that was recorded by its hash is drawn again by the stand-in's renderer and sent only if it is the same.
 
 mod conversation;

@@ -121,8 +121,8 @@ impl World {
         }
     }
 
-    /// Somebody looks up a dataref by its name, `name[3]` for an element. Returns X-Plane's complaint, if there is one, the first
-    /// time.
+    /// Notes that a client looks up a dataref by its name, `name[3]` for an element. Returns X-Plane's complaint, if there is one, the
+    /// first time.
     pub(super) fn looked_up(&mut self, path: &str) -> Option<String> {
         let name = path.split('[').next().unwrap_or(path);
         let found = self.state.datarefs.find(name);
@@ -215,7 +215,7 @@ impl World {
         view::shows_pop_up(&self.state.datarefs)
     }
 
-    /// How much larger the aircraft is drawn than the airliner: a Cessna is smaller.
+    /// Size of the drawn aircraft relative to the airliner: a Cessna is smaller.
     pub(super) fn aircraft_scale(&self) -> f64 {
         aircraft::scale(&self.state.datarefs)
     }
@@ -308,7 +308,7 @@ impl World {
         true
     }
 
-    /// All commands that [`World::command`] knows.
+    /// All commands that [`World::command`] supports.
     pub(super) fn commands() -> impl Iterator<Item = &'static str> {
         let own = [
             names::COMMAND_PAUSE_ON,

@@ -1,6 +1,6 @@
-//! What other programs put over the simulator's window: a notification of the desktop, a pointer with its hint.
+//! Windows of other programs over the simulator's window: a notification of the desktop, a pointer with its hint.
 //!
-//! Windows without a window manager's say (override-redirect), as desktops draw them.
+//! They bypass the window manager (override-redirect), as desktops draw them.
 
 use std::fmt;
 

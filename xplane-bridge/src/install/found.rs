@@ -207,7 +207,7 @@ fn wanted(xplane: &Version) -> &'static str {
     }
 }
 
-/// Whether X-Plane finds a plugin there: a file `*.xpl` in the folder of a platform, e.g. `lin_x64`.
+/// True if X-Plane finds a plugin there: a file `*.xpl` in the folder of a platform, e.g. `lin_x64`.
 fn holds_a_plugin(folder: &Path) -> bool {
     let files_in = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
     files_in(folder)

@@ -82,8 +82,8 @@ pub enum Request {
         /// A [`crate::profile::Profile`], of whichever version.
         profile: Value,
     },
-    /// Report whether the frame of the last [`Request::Capture`] has been on the screen ever since its answer. Whoever takes the camera
-    /// from the plugin may do so while a client grabs the frame.
+    /// Report if the frame of the last [`Request::Capture`] has been on the screen ever since its answer. The camera may be taken from the
+    /// plugin while a client grabs the frame.
     StillShown,
     /// Report what the simulator's own log complains about the plugin. For plugins only.
     Complaints,
@@ -137,7 +137,7 @@ pub enum Answer {
         /// Measurements of it, if any: a [`crate::profile::Profile`], of whichever version.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         profile: Option<Value>,
-        /// Whether a tape gives the answers: what it lacks will not come later either.
+        /// True if a tape gives the answers: missing ones will not come later either.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         replayed: bool,
         /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.

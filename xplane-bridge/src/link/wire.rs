@@ -174,7 +174,7 @@ async fn read_text<H: DeserializeOwned>(
     })
 }
 
-/// Reads a payload into `buffer`, whose memory is reused without zeroing: at 7 MB a frame both matter.
+/// Reads a payload into `buffer`, whose memory is reused without zeroing: at 7 MB per frame both matter.
 pub async fn read_payload(
     stream: &mut (impl AsyncRead + Unpin),
     payload_bytes: usize,
@@ -204,7 +204,7 @@ fn within(part: &'static str, announced: usize, limit: usize) -> Result<u32, Lin
     }
 }
 
-/// Fills a buffer; an end before that says inside what.
+/// Fills a buffer; if the stream ends before that, the error names `inside`.
 pub async fn read_exact(
     stream: &mut (impl AsyncRead + Unpin),
     buffer: &mut [u8],

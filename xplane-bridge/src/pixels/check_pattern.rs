@@ -1,4 +1,4 @@
-//! The check pattern: a picture that identifies itself, so that a client knows what it grabbed from the screen.
+//! The check pattern: a picture with a code, so that a client can identify what it grabbed from the screen.
 //!
 //! During registration the simulator covers its window with the pattern of a given code; the client grabs the screen until it reads
 //! that very code, and learns the window's position, whether it is scaled, and how long a drawn frame takes to be visible. It is

@@ -254,7 +254,7 @@ impl PixelError {
             )
     }
 
-    /// Whether the caller requested something that this simulator does not have: the same call will fail again.
+    /// True if the caller requested something that this simulator does not have: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         matches!(
             self,

@@ -94,7 +94,7 @@ impl Lag {
 /// A picture that still equals the previous one after this many more grabs shows no change; before that, it may be late.
 const STALE_GRABS: u32 = 10;
 
-/// Where numbered frames are grabbed: the picture and the code around it.
+/// Window in which numbered frames are grabbed: the picture and the code around it.
 #[derive(Debug, Clone)]
 pub struct CodedWindow {
     /// The screen.

@@ -102,7 +102,7 @@ impl Cell {
         self.learnt += 1;
     }
 
-    /// Ends the learning. Returns whether something came, and perhaps went, meanwhile.
+    /// Ends the learning. Returns true if something came, and perhaps went, meanwhile.
     fn has_learnt(&mut self, limits: Limits, values: u32) -> bool {
         let mut changes = self.changes.map(|(_, at_least_half)| at_least_half);
         changes.sort_unstable();
@@ -111,7 +111,7 @@ impl Cell {
         (self.noise, self.shift) = (f64::from(changes[TYPICAL]), shifts[TYPICAL]);
         self.still = changes[TYPICAL] == 0;
         self.restless = self.noise > f64::from(values) * limits.restless;
-        // Of a restless cell single comparisons say too little.
+        // For a restless cell single comparisons are no evidence.
         !self.restless && self.jumped_while_learning(limits, values)
     }
 
@@ -249,7 +249,7 @@ impl StillScene {
     /// Checks the next picture. `moving` are the rectangles that may differ from picture to picture; they may reach beyond the picture.
     ///
     /// # Errors
-    /// Something covers the scene. The picture is not to be used, nor are as many before it as the cover says.
+    /// Something covers the scene. The image must not be used, nor [`Cover::pictures_before`] images before it.
     ///
     /// # Panics
     /// If the picture has another size.
@@ -392,7 +392,7 @@ impl StillScene {
         self.verdict(&came_while_learning, standing)
     }
 
-    /// Whether a cell changed suddenly, where time runs: in this picture, or in one from which its noise was learnt.
+    /// True if a cell changed suddenly, where time runs: in this image, or in one from which its noise was learnt.
     fn jumps(&mut self, at: usize, rgb: &[u8], (changed, at_least_half): (u32, u32)) -> bool {
         let (limits, values) = (self.limits, self.grid.values(at));
         let is_learning = self.cells[at].is_learning();
@@ -499,7 +499,7 @@ impl StillScene {
         }
     }
 
-    /// A cell that is not judged, and whether the kept pictures still show the scene there.
+    /// Marks a cell as not judged; `known` if the kept images still show the scene there.
     fn set_aside(&mut self, at: usize, known: bool) {
         let cell = &mut self.cells[at];
         cell.covered = false;

@@ -110,7 +110,7 @@ pub fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
 }
 
 impl Simulator {
-    /// Whether blocks can be recorded: the plugin numbers its frames, the window has margins for the numbers, and no trial has failed.
+    /// True if blocks can be recorded: the plugin numbers its frames, the window has margins for the numbers, and no trial has failed.
     pub fn can_record_blocks(&self) -> bool {
         let is_refused = matches!(self.known_blocks.trial, Some(BlockTrial::Different { .. }));
         self.description.frame_codes && self.pixels.coded_window().is_some() && !is_refused
@@ -126,7 +126,7 @@ impl Simulator {
         shadow_place(camera, size_px, pose, clock, self.ground_msl_m?)
     }
 
-    /// Whether time runs while pictures are taken, because rain falls only then: a block must be short.
+    /// True if time runs while images are taken, because rain falls only then: a block must be short.
     pub fn time_runs(&self) -> bool {
         self.running_at().is_some()
     }
@@ -385,7 +385,7 @@ impl BlockRecording<'_> {
             expected: format!("the answer for frame {}", taken.frame),
             found: "none".into(),
         })?;
-        // Earlier frames are not looked up again, but for ticks that are under way.
+        // Earlier frames are not looked up again, except for ticks that are under way.
         while self.drawn.len() > 4 * SEGMENT_TICKS.1 {
             self.drawn.pop_first();
         }

@@ -156,7 +156,7 @@ impl Simulator {
         }
     }
 
-    /// Returns whether the Web API did it.
+    /// Returns true if the Web API did it.
     async fn command_by_web_api(&self, command: &str) -> bool {
         let Some(api) = self.web_api.as_ref().filter(|api| api.has_commands()) else {
             return false;

@@ -1,9 +1,9 @@
-//! Examines a live connection point by point, for a user who wants to know what to fix.
+//! Examines a live connection point by point, to show the user what to fix.
 //!
 //! Input: the expected address of the simulator. Output: one [`Check`] after the other, each with the finding and, if it is not ok,
-//! a remedy. A check that depends on an earlier one that failed is skipped and says so. Once per installation it also measures what
-//! reports disagree on, and stores it as a [`Profile`]. Every change is undone: one course, the pause, the weather, and the
-//! aircraft's place during the pictures.
+//! a remedy. A check that depends on an earlier one that failed is reported as skipped. Once per installation it also measures what reports
+//! disagree on, and stores it as a [`Profile`]. Every change is undone: one course, the pause, the weather, and the aircraft's place during
+//! the pictures.
 //!
 //! It is part of this crate because it measures with what the client keeps private, such as writing a dataref until it holds.
 
@@ -140,7 +140,7 @@ impl Check {
     }
 }
 
-/// When to measure what reports disagree on.
+/// Choice of when to measure what reports disagree on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Measuring {
     /// If this installation has no profile.

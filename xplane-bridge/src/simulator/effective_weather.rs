@@ -1,8 +1,8 @@
 //! Reads the weather at the aircraft and compares it with the plan.
 //!
-//! A quantity that `dtd doctor` measured to follow what is written must be as planned: otherwise the pictures show another weather than
-//! the record would say. Any other may differ for reasons that are unknown here (another meaning, gusts, the aircraft's height); it is
-//! recorded with the scenario and marks it.
+//! A quantity that `dtd doctor` measured to follow what is written must be as planned: otherwise the images show another weather than the
+//! record. Any other may differ for reasons that are unknown here (another meaning, gusts, the aircraft's height); it is recorded with the
+//! scenario and marks it.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -31,8 +31,7 @@ impl Simulator {
         self.not_followed = quantities;
     }
 
-    /// Waits until the weather at the aircraft is as planned; returns the last reading, whatever it is. A tape gives its last reading at
-    /// once.
+    /// Waits until the weather at the aircraft is as planned; returns the last reading in any case. A tape gives its last reading at once.
     pub(super) async fn await_effective_weather(
         &mut self,
         planned: &Weather,
@@ -84,7 +83,7 @@ impl Simulator {
         Ok(effective_weather_of(planned, reads_wind_speed, &values))
     }
 
-    /// Whether the unit of the wind at the aircraft is known: where winds are written in knots it is not, unless it was measured to follow.
+    /// True if the unit of the wind at the aircraft is known: where winds are written in knots it is not, unless it was measured to follow.
     fn knows_unit_of_wind(&self) -> bool {
         let profile = self.description.profile.current();
         profile.is_none_or(|profile| {

@@ -1,4 +1,4 @@
-//! Checks whether a Web API belongs to the simulator that we talk to over UDP.
+//! Checks that a Web API belongs to the simulator at the other end of the UDP connection.
 //!
 //! It does if it reports the same capture link. Another X-Plane on the same computer must be left alone: a flight that is started
 //! there would be waited for here.

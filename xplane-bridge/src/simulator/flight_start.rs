@@ -58,7 +58,8 @@ impl Simulator {
     /// scenery there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or another one.
     ///
     /// # Errors
-    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or whatever prevents the flight from starting.
+    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or another reason that prevents the flight from
+    /// starting.
     pub fn prepare<'a>(
         &'a mut self,
         conditions: &'a Conditions,
@@ -143,7 +144,7 @@ impl Simulator {
         }
     }
 
-    /// Starts a flight, once; returns whether the aircraft is then in the air, or must be placed there by whoever flies it. A
+    /// Starts a flight, once. Returns true if the aircraft is then in the air, false if it must be placed there before it is flown. A
     /// plugin holds it there afterwards.
     pub(super) async fn begin_flight(
         &mut self,

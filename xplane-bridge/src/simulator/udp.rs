@@ -42,7 +42,7 @@ pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &Loc
     read.is_ok_and(|values| came(&values))
 }
 
-/// When the simulator at an address began to run, by its own clock; `None` if it does not answer within a time.
+/// Time at which the simulator at an address began to run, by its own clock; `None` if it does not answer within a time.
 pub(crate) async fn running_since(
     address: SocketAddr,
     within: Duration,

@@ -38,7 +38,7 @@ const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
 /// The same if each value that is written is there for a moment: an attempt that gave up would only start its flight again, and wait for
 /// the same temperature. One that something else holds does not even take the value.
 const PATIENCE_WHILE_IT_SLIDES: Duration = Duration::from_secs(900);
-/// How long a temperature must be right after it was written: a drifting one is within its tolerance for the first second or two.
+/// Time for which a temperature must be right after it was written: a drifting one is within its tolerance for the first second or two.
 const TEMPERATURE_HOLDS: Duration = Duration::from_secs(5);
 
 /// A value that is not as required.
@@ -145,8 +145,8 @@ impl Simulator {
         }
     }
 
-    /// Writes weather; all but the clouds is applied at once. Losses are rewritten in the first moments, and whatever takes longer
-    /// after that is left alone.
+    /// Writes weather; all but the clouds is applied at once. Lost values are rewritten in the first moments; values that take longer are
+    /// left alone after that.
     pub(super) async fn write_weather(
         &mut self,
         writes: &[DatarefWrite],

@@ -73,7 +73,7 @@ impl Readers {
         positions
     }
 
-    /// Gives values to their readers; returns the numbers that have none. A value that is not finite is no value: the dataref stays
+    /// Gives values to their readers; returns the numbers that have none. A value that is not finite does not count: the dataref stays
     /// without one, as if the simulator had not answered.
     pub(super) fn hand_out(&self, values: impl Iterator<Item = DatarefValue>) -> Vec<i32> {
         let mut unwanted = Vec::new();
@@ -100,7 +100,7 @@ impl Readers {
         (index < reader.end).then_some(first)
     }
 
-    /// Gives a position to its reader, unless one of its numbers is not finite; returns whether there is a reader.
+    /// Gives a position to its reader, unless one of its numbers is not finite; returns true if there is a reader.
     pub(super) fn hand_out_position(&self, position: Position) -> bool {
         match &self.positions {
             Some(reader) if !reader.is_closed() => {

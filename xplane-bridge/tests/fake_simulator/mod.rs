@@ -54,7 +54,7 @@ pub(crate) struct Told {
     /// Set while a menu is open, in which simulated time stands still; true if toggling it helps.
     pub(crate) menu: Option<bool>,
     frames: u32,
-    /// When its clock began, and how many seconds it counts in one of ours; its running time stands still without.
+    /// Start of its clock, and the number of seconds it counts in one of ours; without it, its running time stands still.
     clock: Option<(Instant, f32)>,
     subscribed: BTreeMap<(SocketAddr, i32), String>,
 }

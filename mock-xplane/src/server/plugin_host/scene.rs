@@ -57,7 +57,7 @@ const MINUTE_S: f64 = 60.0;
 const AUTOPILOT: &str = "sim/autopilot/";
 /// Above this speed the aircraft flies, metres per second.
 const FLYING_MPS: f64 = 20.0;
-/// Where the local origin moves on demand: the corners of X-Plane's square of one degree are its farthest positions from the
+/// Positions to which the local origin moves on demand: the corners of X-Plane's square of one degree are its farthest positions from the
 /// airport.
 const ORIGINS: [(f64, f64); 3] = [(1.5, 103.5), (1.4, 104.4), (1.0, 103.9)];
 
@@ -381,7 +381,7 @@ impl PluginScene {
         }
     }
 
-    /// Adopts a placement by somebody else, and the origin of local coordinates.
+    /// Adopts a placement by another client, and the origin of local coordinates.
     fn look_at_world(&mut self) {
         let (placements, (state, speed_mps), frame, flight_time_s) = {
             let world = self.world.lock();
@@ -448,7 +448,7 @@ impl PluginScene {
         };
         let mut world = self.world.lock();
         if world.placements() != self.placements {
-            // Somebody has just placed it: that counts, from the next frame on.
+            // It has just been placed: that counts, from the next frame on.
             return;
         }
         world.show_hosted(state, self.frame);
@@ -796,7 +796,7 @@ fn fill_rectangles(canvas: &mut Canvas<'_>, rectangles: &Value, after_windows: b
     }
 }
 
-/// As the options say, or else the quirk.
+/// Taken from the options, or else from the quirk.
 fn scene_behind(options: &PluginOptions, quirks: Quirks) -> SceneBehind {
     let by_quirk = if quirks.has(Quirk::StaleFrames) {
         SceneBehind::Constant(SceneBehind::MOST)

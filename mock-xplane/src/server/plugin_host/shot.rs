@@ -69,7 +69,7 @@ pub(super) struct Painter {
     pub(super) others: bool,
     /// True if a cockpit's panel is in front.
     pub(super) panel: bool,
-    /// How much too bright it still is: 1 when the exposure has settled.
+    /// Factor by which it is still too bright: 1 when the exposure has settled.
     pub(super) gain: f64,
     /// Position of the waves, if water moves.
     pub(super) wave: Option<u64>,

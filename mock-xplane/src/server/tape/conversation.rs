@@ -208,7 +208,7 @@ impl Conversation {
     }
 }
 
-/// A hash of a request's content, whoever sends it.
+/// A hash of a request's content, independent of its sender.
 fn content(request: &Value) -> [u8; 32] {
     let mut text = String::new();
     match request.get("message") {

@@ -52,7 +52,7 @@ impl Refusal {
         }
     }
 
-    /// Whatever is asked.
+    /// The answer to any request.
     pub(super) fn incoming_traffic_is_off() -> Self {
         Self::forbidden(
             "incoming_traffic_disabled",

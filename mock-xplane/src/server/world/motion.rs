@@ -1,4 +1,4 @@
-//! How an aircraft continues between placements: a calm one that turns with its bank, levels out, and is never completely still.
+//! Motion of an aircraft between placements: calm, turning with the bank, levelling out, and never completely still.
 //!
 //! This is not a flight model: approaches are flown by [`flight_model`]. It makes the values that clients read over UDP move as in
 //! a simulator, with rates consistent with the attitudes.

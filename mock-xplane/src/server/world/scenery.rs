@@ -19,7 +19,7 @@ const STEP_M: f64 = 4.0;
 pub(super) struct Scenery {
     quirks: Quirks,
     middle: LatLon,
-    /// When the flag falls, by the simulator's running time.
+    /// Time at which the flag falls, by the simulator's running time.
     loaded_at_s: f64,
     now_s: f64,
 }

@@ -18,7 +18,7 @@ use self::late_clouds::LateClouds;
 use crate::datarefs::Datarefs;
 use crate::quirks::{Quirk, Quirks};
 
-/// How long after `regen_weather` written clouds are accepted, seconds: clouds were seen to take about a minute.
+/// Time after `regen_weather` during which written clouds are accepted, seconds: clouds were seen to take about a minute.
 const SETTLING_S: f64 = 60.0;
 /// Duration of the freeze by `regen_weather`, seconds.
 const REGENERATION_FREEZE_S: f64 = 3.0;

@@ -1,4 +1,4 @@
-//! What is between the scene and the eye: the selected view, pop-up windows, other aircraft.
+//! Everything between the scene and the eye: the selected view, pop-up windows, other aircraft.
 //!
 //! All of it belongs to the user until a plugin or a tool changes it, and a new flight resets it.
 

@@ -1,6 +1,6 @@
 //! A thread that grabs each numbered frame once, while the caller waits for other things.
 //!
-//! It looks at a strip of the code many times a second, which is cheap, and grabs the whole picture when the number has changed. Pictures
+//! It looks at a strip of the code many times per second, which is cheap, and grabs the whole picture when the number has changed. Pictures
 //! that are torn or carry no code are dropped here. Memory is bounded by the number of pictures that exist at a time. Thread and memory
 //! stay from block to block, since opening the screen and getting the memory takes as long as several frames.
 
@@ -18,7 +18,7 @@ use super::{Grab, Screen};
 use crate::link::PooledPicture;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
-/// Time between two looks at the strip, which cost two context switches each. A frame lasts 16 ms at 60 frames a second.
+/// Time between two looks at the strip, which cost two context switches each. A frame lasts 16 ms at 60 frames per second.
 const LOOK_EVERY: Duration = Duration::from_micros(1_500);
 /// Rows of the strip that are looked at, in the middle of the code.
 const STRIP_PX: u32 = 2;
@@ -77,7 +77,7 @@ impl CodedGrabs {
         self.thread.as_mut()?.pictures.try_recv().ok()
     }
 
-    /// Whether no picture is expected: frames are not grabbed then.
+    /// Pauses grabbing while `rests`, when no image is expected.
     pub(crate) fn rest(&self, rests: bool) {
         if let Some(thread) = &self.thread {
             thread.rests.store(rests, Ordering::Relaxed);

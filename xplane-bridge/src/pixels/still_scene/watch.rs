@@ -18,7 +18,7 @@ const REMEMBERED: usize = 128;
 pub enum Verdict {
     /// No cover.
     Clear,
-    /// Something does: whatever was taken from this frame on is to be taken again.
+    /// Covered: images taken from this frame on must be taken again.
     Covered {
         /// The number of the frame.
         from_frame: u64,

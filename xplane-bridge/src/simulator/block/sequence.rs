@@ -527,7 +527,8 @@ impl<P: Scene> Sequence<P> {
         self.again = again.into();
     }
 
-    /// Whatever was grabbed from a frame on was covered: its ticks are shown again. Returns whether none of it has been delivered.
+    /// Discards the grabs from a frame on, which were covered: their ticks are shown again. Returns true if none of them has been
+    /// delivered.
     pub(super) fn take_again(&mut self, from_frame: u64) -> bool {
         let covered = self
             .pictures

@@ -22,7 +22,7 @@ const MORE_PIXELS: usize = 4;
 /// Number of views that the code can distinguish.
 const VIEWS: usize = 16;
 
-/// What is known about blocks of a simulator: kept from one connection to the next.
+/// Knowledge about blocks of a simulator: kept from one connection to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct KnownBlocks {
     /// The result of the trial; `None` before it.
@@ -34,7 +34,7 @@ pub struct KnownBlocks {
 }
 
 impl KnownBlocks {
-    /// By how many frames the scene is behind, as far as it is known, and whether the last block of this view has measured it.
+    /// Number of frames by which the scene is behind, as far as it is known, and true if the last block of this view has measured it.
     pub(super) fn lag(&self, view: u32) -> (Option<u64>, bool) {
         match self.of_view[view as usize % VIEWS] {
             Some(lag) => (Some(lag), true),
@@ -89,7 +89,7 @@ impl Simulator {
             let mut trial = BlockTrial::Equal;
             let mut is_held = false;
             for first in starts(&flight) {
-                // A disturbance of one picture is no verdict.
+                // A disturbance of one image does not decide.
                 for _ in 0..2 {
                     trial = self.try_block(&flight, first, &mut is_held).await?;
                     if trial == BlockTrial::Equal {

@@ -20,10 +20,10 @@ pub(super) const SETTLED: u32 = 60;
 /// The sun is up at noon on every day, but near the poles.
 const ANY_DAY: u32 = 172;
 
-/// When a static scene is checked again.
+/// Times at which a static scene is checked again.
 const LATER: [Duration; 2] = [Duration::from_millis(350), Duration::from_millis(650)];
 
-/// When the sun is highest, seconds since midnight UTC.
+/// Time of the sun's highest position, seconds since midnight UTC.
 pub(super) fn noon_zulu_s(longitude_deg: f64) -> f64 {
     (12.0 - longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0
 }
@@ -151,7 +151,7 @@ impl<'a> Eyes<'a> {
         Ok(frame)
     }
 
-    /// How different settled pictures of a shot are within a second: the first from two more, since waves may repeat.
+    /// Difference between settled images of a shot within a second: of the first from two more, since waves may repeat.
     pub(super) async fn noise(&mut self, shot: Shot) -> Result<f64, BridgeError> {
         self.freeze(SETTLED).await?;
         let [first] = self.take([shot]).await?;

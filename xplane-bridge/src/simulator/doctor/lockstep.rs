@@ -232,7 +232,7 @@ fn largest_difference(one: &[u8], other: &[u8]) -> u8 {
         .unwrap_or(0)
 }
 
-/// A runway at the aircraft's place: the plugin needs to know what surroundings to load.
+/// A runway at the aircraft's place: the plugin needs it to load the right surroundings.
 pub(super) fn runway(place: &PlaceOnGround) -> Runway {
     let ground = Pose {
         latitude_deg: place.latitude_deg,

@@ -205,7 +205,7 @@ impl Simulator {
             .collect())
     }
 
-    /// The time of day, and whether the clock follows the computer's.
+    /// Restores the time of day, and the setting that the clock follows the computer's.
     async fn give_clock_back(&mut self, before: &[DatarefWrite]) -> Result<(), BridgeError> {
         for write in before {
             // The time runs on: it does not read back.

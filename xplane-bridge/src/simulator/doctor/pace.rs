@@ -1,4 +1,4 @@
-//! How fast pictures come: taken as a recording takes them, from two views.
+//! Rate of images, taken as a recording takes them, from two views.
 //!
 //! In blocks, if the window has margins around the pictures of the sweep and the trial of blocks passes; else settled, from the views in
 //! turn, with several requests under way.

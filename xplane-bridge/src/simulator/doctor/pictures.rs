@@ -183,7 +183,7 @@ async fn until_settled(
             let [found] = eyes.take([Shot::BEHIND]).await?;
             Ok::<_, BridgeError>(difference(&found.rgb, &last.rgb) <= noise + SAME)
         };
-        // Twice: while somebody takes the camera, one picture settles for longer than was asked.
+        // Twice: while the camera is taken away, one image settles for longer than requested.
         if is_final().await? && is_final().await? {
             return Ok(Finding::Found(frames));
         }

@@ -1,7 +1,7 @@
 //! Do the datarefs that we need exist, with their expected meaning?
 //!
-//! X-Plane answers 0 for an unknown name, so an answer alone is no evidence. A value that only the right dataref would have does; for a
-//! plausible 0, X-Plane 12's Web API, which knows names, is asked, or the name is listed.
+//! X-Plane answers 0 for an unknown name, so an answer alone is no evidence. A value that only the right dataref would have is sufficient;
+//! for a plausible 0, the name is looked up in X-Plane 12's Web API, or else listed.
 
 use std::ops::RangeInclusive;
 

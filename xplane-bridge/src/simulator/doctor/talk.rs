@@ -37,7 +37,7 @@ pub(super) struct PlaceOnGround {
 /// Kind of a missing answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Silence {
-    /// Its computer says that the port is closed.
+    /// Its computer reports that the port is closed.
     Refused,
     /// No datagram came.
     Nothing,

@@ -3,7 +3,7 @@ use rand_chacha::ChaCha12Rng;
 
 use super::*;
 
-/// A picture that knows what it shows.
+/// An image with a record of its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Fake {
     show: Show,
