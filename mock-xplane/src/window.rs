@@ -1,7 +1,7 @@
 //! A window on an X11 display that shows what the stand-in draws, as X-Plane's window does, so that it can be grabbed.
 //!
-//! Pictures go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
-//! it goes away. A picture is visible when [`DisplayWindow::show`] returns: the server has confirmed it.
+//! Images go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
+//! it goes away. An image is visible when [`DisplayWindow::show`] returns: the server has confirmed it.
 
 mod cover;
 
@@ -35,7 +35,7 @@ const MAP_TIMEOUT: Duration = Duration::from_secs(5);
 const DEPTH: u8 = 24;
 const BYTES_PER_PIXEL: usize = 4;
 
-/// Shows pictures: a window, or in tests something with faults.
+/// Shows images: a window, or in tests something with faults.
 pub trait DisplayWindow: fmt::Debug + Send + Sync {
     /// Its position and size.
     ///
@@ -43,10 +43,10 @@ pub trait DisplayWindow: fmt::Debug + Send + Sync {
     /// It no longer exists.
     fn describe(&self) -> Result<SimulatorWindow, WindowError>;
 
-    /// Shows a picture instead of the previous one. Done when it is visible.
+    /// Shows an image instead of the previous one. Done when it is visible.
     ///
     /// # Errors
-    /// The picture has another size than the stage, or the stage no longer exists.
+    /// The image has another size than the stage, or the stage no longer exists.
     fn show(&self, picture: &RgbPicture) -> Result<(), WindowError>;
 }
 
@@ -85,7 +85,7 @@ pub enum WindowError {
         /// Height of the display, pixels.
         screen_height_px: u16,
     },
-    /// A picture of another size.
+    /// An image of another size.
     #[error("the window is {window}, it cannot show a picture of {picture}")]
     OtherSize {
         /// Its size.
@@ -128,12 +128,12 @@ pub struct X11Window {
     context: Gcontext,
     width_px: u32,
     height_px: u32,
-    /// A picture's memory in the format of the display.
+    /// An image's memory in the format of the display.
     pixels: Mutex<Vec<u8>>,
 }
 
 impl X11Window {
-    /// Opens a window for pictures of this size on a display, e.g. `:0`, or on that which `DISPLAY` names.
+    /// Opens a window for images of this size on a display, e.g. `:0`, or on that which `DISPLAY` names.
     ///
     /// # Errors
     /// There is no such display, or it cannot show such a window.
@@ -203,7 +203,7 @@ impl X11Window {
             AtomEnum::STRING,
             title,
         )?;
-        // Another size would mean other pictures.
+        // Another size would mean other images.
         let size = Some((i32::from(width), i32::from(height)));
         WmSizeHints {
             min_size: size,
@@ -227,7 +227,7 @@ impl X11Window {
         Err(WindowError::NotMapped)
     }
 
-    /// Puts a picture into the pixmap, in as many requests as the server needs.
+    /// Puts an image into the pixmap, in as many requests as the server needs.
     fn put(&self, bytes: &[u8]) -> Result<(), WindowError> {
         let row_bytes = self.width_px as usize * BYTES_PER_PIXEL;
         let request_bytes = self.connection.maximum_request_bytes().saturating_sub(64);

@@ -23,7 +23,7 @@ use xplane_bridge::{
     BlockOfTicks, BlockReport, CaptureRequest, CapturedFrame, Deliver, Simulator, WebApiPlace,
 };
 
-/// Pictures, and the window with the margins for the code.
+/// Images, and the window with the margins for the code.
 const SIZE_PX: (u32, u32) = (160, 120);
 const WINDOW_PX: (u32, u32) = (192, 152);
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(60);
@@ -104,7 +104,7 @@ async fn block(
     (frames, recording.report())
 }
 
-/// The same picture, settled.
+/// The same image, settled.
 async fn settled(
     simulator: &mut Simulator,
     states: &[FlightState],
@@ -127,7 +127,7 @@ async fn settled(
     simulator.receive_frame().await.unwrap()
 }
 
-/// Records both views in blocks and compares every picture with the settled one of its tick.
+/// Records both views in blocks and compares every image with the settled one of its tick.
 async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
     let Shown {
         mut simulator,
@@ -240,7 +240,7 @@ const AIRCRAFT_LEVELS: u8 = 24;
 /// Half the aircraft's size, metres, and what its edges add, pixels.
 const AIRCRAFT_M: f64 = 22.0;
 const AROUND_PX: f64 = 2.0;
-/// A picture of a block may differ from a settled one in this many times the pixels in which two settled ones differ by their streaks,
+/// An image of a block may differ from a settled one in this many times the pixels in which two settled ones differ by their streaks,
 /// and in so many more.
 const NOISE_FACTOR: f64 = 1.5;
 const MORE_PIXELS: usize = 8;

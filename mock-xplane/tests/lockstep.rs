@@ -1,4 +1,4 @@
-//! The stand-in and the bridge's client over real sockets: conditions, flights, pictures in lockstep, and leaving.
+//! The stand-in and the bridge's client over real sockets: conditions, flights, images in lockstep, and leaving.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex};
@@ -30,7 +30,7 @@ use xplane_bridge::{
     BridgeError, CONNECT_TIMEOUT, CaptureRequest, CapturedFrame, ConnectOptions, Deliver, Simulator,
 };
 
-/// Writes the picture's time into every byte, slower for even ticks so that pictures finish out of order, and remembers
+/// Writes the image's time into every byte, slower for even ticks so that images finish out of order, and remembers
 /// what it was asked.
 #[derive(Default)]
 struct Scribe {

@@ -162,7 +162,7 @@ async fn pictures(simulator: &mut Simulator) -> Vec<CapturedFrame> {
     frames
 }
 
-/// Mean and largest difference of two pictures, levels of 255.
+/// Mean and largest difference of two images, levels of 255.
 fn difference(a: &[u8], b: &[u8]) -> (f64, u8) {
     assert_eq!(a.len(), b.len());
     let each = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
@@ -301,7 +301,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
         );
         simulator.release().await.unwrap();
     }
-    // The measure can fail: the next tick's picture is far from this one's.
+    // The measure can fail: the next tick's image is far from this one's.
     let (mean, _) = difference(&wanted[0].rgb, &wanted[1].rgb);
     assert!(mean > 2.0, "{mean}");
 }
@@ -347,7 +347,7 @@ async fn screenshots_of_another_view_than_the_cameras_are_refused() {
     );
 }
 
-/// An X-Plane 12 with some habits, whose pictures are its own screenshots.
+/// An X-Plane 12 with some habits, whose images are its own screenshots.
 async fn taking_screenshots(quirks: &str) -> Simulator {
     let address = serving(ServerOptions {
         generation: Generation::XPlane12,

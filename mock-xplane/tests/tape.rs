@@ -79,7 +79,7 @@ async fn connect(address: SocketAddr) -> Simulator {
     Simulator::connect(address, PATIENCE).await.unwrap()
 }
 
-/// A client's actions in the session: two pictures, and a look at the position.
+/// A client's actions in the session: two images, and a look at the position.
 async fn session(address: SocketAddr) -> (Vec<CapturedFrame>, Vec<u8>) {
     let mut simulator = connect(address).await;
     // A separate clock makes the images repeatable.

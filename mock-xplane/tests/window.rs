@@ -108,7 +108,7 @@ impl SceneRenderer for Counter {
     }
 }
 
-/// A window that shows each picture only when the next one comes, although it reports that it shows it.
+/// A window that shows each image only when the next one comes, although it reports that it shows it.
 #[derive(Debug)]
 struct Late {
     window: X11Window,

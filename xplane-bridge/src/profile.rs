@@ -1,10 +1,10 @@
 //! Measurements by `dtd doctor` of one installation of X-Plane, on questions for which reports contradict each other or are missing.
 //!
-//! Input: a few minutes of writing, reading and examining pictures ([`crate::doctor`]). Output: a record that the plugin stores and
+//! Input: a few minutes of writing, reading and examining images ([`crate::doctor`]). Output: a record that the plugin stores and
 //! sends to every client with its `hello`, on whichever computer. [`crate::Simulator`] uses some of it; the rest is for people, who
 //! send it to us.
 //!
-//! Without a profile, `dtd generate` checks the pictures itself before the first scenario, and assumes the majority of reports about the
+//! Without a profile, `dtd generate` checks the images itself before the first scenario, and assumes the majority of reports about the
 //! weather.
 
 use std::collections::BTreeMap;
@@ -78,7 +78,7 @@ pub struct Grabbing {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PacedBy {
-    /// `dtd doctor`, by pictures that were not encoded.
+    /// `dtd doctor`, by images that were not encoded.
     Doctor,
     /// `dtd generate`, by a whole scenario.
     Generate,
@@ -98,14 +98,14 @@ impl fmt::Display for PacedBy {
 pub struct Pace {
     /// Origin of the measurement.
     pub measured_by: PacedBy,
-    /// Size of the pictures.
+    /// Size of the images.
     pub size: PictureSize,
     /// True if the camera rested while the aircraft moved from drawn frame to drawn frame.
     #[serde(default)]
     pub in_blocks: bool,
     /// Frames that each view settled otherwise.
     pub settle_frames: u32,
-    /// Pictures a second, all views together.
+    /// Images per second, all views together.
     pub pictures_per_s: f64,
     /// From connecting until a live flight has begun and its scenery is loaded, seconds; absent if no flight was begun.
     pub loading_s: Option<f64>,
@@ -130,11 +130,11 @@ impl Pace {
 /// Durations of the parts of one recorded scenario.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordedPace {
-    /// Size of its pictures.
+    /// Size of its images.
     pub size: PictureSize,
     /// True if they were taken in blocks.
     pub in_blocks: bool,
-    /// Pictures a second, all views together, encoding included.
+    /// Images per second, all views together, encoding included.
     pub pictures_per_s: f64,
     /// From connecting until its live flight had begun; absent if it is no live flight.
     pub loading: Option<Duration>,
@@ -157,9 +157,9 @@ pub struct Profile {
     pub simulator: String,
     /// Name and version of the plugin, if one serves the link.
     pub plugin: Option<String>,
-    /// The source of the pictures, if there were any.
+    /// The source of the images, if there were any.
     pub pixels: Option<PixelKind>,
-    /// The window that X-Plane draws into, which is the only possible picture size.
+    /// The window that X-Plane draws into, which is the only possible image size.
     pub window: Finding<PictureSize>,
     /// The delay of screen grabs.
     pub grabbing: Finding<Grabbing>,
@@ -176,9 +176,9 @@ pub struct Profile {
     pub weather_follows: BTreeMap<EffectiveQuantity, Finding<bool>>,
     /// True if a pose and a camera that are written in a pause are drawn.
     pub pause_shows_poses: Finding<bool>,
-    /// After how many frames two consecutive pictures are equal when the aircraft has moved.
+    /// After how many frames two consecutive images are equal when the aircraft has moved.
     pub frames_until_still: Finding<u32>,
-    /// After how many frames a picture is final when the camera has turned: shadows and exposure.
+    /// After how many frames an image is final when the camera has turned: shadows and exposure.
     pub frames_until_settled: Finding<u32>,
     /// True if images of a static scene change in a pause (water).
     pub still_pictures_move: Finding<bool>,

@@ -45,7 +45,7 @@ pub enum FramesKept {
     /// They are on the tape, compressed without loss.
     #[default]
     Inline,
-    /// Only their BLAKE3 hashes: enough to prove that a picture drawn again is the same.
+    /// Only their BLAKE3 hashes: enough to prove that an image drawn again is the same.
     Reference,
     /// Not at all.
     None,

@@ -57,7 +57,7 @@ pub struct RecordOptions {
 }
 
 impl RecordOptions {
-    /// Of that simulator, on any free port of this machine, with its pictures.
+    /// Of that simulator, on any free port of this machine, with its images.
     pub fn new(simulator: SocketAddr, out: PathBuf) -> Self {
         Self {
             simulator,

@@ -1,4 +1,4 @@
-//! The aircraft in the picture: its mesh lit by sun, sky and ground, and its own lamps.
+//! The aircraft in the image: its mesh lit by sun, sky and ground, and its own lamps.
 
 use airframe::{Configuration, Mesh, boeing_737_800};
 use dataset::pose::{Controls, Pose};
@@ -113,7 +113,7 @@ impl<'a> Placed<'a> {
             .collect()
     }
 
-    /// The aircraft's lamps in the picture at a time.
+    /// The aircraft's lamps in the image at a time.
     pub(crate) fn lamps(&self, view: &View, air: &Air, tone: &Tone, time_s: f64) -> Vec<Spot> {
         let to_camera = (self.camera_from_body.transpose() * -self.center_camera_m).normalize();
         let approach =

@@ -17,7 +17,7 @@ const CITY_LAMPS: u32 = 160;
 const WARM: Vec3 = Vec3::new(1.25, 0.95, 0.55);
 const RED: Vec3 = Vec3::new(1.0, 0.06, 0.03);
 
-/// All lamps of the site inside the picture.
+/// All lamps of the site inside the image.
 pub(crate) fn spots(view: &View, air: &Air, tone: &Tone, ground: &Ground) -> Vec<Spot> {
     let mut lamps: Vec<(DVec3, Vec3)> = Vec::new();
     let on_field = |past_threshold_m: f64, right_m: f64| {

@@ -27,7 +27,7 @@ pub trait Engine: Send + Sync + 'static {
     /// Flies an approach in this weather; the states at the model's own rate.
     fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown>;
 
-    /// Prepares the pictures of one camera in one weather at one time, degraded or not.
+    /// Prepares the images of one camera in one weather at one time, degraded or not.
     fn picture(
         &self,
         camera: &Camera,
@@ -38,7 +38,7 @@ pub trait Engine: Send + Sync + 'static {
     ) -> Box<dyn SceneRenderer>;
 }
 
-/// Pictures of one camera in one weather at one time, with the aircraft anywhere.
+/// Images of one camera in one weather at one time, with the aircraft anywhere.
 pub trait SceneRenderer: Send + Sync {
     /// Draws a frame into `rgb`, which has exactly its size and is overwritten completely.
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]);

@@ -73,7 +73,7 @@ pub struct PluginOptions {
 }
 
 impl PluginOptions {
-    /// Simulated time between two frames of a simulator that draws 60 a second.
+    /// Simulated time between two frames of a simulator that draws 60 per second.
     pub const FRAME_PERIOD_S: f64 = 1.0 / 60.0;
 
     /// Runs the plugin of a folder undisturbed.

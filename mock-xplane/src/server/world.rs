@@ -481,7 +481,7 @@ impl World {
         self.state.aircraft.publish(&mut self.state.datarefs);
     }
 
-    /// Poses the aircraft for a picture and returns the number of the frame that shows it.
+    /// Poses the aircraft for an image and returns the number of the frame that shows it.
     pub(super) fn pose_for_frame(&mut self, pose: Pose, controls: Controls) -> u64 {
         self.show(FlightState {
             controls,

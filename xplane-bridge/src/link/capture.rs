@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::PictureBytes;
 use super::wire::MAX_PAYLOAD_BYTES;
 
-/// Maximum side of a picture, pixels. Limits what a request can make the other side allocate.
+/// Maximum side of an image, pixels. Limits what a request can make the other side allocate.
 pub(crate) const MAX_PICTURE_SIDE_PX: u32 = 8_192;
 
 /// Delivery of a drawn frame to the client.
@@ -47,9 +47,9 @@ pub struct CaptureRequest {
     pub controls: Controls,
     /// Pose of the camera.
     pub camera: CameraPose,
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Height of the picture, pixels.
+    /// Height of the image, pixels.
     pub height_px: u32,
     /// Delivery of the image.
     #[serde(default)]
@@ -57,7 +57,7 @@ pub struct CaptureRequest {
 }
 
 impl CaptureRequest {
-    /// Size of the picture, bytes.
+    /// Size of the image, bytes.
     pub fn rgb_bytes(&self) -> usize {
         rgb_bytes(self.width_px, self.height_px)
     }
@@ -107,7 +107,7 @@ impl CaptureRequest {
 /// Reason why an image cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BadCapture {
-    /// No size of a picture.
+    /// Invalid size of an image.
     #[error("{name} is {found}, expected 1 to {MAX_PICTURE_SIDE_PX}")]
     Side {
         /// Name of the side.
@@ -123,13 +123,13 @@ pub enum BadCapture {
         /// Its position.
         found: f64,
     },
-    /// No angle of a camera.
+    /// Invalid field of view of a camera.
     #[error("hfov_deg is {hfov_deg}, expected more than 0 and less than 180")]
     FieldOfView {
         /// The angle.
         hfov_deg: f64,
     },
-    /// A place in space, or none.
+    /// A pose that is not on earth.
     #[error("{name} is not a position and attitude on earth: {pose:?}")]
     NotOnEarth {
         /// Name of the pose, of the aircraft or of the camera.
@@ -149,36 +149,36 @@ pub struct FrameHeader {
     pub tick: u32,
     /// View of the request.
     pub view: u32,
-    /// The simulator's count of drawn frames; grows from each picture to the next.
+    /// The simulator's count of drawn frames; grows from each image to the next.
     pub sim_frame: u64,
     /// Pose with which the aircraft was drawn.
     pub pose: Pose,
     /// Pose of the camera.
     pub camera: CameraPose,
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Height of the picture, pixels.
+    /// Height of the image, pixels.
     pub height_px: u32,
 }
 
-/// A picture and what it shows.
+/// An image and what it shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CapturedFrame {
     /// Tick of the request.
     pub tick: u32,
     /// View of the request.
     pub view: u32,
-    /// The simulator's count of drawn frames; grows from each picture to the next.
+    /// The simulator's count of drawn frames; grows from each image to the next.
     pub sim_frame: u64,
     /// Pose with which the aircraft was drawn.
     pub pose: Pose,
     /// Pose of the camera.
     pub camera: CameraPose,
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Height of the picture, pixels.
+    /// Height of the image, pixels.
     pub height_px: u32,
-    /// Red, green, blue, one byte each, row by row from the top left. Empty if the picture was only drawn.
+    /// Red, green, blue, one byte each, row by row from the top left. Empty if the image was only drawn.
     pub rgb: PictureBytes,
 }
 
@@ -198,7 +198,7 @@ impl CapturedFrame {
     }
 }
 
-/// Bytes of a picture.
+/// Bytes of an image.
 pub(crate) fn rgb_bytes(width_px: u32, height_px: u32) -> usize {
     width_px as usize * height_px as usize * 3
 }

@@ -26,12 +26,12 @@ pub enum Request {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         token: Option<String>,
     },
-    /// From now on draw pictures into this memory, when a capture lends a slot of it. Only for a simulator that offers it in its
+    /// From now on draw images into this memory, when a capture lends a slot of it. Only for a simulator that offers it in its
     /// hello.
     ShareMemory(SharedMemory),
     /// Stop the flight model, the clock and the clouds: poses come from captures now.
     Freeze {
-        /// The runway of the scenario, whose surroundings the pictures show.
+        /// The runway of the scenario, whose surroundings the images show.
         runway: Runway,
         /// Frames that X-Plane draws with a new pose and camera before the one that counts, so that everything has followed.
         settle_frames: u32,
@@ -42,7 +42,7 @@ pub enum Request {
         /// Let time run, and set the clock back to this in every frame: X-Plane's rain and snow stop falling in a pause.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         running_at: Option<Clock>,
-        /// Margins of the window around the pictures, left and right, above and below, pixels; pictures fill the window if missing. Only
+        /// Margins of the window around the images, left and right, above and below, pixels; images fill the window if missing. Only
         /// for plugins that announce frame codes in [`Answer::Hello`].
         #[serde(default, skip_serializing_if = "Option::is_none")]
         margins_px: Option<[u32; 2]>,
@@ -112,17 +112,17 @@ pub enum Answer {
         version: String,
         /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
         plugin: Option<String>,
-        /// Sources of pictures, the best first. Unknown names are ignored.
+        /// Sources of images, the best first. Unknown names are ignored.
         #[serde(deserialize_with = "known_kinds")]
         pixels: Vec<PixelKind>,
         /// The window that shows what is drawn, if there is one.
         window: Option<SimulatorWindow>,
-        /// Size of what it draws, the only possible picture size: for X-Plane, which draws into a window. `None` for a simulator
+        /// Size of what it draws, the only possible image size: for X-Plane, which draws into a window. `None` for a simulator
         /// that draws any size, and for a plugin that is older than this key.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         drawn_size: Option<PictureSize>,
         /// The client's address as the simulator sees it, if it can draw into memory that a client shares. A client with another
-        /// address is connected through an intermediary, a recorder or a tunnel, which must see the pictures pass.
+        /// address is connected through an intermediary, a recorder or a tunnel, which must see the images pass.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shares_memory_with: Option<SocketAddr>,
         /// True if it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
@@ -185,7 +185,7 @@ pub enum Answer {
         /// Number of states.
         rows: usize,
     },
-    /// To [`Request::Capture`]; the payload is the picture.
+    /// To [`Request::Capture`]; the payload is the image.
     Frame(FrameHeader),
     /// Instead of any of them.
     Error {

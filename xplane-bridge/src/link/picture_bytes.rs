@@ -1,4 +1,4 @@
-//! The bytes of a picture, wherever they are stored.
+//! The bytes of an image, wherever they are stored.
 
 use std::fmt;
 use std::mem;
@@ -17,7 +17,7 @@ pub enum PictureBytes {
     Shared(SharedPicture),
 }
 
-/// A picture in memory of a pool, which gets the memory back when the picture is dropped.
+/// An image in memory of a pool, which gets the memory back when the image is dropped.
 #[derive(Debug)]
 pub struct PooledPicture {
     bytes: Vec<u8>,

@@ -17,7 +17,7 @@ pub enum ScreenRequest {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         token: Option<String>,
     },
-    /// Take a picture of the screen now.
+    /// Take an image of the screen now.
     Grab {
         /// The region; everything if missing.
         #[serde(flatten)]
@@ -49,9 +49,9 @@ pub enum ScreenAnswer {
         /// Its height.
         height_px: u32,
     },
-    /// To [`ScreenRequest::Grab`]; the payload is the picture.
+    /// To [`ScreenRequest::Grab`]; the payload is the image.
     Grabbed {
-        /// Width of the picture, pixels.
+        /// Width of the image, pixels.
         width_px: u32,
         /// Its height.
         height_px: u32,

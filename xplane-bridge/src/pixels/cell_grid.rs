@@ -1,4 +1,4 @@
-//! The picture in cells, and how much of each differs between two pictures.
+//! The image in cells, and how much of each differs between two images.
 
 use super::Rectangle;
 
@@ -6,7 +6,7 @@ use super::Rectangle;
 pub(super) const CELL_PX: usize = 16;
 const CHANNELS: usize = 3;
 
-/// Pictures of one size, divided into cells row by row; those at the right and lower edge may be smaller.
+/// Images of one size, divided into cells row by row; those at the right and lower edge may be smaller.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     width_px: usize,
@@ -41,7 +41,7 @@ impl Grid {
         self.columns * self.rows
     }
 
-    /// Bytes of a picture.
+    /// Bytes of an image.
     pub(super) fn bytes(&self) -> usize {
         self.width_px * self.height_px * CHANNELS
     }

@@ -62,7 +62,7 @@ pub enum PixelError {
         /// Underlying error.
         r#source: LinkError,
     },
-    /// The plugin does not provide a picture.
+    /// The plugin does not provide an image.
     #[error("the plugin at {link} gives no picture of its screen: {text}")]
     RemoteRefused {
         /// Its capture link.
@@ -70,7 +70,7 @@ pub enum PixelError {
         /// Text of the refusal.
         text: String,
     },
-    /// A picture of the screen did not arrive.
+    /// An image of the screen did not arrive.
     #[error(
         "no picture of the screen: {what}. Was the window closed, resized or the screen locked?"
     )]
@@ -176,35 +176,35 @@ pub enum PixelError {
         .wanted.with_margins()
     )]
     OtherWindow {
-        /// The pictures.
+        /// The images.
         wanted: PictureSize,
         /// The window.
         window: PictureSize,
     },
-    /// No window on this screen can show such pictures.
+    /// No window on this screen can show such images.
     #[error(
         "pictures of {wanted} pixels do not fit this screen, which has {screen}: {}. The window's frame and the desktop's bars need room besides; \
          or let X-Plane run on a larger screen",
         fitting_advice(.fitting)
     )]
     ScreenTooSmall {
-        /// The pictures.
+        /// The images.
         wanted: PictureSize,
         /// The screen.
         screen: PictureSize,
         /// Smaller ones of the same shape.
         fitting: Vec<PictureSize>,
     },
-    /// The window is not as large as the pictures.
+    /// The window is not as large as the images.
     #[error("the simulator's window is {} on the screen, the pictures must be {width_px}x{height_px}: {}", size(.window), size_advice(.window, .reported_px))]
     WrongSize {
         /// Its position and size on the screen.
         window: Rectangle,
         /// Its size as the simulator reports it, if it does.
         reported_px: Option<(u32, u32)>,
-        /// Width of the pictures, pixels.
+        /// Width of the images, pixels.
         width_px: u32,
-        /// Height of the pictures, pixels.
+        /// Height of the images, pixels.
         height_px: u32,
     },
     /// The window moved.
@@ -217,12 +217,12 @@ pub enum PixelError {
         /// Its actual position.
         found: Rectangle,
     },
-    /// The pattern is in a picture of the recording.
+    /// The pattern is in an image of the recording.
     #[error(
         "the check pattern is still on the screen where a picture should be: the simulator did not remove it, or draws late"
     )]
     PatternStays,
-    /// X-Plane's screenshot is not the requested picture.
+    /// X-Plane's screenshot is not the requested image.
     #[error("X-Plane's screenshot cannot be used: {what}")]
     Screenshot {
         /// Reason.

@@ -56,7 +56,7 @@ pub enum CoverKind {
     StandsStill,
 }
 
-/// Comparisons from which the noise of a cell is learnt: one less than pictures.
+/// Comparisons from which the noise of a cell is learnt: one less than images.
 const LEARNT: usize = 6;
 /// Of these, ordered by size, the one that counts: what comes and goes meanwhile shows in two of them and must not pass for noise.
 const TYPICAL: usize = LEARNT - 3;
@@ -66,11 +66,11 @@ const TYPICAL: usize = LEARNT - 3;
 struct Cell {
     /// True if the kept images show the scene here, and not the aircraft.
     known: bool,
-    /// The first comparisons with the picture before: values that changed, and that changed at least half as much; and how much brighter
+    /// The first comparisons with the image before: values that changed, and that changed at least half as much; and how much brighter
     /// or darker they are in the mean.
     changes: [(u32, u32); LEARNT],
     shifts: [f64; LEARNT],
-    /// The darkest and the brightest mean of these pictures.
+    /// The darkest and the brightest mean of these images.
     means: (f64, f64),
     /// Number of these comparisons.
     learnt: usize,
@@ -78,7 +78,7 @@ struct Cell {
     still: bool,
     /// True if so many values change in the scene itself that only their mean is meaningful.
     restless: bool,
-    /// Values that change, and by how much their mean shifts, from picture to picture: as learnt, or where time runs as of late.
+    /// Values that change, and by how much their mean shifts, from image to image: as learnt, or where time runs as of late.
     noise: f64,
     shift: f64,
     /// True if these, and the image before, date from before something moved through the cell.
@@ -91,7 +91,7 @@ impl Cell {
         self.learnt < LEARNT
     }
 
-    /// Takes note of a comparison with the picture before: values that changed, and those that changed at least half as much.
+    /// Takes note of a comparison with the image before: values that changed, and those that changed at least half as much.
     fn learn(&mut self, changed: (u32, u32), before: f64, now: f64) {
         if self.learnt == 0 {
             self.means = (before, before);
@@ -154,7 +154,7 @@ const SHIFT_LEVELS: f64 = 6.0;
 const FADING: f64 = 0.9;
 /// A cell beside a covered one is partly covered if this share of what would cover it has changed.
 const PARTLY: f64 = 0.3;
-/// Pictures for which a cover counts that only the aircraft hides: two seconds of 60 frames.
+/// Images for which a cover counts that only the aircraft hides: two seconds of 60 frames.
 const MOST_HIDDEN_LOOKS: u32 = 120;
 /// With a smaller share of changed values, the shift of the mean is not worth its computation.
 const LEAST_SHARE: f64 = 0.1;
@@ -200,9 +200,9 @@ pub struct StillScene {
     time: WorldTime,
     limits: Limits,
     cells: Vec<Cell>,
-    /// The scene uncovered: the first picture in a paused world, or else the last one before the cover.
+    /// The scene uncovered: the first image in a paused world, or else the last one before the cover.
     uncovered: Vec<u8>,
-    /// The last picture, where it is needed.
+    /// The last image, where it is needed.
     latest: Vec<u8>,
     /// True until the first image has been examined.
     is_new: bool,
@@ -228,7 +228,7 @@ impl StillScene {
         }
     }
 
-    /// Forgets the pictures: another block begins.
+    /// Forgets the images: another block begins.
     pub fn restart(&mut self) {
         self.cells.fill(Cell::default());
         self.standing_still = StandingStill::new(self.grid.cells());
@@ -236,7 +236,7 @@ impl StillScene {
         self.hidden_looks = 0;
     }
 
-    /// The next picture comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
+    /// The next image comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
     /// is compared anew, and a cover that came meanwhile is noticed when it goes.
     pub fn after_gap(&mut self) {
         if self.time == WorldTime::Runs {
@@ -246,13 +246,13 @@ impl StillScene {
         }
     }
 
-    /// Checks the next picture. `moving` are the rectangles that may differ from picture to picture; they may reach beyond the picture.
+    /// Checks the next image. `moving` are the rectangles that may differ from image to image; they may reach beyond the image.
     ///
     /// # Errors
     /// Something covers the scene. The image must not be used, nor [`Cover::pictures_before`] images before it.
     ///
     /// # Panics
-    /// If the picture has another size.
+    /// If the image has another size.
     pub fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
         assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
         let touched = self.grid.touched(moving);
@@ -274,7 +274,7 @@ impl StillScene {
         let level = self.limits.level;
         let was_covered = self.is_covered();
         let changed = self.grid.changed(rgb, &self.uncovered, level);
-        // Only what follows the pictures can stop doing so.
+        // Only what follows the images can stop doing so.
         let mut differs = vec![false; self.cells.len()];
         let (mut came_while_learning, mut learning) = (Vec::new(), Vec::new());
         let mut released = false;

@@ -1,8 +1,8 @@
-//! Pictures of a block of ticks from a camera that rests, one tick in every drawn frame.
+//! Images of a block of ticks from a camera that rests, one tick in every drawn frame.
 //!
 //! The plugin writes the next tick in each camera callback, and numbers the frames that it draws. A thread grabs each numbered frame
 //! (`pixels/screen/coded_grabs.rs`); which tick it shows is decided in `block/sequence.rs`. Requests are sent ahead as far as there is
-//! room for their pictures, so that neither a slow encoder nor a slow screen loses any.
+//! room for their images, so that neither a slow encoder nor a slow screen loses any.
 //!
 //! Off the screen, moving the camera costs frames of settling, so the camera of one view rests while every drawn frame shows another tick.
 
@@ -34,7 +34,7 @@ use sequence::{Scene, Sequence, Show, Taken};
 use shadow::shadow_place;
 pub use trial::{BlockTrial, KnownBlocks};
 
-/// Memory for the pictures between two probes, bytes.
+/// Memory for the images between two probes, bytes.
 const SEGMENT_BYTES: usize = 96 << 20;
 /// Ticks between two probes: at least and at most.
 const SEGMENT_TICKS: (usize, usize) = (12, 100);
@@ -62,7 +62,7 @@ pub struct BlockOfTicks<'a> {
     pub view: u32,
     /// Pose of the resting camera.
     pub camera: CameraPose,
-    /// Size of the pictures, pixels.
+    /// Size of the images, pixels.
     pub size_px: (u32, u32),
 }
 
@@ -79,7 +79,7 @@ pub struct BlockReport {
     pub held: u32,
 }
 
-/// A block that is being recorded: [`BlockRecording::next_picture`] returns its pictures in the order of the ticks.
+/// A block that is being recorded: [`BlockRecording::next_picture`] returns its images in the order of the ticks.
 pub struct BlockRecording<'a> {
     simulator: &'a mut Simulator,
     block: BlockOfTicks<'a>,
@@ -91,7 +91,7 @@ pub struct BlockRecording<'a> {
     drawn: BTreeMap<u64, FrameHeader>,
 }
 
-/// Memory for the pictures of a block that is being recorded, bytes.
+/// Memory for the images of a block that is being recorded, bytes.
 pub fn block_bytes(size_px: (u32, u32)) -> u64 {
     let picture_bytes = u64::from(size_px.0) * u64::from(size_px.1) * 3;
     picture_bytes * buffers(size_px) as u64
@@ -101,7 +101,7 @@ fn buffers(size_px: (u32, u32)) -> usize {
     3 * pictures_at_once(size_px) + MORE_BUFFERS
 }
 
-/// Pictures of a block that come at once, when a probe has proven them: a caller that has room for so many, and drops what it has used, is
+/// Images of a block that come at once, when a probe has proven them: a caller that has room for so many, and drops what it has used, is
 /// never waited for.
 pub fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
     let picture_bytes = width_px as usize * height_px as usize * 3;
@@ -178,7 +178,7 @@ impl Simulator {
 }
 
 impl BlockRecording<'_> {
-    /// The next picture; `None` after the last one.
+    /// The next image; `None` after the last one.
     ///
     /// # Errors
     /// The simulator rejects a request, its conditions have changed, the link is broken, or no code can be read off the screen.
@@ -198,7 +198,7 @@ impl BlockRecording<'_> {
                 let expects_grabs = self.sequence.expects_grabs();
                 self.simulator.grabs.rest(!expects_grabs);
                 if !expects_grabs && !self.sequence.waits_for_answer() {
-                    // A skipped probe has proven the pictures before it.
+                    // A skipped probe has proven the images before it.
                     idle += 1;
                     if idle > MOST_IDLE {
                         return Err(PixelError::NoCode {
@@ -228,7 +228,7 @@ impl BlockRecording<'_> {
         })
     }
 
-    /// Report on the recording. Complete after the last picture.
+    /// Report on the recording. Complete after the last image.
     pub fn report(&self) -> BlockReport {
         let tally = self.sequence.tally();
         let all_held = tally.held as usize >= self.block.states.len();
@@ -416,7 +416,7 @@ impl Drop for BlockRecording<'_> {
     }
 }
 
-/// A picture off the screen.
+/// An image off the screen.
 #[derive(Debug)]
 struct Grabbed {
     rgb: PooledPicture,

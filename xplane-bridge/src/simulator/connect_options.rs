@@ -14,7 +14,7 @@ use crate::web_api;
 pub const LINK_TOKEN_VARIABLE: &str = "DTD_LINK_TOKEN";
 /// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to disable it.
 pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
-/// Environment variable that, when it is `off`, sends every picture over the capture link.
+/// Environment variable that, when it is `off`, sends every image over the capture link.
 pub(crate) const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
 
 /// Connection options besides the address.

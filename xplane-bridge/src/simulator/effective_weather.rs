@@ -56,7 +56,7 @@ impl Simulator {
         }
     }
 
-    /// Reads the weather at the aircraft again after the last picture. A quantity that has changed since the first reading is treated as if
+    /// Reads the weather at the aircraft again after the last image. A quantity that has changed since the first reading is treated as if
     /// it had differed then.
     pub(super) async fn confirm_effective_weather(&mut self) -> Result<(), BridgeError> {
         let planned = self.conditions.as_ref().map(|set| set.weather.clone());

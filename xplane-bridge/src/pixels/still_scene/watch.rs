@@ -1,4 +1,4 @@
-//! The decision what to do about a cover: take pictures again, or give up.
+//! The decision what to do about a cover: take images again, or give up.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -8,12 +8,12 @@ use crate::pixels::{PixelError, Rectangle};
 
 /// Time to wait for a cover to go.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Clouds drift noticeably between two pictures that are further apart.
+/// Clouds drift noticeably between two images that are further apart.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
-/// Pictures whose frames are remembered: more than any cover goes back.
+/// Images whose frames are remembered: more than any cover goes back.
 const REMEMBERED: usize = 128;
 
-/// Use of a picture.
+/// Use of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// No cover.
@@ -25,7 +25,7 @@ pub enum Verdict {
     },
 }
 
-/// Watches the pictures of a block, in the order in which they were drawn.
+/// Watches the images of a block, in the order in which they were drawn.
 #[derive(Debug)]
 pub struct CoverWatch {
     scene: StillScene,
@@ -35,7 +35,7 @@ pub struct CoverWatch {
 }
 
 impl CoverWatch {
-    /// Of pictures of a size.
+    /// Of images of a size.
     pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
         Self {
             scene: StillScene::new(width_px, height_px, time),
@@ -53,13 +53,13 @@ impl CoverWatch {
         self.covered_since = None;
     }
 
-    /// Looks at the picture of a frame, in which only `moving` may differ from the one before.
+    /// Looks at the image of a frame, in which only `moving` may differ from the one before.
     ///
     /// # Errors
     /// A cover has been there for 30 seconds.
     ///
     /// # Panics
-    /// If the picture has another size.
+    /// If the image has another size.
     pub fn look(
         &mut self,
         frame: u64,

@@ -1,6 +1,6 @@
-//! The order of a block: which tick is shown next, which grab shows which tick, and which pictures are proven.
+//! The order of a block: which tick is shown next, which grab shows which tick, and which images are proven.
 //!
-//! Input: the numbers of drawn frames, in which requests were answered, and grabs with the number that they carry. Output: the pictures
+//! Input: the numbers of drawn frames, in which requests were answered, and grabs with the number that they carry. Output: the images
 //! of all ticks in their order, each once. No clock, no socket: everything can be replayed in a test.
 //!
 //! A grab with number m shows the scene of frame m - lag. The lag is measured by probes (`probe.rs`) at both ends of a block and between
@@ -15,7 +15,7 @@ use crate::pixels::Rectangle;
 
 /// Requests that are shown but not seen yet, at most: enough to use every drawn frame.
 const MOST_UNSEEN: usize = 6;
-/// So many pictures without a loss allow one more.
+/// So many images without a loss allow one more.
 const WIDEN_AFTER: u32 = 32;
 /// Grabs in a row without a change before a scene counts as settled.
 const EQUAL_GRABS: u32 = 3;
@@ -25,7 +25,7 @@ const RESTLESS_GRABS: u32 = 90;
 const MOST_UNCLEAR: u32 = 12;
 const MOST_CHANGES: u32 = 3;
 
-/// A picture, as far as the order of a block depends on it.
+/// An image, as far as the order of a block depends on it.
 pub(super) trait Scene {
     /// The bytes of a part.
     fn part(&self, area: Rectangle) -> Vec<u8>;
@@ -43,7 +43,7 @@ pub(super) enum Show {
     Probe(u32),
 }
 
-/// A picture of a tick.
+/// An image of a tick.
 #[derive(Debug)]
 pub(super) struct Taken<P> {
     #[cfg_attr(
@@ -62,7 +62,7 @@ pub(super) struct Taken<P> {
 /// Statistics of a recorded block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Tally {
-    /// Ticks that were shown again, because their picture was lost or not proven.
+    /// Ticks that were shown again, because their image was lost or not proven.
     pub(super) repeated: u32,
     /// Probes that measured the lag.
     pub(super) seen: u32,
@@ -74,7 +74,7 @@ pub(super) struct Tally {
     pub(super) held: u32,
 }
 
-/// The place of a probe's aircraft in the picture, by tick; `None` if it is not in the picture.
+/// The place of a probe's aircraft in the image, by tick; `None` if it is not in the image.
 pub(super) type ProbePlace = Box<dyn Fn(u32) -> Option<Rectangle> + Send>;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -104,7 +104,7 @@ struct Unproven<P> {
 }
 
 impl<P> Unproven<P> {
-    /// The newest frame whose drawing the picture may show.
+    /// The newest frame whose drawing the image may show.
     fn newest_frame(&self) -> u64 {
         self.grab.unwrap_or(self.taken.frame)
     }
@@ -125,14 +125,14 @@ pub(super) struct Sequence<P> {
     next_tick: u32,
     again: VecDeque<u32>,
     delivered: u32,
-    /// The newest grab of a delivered picture.
+    /// The newest grab of a delivered image.
     delivered_grab: u64,
     since_probe: u32,
     /// Sent and not answered yet.
     sent: VecDeque<Show>,
     /// Content shown from each frame on.
     shown: BTreeMap<u64, Show>,
-    /// Answered ticks without a picture, by frame.
+    /// Answered ticks without an image, by frame.
     unseen: BTreeMap<u64, u32>,
     most_unseen: usize,
     without_loss: u32,
@@ -141,7 +141,7 @@ pub(super) struct Sequence<P> {
     probe: Option<Probe>,
     /// A probe was sent, and no request after it.
     ends_with_probe: bool,
-    /// A probe was due whose aircraft is not in the picture.
+    /// A probe was due whose aircraft is not in the image.
     has_skipped_probe: bool,
     unclear: u32,
     confirmed_up_to: u64,
@@ -198,7 +198,7 @@ impl<P: Scene> Sequence<P> {
     /// The next request to send, if one may be sent now.
     pub(super) fn next_show(&mut self) -> Option<Show> {
         let mut show = self.choose();
-        // A probe that cannot be shown changes the phase, or proves pictures: then there may be something else to show.
+        // A probe that cannot be shown changes the phase, or proves images: then there may be something else to show.
         while show.is_none() && mem::take(&mut self.has_skipped_probe) {
             show = self.choose();
         }
@@ -270,7 +270,7 @@ impl<P: Scene> Sequence<P> {
         is_unproven && (self.since_probe >= self.segment || is_waiting)
     }
 
-    /// A probe, if the aircraft is in the picture; else what follows from not seeing it.
+    /// A probe, if the aircraft is in the image; else what follows from not seeing it.
     fn new_probe(&mut self) -> Option<Show> {
         self.since_probe = 0;
         let tick = self.next_tick.saturating_sub(1);
@@ -547,7 +547,7 @@ impl<P: Scene> Sequence<P> {
         self.delivered_grab < from_frame
     }
 
-    /// The next picture, in the order of the ticks, once it is proven.
+    /// The next image, in the order of the ticks, once it is proven.
     pub(super) fn deliver(&mut self) -> Option<Taken<P>> {
         let first = self.pictures.first_entry()?;
         let is_next = *first.key() == self.delivered;
@@ -568,7 +568,7 @@ impl<P: Scene> Sequence<P> {
         matches!(self.phase, Phase::Settling { .. })
     }
 
-    /// Pictures that are not needed.
+    /// Images that are not needed.
     pub(super) fn spent(&mut self) -> Vec<P> {
         mem::take(&mut self.spent)
     }
@@ -589,7 +589,7 @@ impl<P: Scene> Sequence<P> {
         !(is_idle && matches!(self.phase, Phase::Moving { .. }))
     }
 
-    /// The first tick whose picture is not proven yet.
+    /// The first tick whose image is not proven yet.
     pub(super) fn waits_for_tick(&self) -> u32 {
         self.delivered
     }

@@ -1,4 +1,4 @@
-//! A trial before blocks are trusted: pictures of a block beside settled ones of the same ticks, far away and near.
+//! A trial before blocks are trusted: images of a block beside settled ones of the same ticks, far away and near.
 
 use dataset::pose::FlightState;
 use futures_util::future::BoxFuture;
@@ -14,7 +14,7 @@ use crate::pixels::Rectangle;
 const TICKS: usize = 9;
 /// A pixel differs if a colour does by more than this, grey levels.
 const DIFFERENT_LEVELS: u8 = 4;
-/// A picture of a block may differ from a settled one in this many times the pixels in which two settled ones differ ...
+/// An image of a block may differ from a settled one in this many times the pixels in which two settled ones differ ...
 const NOISE_FACTOR: f64 = 1.5;
 /// ... and in so many more.
 const MORE_PIXELS: usize = 4;
@@ -58,9 +58,9 @@ pub enum BlockTrial {
     Different {
         /// The first tick that differs.
         tick: u32,
-        /// Pixels that differ from the settled picture.
+        /// Pixels that differ from the settled image.
         pixels: usize,
-        /// Pixels in which two settled pictures differ.
+        /// Pixels in which two settled images differ.
         noise_pixels: usize,
     },
 }
@@ -76,7 +76,7 @@ impl Simulator {
         self.known_blocks = known;
     }
 
-    /// Takes pictures of a flight's first ticks and of its last ones before the aircraft leaves the view, in a block and settled, and
+    /// Takes images of a flight's first ticks and of its last ones before the aircraft leaves the view, in a block and settled, and
     /// compares them. Unless they are equal, [`Simulator::can_record_blocks`] is false from now on. The simulator is frozen.
     ///
     /// # Errors
@@ -100,7 +100,7 @@ impl Simulator {
                     break;
                 }
             }
-            // Where every tick is held, as in fog, pictures of moving ticks were not compared: the next scenario tries again.
+            // Where every tick is held, as in fog, images of moving ticks were not compared: the next scenario tries again.
             self.known_blocks.trial = (!is_held || trial != BlockTrial::Equal).then_some(trial);
             Ok(trial)
         })
@@ -169,7 +169,7 @@ impl Simulator {
     }
 }
 
-/// The first ticks, and the last ones at which the aircraft is in the picture.
+/// The first ticks, and the last ones at which the aircraft is in the image.
 fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
     let is_seen =
         |state: &FlightState| aircraft_place(&flight.camera, flight.size_px, &state.pose).is_some();
@@ -232,7 +232,7 @@ mod tests {
         height_px: 3,
     };
 
-    /// A grey picture with an aircraft that begins in a column.
+    /// A grey image with an aircraft that begins in a column.
     fn picture(column: u32) -> Vec<u8> {
         let mut rgb = vec![100; (WIDTH_PX * 15) as usize * 3];
         for y in 5..8 {

@@ -1,4 +1,4 @@
-//! Pictures for measurements: the aircraft where lockstep shows it, the camera beside it, a given number of frames after the last change.
+//! Images for measurements: the aircraft where lockstep shows it, the camera beside it, a given number of frames after the last change.
 
 use std::time::Duration;
 
@@ -28,7 +28,7 @@ pub(super) fn noon_zulu_s(longitude_deg: f64) -> f64 {
     (12.0 - longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0
 }
 
-/// Content of a picture.
+/// Content of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shot {
     /// Distance by which the aircraft is moved to the east.
@@ -110,7 +110,7 @@ impl<'a> Eyes<'a> {
             .await
     }
 
-    /// Takes pictures one after the other, without a pause in between.
+    /// Takes images one after the other, without a pause in between.
     pub(super) async fn take<const N: usize>(
         &mut self,
         shots: [Shot; N],
@@ -142,7 +142,7 @@ impl<'a> Eyes<'a> {
             })
     }
 
-    /// One completely settled picture; time and weather continue afterwards.
+    /// One completely settled image; time and weather continue afterwards.
     pub(super) async fn glance(&mut self, shot: Shot) -> Result<CapturedFrame, BridgeError> {
         self.freeze(SETTLED).await?;
         let [frame] = self.take([shot]).await?;
@@ -165,7 +165,7 @@ impl<'a> Eyes<'a> {
     }
 }
 
-/// The sources of pictures, if any. The screen only once its window was found there.
+/// The sources of images, if any. The screen only once its window was found there.
 fn deliver(simulator: &Simulator) -> Option<Deliver> {
     match (simulator.pixels(), simulator.description().pixels.first()) {
         (PixelKind::Screen, _) => Some(Deliver::Drawn),

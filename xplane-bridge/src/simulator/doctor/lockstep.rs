@@ -1,4 +1,4 @@
-//! The capture link at work: is the ground where it should be, and is every picture the requested one?
+//! The capture link at work: is the ground where it should be, and is every image the requested one?
 
 use std::time::{Duration, Instant};
 
@@ -26,14 +26,14 @@ const SHOWN_ABOVE_M: f64 = 300.0;
 const CAMERA_BEHIND_M: f64 = 150.0;
 /// Distance by which it is moved between images that must differ.
 pub(super) const MOVED_M: f64 = 15.0;
-/// Maximum mean difference between pictures of the same pose, of 255: film grain and temporal smoothing.
+/// Maximum mean difference between images of the same pose, of 255: film grain and temporal smoothing.
 const SAME: f64 = 1.0;
-/// Size of the pictures of a simulator that draws any size.
+/// Size of the images of a simulator that draws any size.
 pub(super) const ANY_SIZE: PictureSize = PictureSize {
     width_px: 320,
     height_px: 214,
 };
-/// A picture that takes longer than this makes a scenario take hours.
+/// An image that takes longer than this makes a scenario take hours.
 const SLOW: Duration = Duration::from_secs(1);
 
 pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) -> Check {
@@ -59,7 +59,7 @@ pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) ->
     }
 }
 
-/// Takes pictures A A B A: all as requested, A the same each time, B different, frame numbers growing. The simulator is paused, unless
+/// Takes images A A B A: all as requested, A the same each time, B different, frame numbers growing. The simulator is paused, unless
 /// pauses do not show new poses and a clock runs.
 pub(super) async fn lockstep(
     simulator: &mut Simulator,
@@ -214,7 +214,7 @@ fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(
     Ok(())
 }
 
-/// Mean difference between two pictures, of 255.
+/// Mean difference between two images, of 255.
 pub(super) fn difference(one: &[u8], other: &[u8]) -> f64 {
     let sum: u64 = one
         .iter()
@@ -265,7 +265,7 @@ mod tests {
         ground_msl_m: 7.0,
     };
 
-    /// Pictures A A B A of a correct simulator.
+    /// Images A A B A of a correct simulator.
     fn sound() -> Vec<(CaptureRequest, CapturedFrame)> {
         let frame = |tick: u32, moved_m: f64| {
             let request = request(&PLACE, tick, moved_m, ANY_SIZE, Deliver::Picture);

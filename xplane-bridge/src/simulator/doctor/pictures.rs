@@ -146,7 +146,7 @@ async fn differ(eyes: &mut Eyes<'_>, noise: f64) -> Result<bool, BridgeError> {
     Ok(difference(&behind.rgb, &away.rgb) > noise + SAME)
 }
 
-/// The maximum number of frames between two static pictures when only the aircraft has moved.
+/// The maximum number of frames between two static images when only the aircraft has moved.
 async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
     if eyes.simulator.pixels() == PixelKind::Screen {
         return Finding::NotMeasured(
@@ -167,7 +167,7 @@ async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
     finding(measured.await)
 }
 
-/// The minimum number of settle frames for a final picture after the camera has looked at another light.
+/// The minimum number of settle frames for a final image after the camera has looked at another light.
 async fn until_settled(
     eyes: &mut Eyes<'_>,
     noise: f64,

@@ -35,7 +35,7 @@ const SHOWING: Duration = Duration::from_secs(12);
 const CLOUDS_WITHIN: Duration = Duration::from_secs(180);
 /// Time for a regeneration to begin before clouds are written again.
 const REGENERATION: Duration = Duration::from_secs(1);
-/// Another visibility or cover changes a picture by more than this on average, of 255; drifting clouds do not.
+/// Another visibility or cover changes an image by more than this on average, of 255; drifting clouds do not.
 const CHANGED: f64 = 3.0;
 /// After this much simulated time a regeneration has no effect on what is written.
 const AFTER_REGENERATION_S: f64 = 75.0;
@@ -217,7 +217,7 @@ impl Simulator {
     }
 }
 
-/// Writes another visibility, and checks whether it shows: in pictures, or by X-Plane's own value if they cannot be seen.
+/// Writes another visibility, and checks whether it shows: in images, or by X-Plane's own value if they cannot be seen.
 async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
     let sees = eyes.blind().is_none();
     let before_m = eyes.simulator.value(VISIBILITY_EFFECTIVE_M).await?;

@@ -35,7 +35,7 @@ struct World {
     /// Answers come this many frames late.
     late_answers: usize,
     aircraft_is_visible: bool,
-    /// Ticks at which the aircraft is in the picture.
+    /// Ticks at which the aircraft is in the image.
     in_picture: (u32, u32),
 }
 
