@@ -4,8 +4,8 @@
 //! sends to every client with its `hello`, on whichever computer. [`crate::Simulator`] uses some of it; the rest is for people, who
 //! send it to us.
 //!
-//! Without a profile, `dtd generate` checks the images itself before the first scenario, and assumes the majority of reports about the
-//! weather.
+//! Without a profile, `dtd generate` checks the images itself before the first scenario, and treats the weather as most reports describe
+//! it.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -328,7 +328,7 @@ impl Profile {
         self.pause_shows_poses.found() == Some(&false)
     }
 
-    /// The reason why images may not show the written state, if it is unknown.
+    /// The reason why it is not known that images show the written state; `None` if it is known.
     fn pictures_in_doubt(&self) -> Option<&str> {
         match (&self.pause_shows_poses, &self.frames_until_settled) {
             (Finding::NotMeasured(why), _) | (_, Finding::NotMeasured(why)) => Some(why),

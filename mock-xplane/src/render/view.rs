@@ -2,7 +2,7 @@
 //! positions in these coordinates, so that two cameras see the same world.
 //!
 //! With refraction, site coordinates are apparent positions, not true ones: rays stay straight, and distant objects are lifted
-//! (`dataset::refraction`). Heights above the sea account for it; no other code needs to.
+//! (`dataset::refraction`). Heights above the sea account for it; nothing else needs to.
 
 use dataset::camera::Camera;
 use dataset::refraction::lift_m;

@@ -77,7 +77,7 @@ impl CodedGrabs {
         self.thread.as_mut()?.pictures.try_recv().ok()
     }
 
-    /// Pauses grabbing while `rests`, when no image is expected.
+    /// Pauses grabbing if `rests`: no image is expected then.
     pub(crate) fn rest(&self, rests: bool) {
         if let Some(thread) = &self.thread {
             thread.rests.store(rests, Ordering::Relaxed);
