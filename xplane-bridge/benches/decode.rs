@@ -1,4 +1,4 @@
-//! How fast a simulator's values are decoded: `cargo bench -p xplane-bridge`.
+//! Speed of decoding a simulator's values: `cargo bench -p xplane-bridge`.
 //!
 //! A million values, in datagrams of 183 as X-Plane packs them, through the view that the client uses and through the packet that
 //! owns its values. One core, the fastest of 50 rounds each. The project's own target is 20 ms.

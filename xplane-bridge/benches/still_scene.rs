@@ -1,7 +1,7 @@
-//! What it costs to look for covers in a picture of 1920 x 1280: `cargo bench -p xplane-bridge --bench still_scene`.
+//! Cost of looking for covers in an image of 1920 x 1280: `cargo bench -p xplane-bridge --bench still_scene`.
 //!
-//! One core, the fastest and the mean of 50 pictures each: a paused world that stands still but for the aircraft, one in which every row
-//! differs, and running time with rain in every picture.
+//! One core, the fastest and the mean of 50 images each: a paused world in which only the aircraft moves, one in which every row differs,
+//! and running time with rain in every image.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -18,7 +18,7 @@ const AIRCRAFT: Rectangle = Rectangle {
     height_px: 60,
 };
 
-/// Ground of random brightness, the same in every picture, with streaks that differ.
+/// Ground of random brightness, the same in every image, with streaks that differ.
 fn picture(number: u32, streaks: u32) -> Vec<u8> {
     let (width, height) = SIZE_PX;
     let mut random = 7_u64;

@@ -1,7 +1,7 @@
 //! The datarefs of X-Plane that we use, and the only conversion between SI and X-Plane's units.
 //!
 //! Input: conditions and runways in SI. Output: lists of dataref writes. Names and units differ between X-Plane 11 and 12 only for
-//! the weather ([`weather`]): a name whose comment begins with a version is used in that version alone, because X-Plane 12 keeps those
+//! the weather ([`weather`]): a name whose comment begins with a version is used in that version alone, because X-Plane 12 keeps the names
 //! of 11 and complains when one is looked up. The tolerances for reading back are one table ([`tolerance`]).
 
 mod effective_weather;
@@ -204,7 +204,7 @@ pub struct AutopilotSwitch {
 }
 
 impl AutopilotSwitch {
-    /// Whether it is on, from the datarefs read; `None` if too few could be read to decide.
+    /// State of the function, from the datarefs read; `None` if too few could be read to decide.
     pub fn is_on(&self, read: impl Fn(&str) -> Option<f32>) -> Option<bool> {
         let mut all_known = true;
         for states in self.on_while {
@@ -225,7 +225,7 @@ impl AutopilotSwitch {
         all_known.then_some(false)
     }
 
-    /// All datarefs that show whether it is on.
+    /// All datarefs that show its state.
     pub fn datarefs(&self) -> impl Iterator<Item = &'static str> {
         self.on_while
             .iter()
@@ -233,7 +233,7 @@ impl AutopilotSwitch {
     }
 }
 
-/// What engages an approach on the autopilot, in order: the button for localizer and glide slope, then the button of whichever of
+/// Functions that engage an approach on the autopilot, in order: the button for localizer and glide slope, then the button of whichever of
 /// the two does not show.
 pub(crate) const APPROACH_SWITCHES: [AutopilotSwitch; 5] = [
     AutopilotSwitch {
@@ -314,12 +314,12 @@ impl DatarefWrite {
         }
     }
 
-    /// Whether it is to be read back.
+    /// True if the written value is read back.
     pub(crate) fn is_read_back(&self) -> bool {
         self.tolerance != Tolerance::Unread
     }
 
-    /// Whether a value read back matches the written one.
+    /// True if a value read back matches the written one.
     pub fn is_met_by(&self, value: f32) -> bool {
         self.tolerance.allows(self.value, value)
     }
@@ -366,7 +366,7 @@ pub(crate) fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     ]
 }
 
-/// What [`COMMAND_REGENERATE_WEATHER`] resets and must be written again: clouds and temperature.
+/// True if [`COMMAND_REGENERATE_WEATHER`] resets a dataref, so that it must be written again: clouds and temperature.
 pub fn needs_repeating_after_regeneration(name: &str) -> bool {
     name.contains("/cloud_")
         || name == TEMPERATURE_C
@@ -409,8 +409,8 @@ pub fn clock_from_datarefs(read: impl Fn(&str) -> f32) -> Clock {
     }
 }
 
-/// What an autopilot needs for an instrument approach: power, the first receiver as its source, and the radio settings of the runway, if
-/// it has any.
+/// Writes that prepare an autopilot for an instrument approach: power, the first receiver as its source, and the radio settings of the
+/// runway, if it has any.
 ///
 /// The course knob is magnetic. For a runway without a magnetic course the knob is left alone: on a localizer frequency it only
 /// turns a needle's card, and a true course there would be wrong.

@@ -22,13 +22,13 @@ use crate::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
 use crate::simulator::running_since;
 use crate::udp_socket::LocalUdp;
 
-/// How long to listen: three beacons, of which two may be lost.
+/// Time to listen: three beacons, of which two may be lost.
 pub const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(3);
 /// [`Beacon::host`] of X-Plane; 2 is PlaneMaker.
 const HOST_X_PLANE: i32 = 1;
 /// [`Beacon::role`] of a simulator that flies; the others only display.
 const ROLE_MASTER: u32 = 1;
-/// How long each address of a simulator that is heard under several may take to answer.
+/// Timeout for each address of a simulator that is heard under several.
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 /// Addresses that are taken from beacons. Anyone on the network can send them, and each address may be asked.
 const MOST_ADDRESSES: usize = 64;

@@ -14,31 +14,31 @@ use crate::simulator::BadWebApiPlace;
 /// The first request on the capture link, in messages.
 pub(crate) const HELLO: &str = "hello";
 
-/// Why the simulator could not be made to do something.
+/// Failure of a request to the simulator.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
     /// An environment variable has an invalid value.
     #[error("the environment variable {name} is {found:?}: {why}")]
     BadVariable {
-        /// Which variable.
+        /// Name of the variable.
         name: &'static str,
-        /// What it is.
+        /// Its value.
         found: String,
-        /// What is wrong with it, and what is expected.
+        /// Fault of the value, with the expected form.
         why: BadWebApiPlace,
     },
-    /// Nothing came back over UDP.
+    /// No datagram came back over UDP.
     #[error(
         "no simulator answered at {address} (UDP) within {waited:.1?}{}. Is X-Plane running, is Settings > Network > \
          \"Accept incoming connections\" on, and is this its address? Without X-Plane, use the stand-in: --sim mock",
         if *.refused { ": no program listens on that port" } else { "" }
     )]
     NobodyAnswers {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
-        /// For how long.
+        /// Time waited.
         waited: Duration,
-        /// Whether its computer said that the port is closed.
+        /// True if its computer reported that the port is closed.
         refused: bool,
     },
     /// The local port that the user chose is not available.
@@ -49,7 +49,7 @@ pub enum BridgeError {
     LocalPort {
         /// The port.
         port: u16,
-        /// Why not.
+        /// Underlying error.
         r#source: std::io::Error,
     },
     /// No beacon was heard.
@@ -58,7 +58,7 @@ pub enum BridgeError {
          give the address, --sim HOST:PORT, e.g. --sim 127.0.0.1:49000. Without X-Plane, use the stand-in: --sim mock"
     )]
     NobodyAnnounced {
-        /// For how long we listened.
+        /// Time waited.
         waited: Duration,
     },
     /// More than one simulator was heard.
@@ -67,7 +67,7 @@ pub enum BridgeError {
         .addresses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
     )]
     SeveralAnnounced {
-        /// Where they take packets.
+        /// Their UDP addresses.
         addresses: Vec<SocketAddr>,
     },
     /// The port of the beacon is not available.
@@ -78,7 +78,7 @@ pub enum BridgeError {
     NoBeaconPort {
         /// The port.
         port: u16,
-        /// Why not.
+        /// Underlying error.
         r#source: std::io::Error,
     },
     /// This computer cannot receive multicast.
@@ -88,7 +88,7 @@ pub enum BridgeError {
         crate::packet::BEACON_PORT
     )]
     NoMulticast {
-        /// Why not.
+        /// Underlying error.
         r#source: std::io::Error,
     },
     /// The simulator draws ideal pictures only.
@@ -97,11 +97,11 @@ pub enum BridgeError {
          (--sim mock) can: take [imaging] and the cameras' distortion out of the sweep"
     )]
     NoImaging {
-        /// Which one it is.
+        /// Name of the simulator.
         simulator: String,
         /// Number of the view, from 0.
         view: usize,
-        /// What it cannot draw, as named in the link.
+        /// Property that it cannot draw, as named in the link.
         wanted: String,
     },
     /// The simulator is not the one that was set up.
@@ -110,11 +110,11 @@ pub enum BridgeError {
          is lost; connect again and repeat the settings"
     )]
     Restarted {
-        /// Which simulator.
+        /// Address of the simulator.
         address: SocketAddr,
-        /// How long it had run.
+        /// Running time last reported before, seconds.
         before_s: f32,
-        /// How long it says it runs now.
+        /// Running time reported now, seconds.
         found_s: f32,
     },
     /// A confirmed setting has changed.
@@ -123,7 +123,7 @@ pub enum BridgeError {
          change it?", .found.map_or("does not answer".to_owned(), |value| format!("reads {value}"))
     )]
     SettingLost {
-        /// Which dataref.
+        /// Name of the dataref.
         name: String,
         /// The confirmed value.
         wanted: f32,
@@ -136,7 +136,7 @@ pub enum BridgeError {
          switch off other plugins that move the camera, and run the same command again"
     )]
     ViewTaken {
-        /// How often it was grabbed.
+        /// Number of grabs.
         grabs: u32,
     },
     /// Simulated time does not move.
@@ -145,7 +145,7 @@ pub enum BridgeError {
          Configuration, a menu or a question open in X-Plane? Start any flight, and run the same command again"
     )]
     NotReady {
-        /// Which simulator.
+        /// Address of the simulator.
         address: SocketAddr,
         /// Duration of each wait.
         waited: Duration,
@@ -172,9 +172,9 @@ pub enum BridgeError {
         name: &'static str,
         /// The type.
         icao: &'static str,
-        /// What it has.
+        /// Dimension of the loaded aircraft, metres.
         found_m: f64,
-        /// What the type has.
+        /// Dimension of the type, metres.
         expected_m: f64,
         /// File of an aircraft with the right ones.
         path: &'static str,
@@ -187,11 +187,11 @@ pub enum BridgeError {
     NotPlaced {
         /// By which way.
         by: &'static str,
-        /// How often it was put there.
+        /// Number of attempts to place it.
         attempts: u32,
-        /// Where to.
+        /// Requested latitude, degrees.
         wanted_latitude_deg: f64,
-        /// Where to.
+        /// Requested longitude, degrees.
         wanted_longitude_deg: f64,
         /// Its actual latitude and longitude, if known.
         found: Option<(f64, f64)>,
@@ -217,9 +217,9 @@ pub enum BridgeError {
         crate::datarefs::CAPTURE_PORT
     )]
     NoPlugin {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
-        /// For how long.
+        /// Time waited.
         waited: Duration,
     },
     /// The capture link could not be opened.
@@ -229,7 +229,7 @@ pub enum BridgeError {
     CannotOpenLink {
         /// Its expected address.
         address: SocketAddr,
-        /// Why not.
+        /// Underlying error.
         r#source: std::io::Error,
     },
     /// A socket of our own failed.
@@ -237,7 +237,7 @@ pub enum BridgeError {
     Udp {
         /// The simulator's address.
         address: SocketAddr,
-        /// Why not.
+        /// Underlying error.
         r#source: std::io::Error,
     },
     /// A packet could not be made.
@@ -246,9 +246,9 @@ pub enum BridgeError {
     /// The capture link broke or the other side does not speak its protocol.
     #[error("capture link, while waiting for {doing}: {source}")]
     Link {
-        /// What was expected.
+        /// The expected message.
         doing: &'static str,
-        /// What came instead.
+        /// Underlying error.
         r#source: LinkError,
     },
     /// No answer over the capture link.
@@ -256,9 +256,9 @@ pub enum BridgeError {
         "the simulator did not answer over the capture link within {waited:?}, while waiting for {doing}"
     )]
     LinkTimeout {
-        /// What was expected.
+        /// The expected message.
         doing: &'static str,
-        /// How long we waited.
+        /// Time waited.
         waited: Duration,
     },
     /// An earlier failure left the link between two messages.
@@ -267,19 +267,19 @@ pub enum BridgeError {
     /// The simulator rejected the request.
     #[error("the simulator refused {doing}: {text}")]
     Refused {
-        /// What was asked.
+        /// The request.
         doing: &'static str,
-        /// What it said.
+        /// Text of the refusal.
         text: String,
-        /// Whether it says that it would refuse the same request again.
+        /// True if the simulator reports that the same request would be refused again.
         repeats: bool,
     },
     /// The simulator gave an unexpected answer.
     #[error("capture link: expected {expected}, found {found}")]
     WrongAnswer {
-        /// What was due.
+        /// The expected answer.
         expected: String,
-        /// What came.
+        /// The answer received.
         found: String,
     },
     /// More captures requested than the link allows.
@@ -287,7 +287,7 @@ pub enum BridgeError {
         "{outstanding} captures are outstanding, which is the most the capture link holds: receive a frame first"
     )]
     TooManyOutstanding {
-        /// How many.
+        /// Number of outstanding captures.
         outstanding: usize,
     },
     /// A frame awaited without a request.
@@ -299,7 +299,7 @@ pub enum BridgeError {
     /// Conditions that X-Plane cannot have.
     #[error("conditions that X-Plane cannot have: {what}")]
     BadConditions {
-        /// Which and why.
+        /// The conditions, with the reason.
         what: String,
     },
     /// A dataref that does not accept its value.
@@ -308,13 +308,13 @@ pub enum BridgeError {
          hold it?", .found.map_or("never answered".to_owned(), |value| format!("reads {value}"))
     )]
     NotTaken {
-        /// Which dataref.
+        /// Name of the dataref.
         name: String,
-        /// How often it was written.
+        /// Number of writes.
         attempts: u32,
-        /// What was written.
+        /// The written value.
         wanted: f32,
-        /// What was read back, if anything.
+        /// The value read back, if any.
         found: Option<f32>,
     },
     /// The written weather reads back, but it is not the weather at the aircraft.
@@ -324,9 +324,9 @@ pub enum BridgeError {
          command again; if X-Plane or its plugins have changed since, measure again with `dtd doctor --measure`"
     )]
     OtherWeatherShows {
-        /// What differs.
+        /// The difference.
         difference: WeatherDifference,
-        /// How long it was given.
+        /// Time allowed for it.
         waited: Duration,
     },
     /// A command without its effect.
@@ -336,15 +336,15 @@ pub enum BridgeError {
         .found.map_or("never answered".to_owned(), |value| format!("reads {value}"))
     )]
     CommandWithoutEffect {
-        /// Which command.
+        /// Name of the command.
         command: String,
-        /// How often it was sent.
+        /// Number of times it was sent.
         attempts: u32,
         /// The dataref that shows its effect.
         name: String,
-        /// What it should read.
+        /// Expected value.
         wanted: f32,
-        /// What it reads, if it answers.
+        /// Current value, if the simulator answers.
         found: Option<f32>,
     },
     /// The requested weather does not arrive.
@@ -356,9 +356,9 @@ pub enum BridgeError {
         maker(*.made_by)
     )]
     WeatherNotTaken {
-        /// Which dataref.
+        /// Name of the dataref.
         name: String,
-        /// What was written.
+        /// The written value.
         wanted: f32,
         /// The current value, if it answers.
         found: Option<f32>,
@@ -370,7 +370,7 @@ pub enum BridgeError {
 }
 
 impl BridgeError {
-    /// Whether whatever is asked of this simulator would fail until somebody changes its settings, the sweep or this computer.
+    /// True if every request to this simulator would fail until somebody changes its settings, the sweep or this computer.
     pub fn is_setup(&self) -> bool {
         match self {
             Self::BadVariable { .. }
@@ -391,7 +391,7 @@ impl BridgeError {
     }
 }
 
-/// What keeps the weather from changing.
+/// The cause that keeps the weather from changing.
 fn maker(source: Option<WeatherSource>) -> &'static str {
     match source {
         Some(WeatherSource::Real) => "real weather is on (weather_source reads 1)",

@@ -9,7 +9,7 @@ use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::Runway;
 use serde::{Deserialize, Serialize};
 
-/// Where and how a flight begins.
+/// Start of a flight: position, heading and speed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightStart {
@@ -25,17 +25,17 @@ pub struct FlightStart {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlyRequest {
-    /// Where it begins.
+    /// Start position.
     pub start: FlightStart,
-    /// Where it lands.
+    /// Destination runway.
     pub runway: Runway,
-    /// How it comes down.
+    /// Vertical profile of the approach.
     pub profile: ApproachProfile,
     /// Seed of everything random in the flight (gusts, turbulence). X-Plane has no such seed and ignores it.
     pub seed: u64,
     /// Give up if the flight has not landed after this much simulated time, seconds.
     pub time_limit_s: f64,
-    /// Whether the flight has already started in the air (by X-Plane 12's Web API), so that the aircraft need not be placed.
+    /// True if the flight has already started in the air (by X-Plane 12's Web API), so that the aircraft need not be placed.
     #[serde(default)]
     pub already_started: bool,
 }

@@ -64,7 +64,7 @@ const FILES: [(&str, &str); 34] = [
 const README: &str = "This folder and PI_dtd_bridge.py beside it belong to dtd and are written by `dtd install-plugin`.\n\
     Settings go into dtd_bridge.ini beside PI_dtd_bridge.py; dtd_bridge/settings.py says which there are.\n";
 
-/// Why the plugin is not installed.
+/// Reason why the plugin is not installed.
 #[derive(Debug, thiserror::Error)]
 pub enum InstallError {
     /// Another folder.
@@ -105,7 +105,7 @@ pub enum InstallError {
         folder: PathBuf,
         /// Version of X-Plane.
         xplane: Version,
-        /// Which XPPython3 is needed.
+        /// Required version of XPPython3.
         wanted: &'static str,
     },
     /// XPPython3 of another X-Plane.
@@ -115,7 +115,7 @@ pub enum InstallError {
         found: Version,
         /// Version of X-Plane.
         xplane: Version,
-        /// Which would go.
+        /// Compatible version.
         wanted: &'static str,
     },
     /// A file cannot be read or written.
@@ -125,7 +125,7 @@ pub enum InstallError {
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// Underlying error.
         r#source: io::Error,
     },
 }
@@ -147,18 +147,18 @@ pub enum FileChange {
 pub struct InstalledFile {
     /// Path below X-Plane's folder.
     pub path: String,
-    /// What became of it.
+    /// Result for this file.
     pub change: FileChange,
 }
 
-/// What was done, and the remaining steps.
+/// Result of an installation, with the remaining steps.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct InstallReport {
     /// Version of X-Plane.
     pub xplane: String,
     /// Version of XPPython3; `None` if it has never run, or its log lacks it.
     pub xppython3: Option<String>,
-    /// What may prevent the plugin from working.
+    /// Conditions that may prevent the plugin from working.
     pub warnings: Vec<String>,
     /// The plugin's files.
     pub files: Vec<InstalledFile>,
@@ -169,7 +169,7 @@ pub struct InstallReport {
 /// Installs the plugin into X-Plane's folder.
 ///
 /// # Errors
-/// See [`InstallError`]; nothing is written unless the plugin can work there.
+/// See [`InstallError`]; files are written only if the plugin can work there.
 pub fn install_plugin(folder: &Path) -> Result<InstallReport, InstallError> {
     let found = Found::look(folder)?;
     let python_plugins = folder.join(PYTHON_PLUGINS);
@@ -194,7 +194,7 @@ pub fn install_plugin(folder: &Path) -> Result<InstallReport, InstallError> {
     })
 }
 
-/// Where XPPython3 looks for plugins.
+/// Folder in which XPPython3 looks for plugins.
 const PYTHON_PLUGINS: &str = "Resources/plugins/PythonPlugins";
 
 /// Writes a file atomically, if its content differs.
@@ -218,7 +218,7 @@ fn put(path: &Path, text: &str) -> Result<FileChange, InstallError> {
     Ok(FileChange::Written)
 }
 
-/// Nothing would import a module left over from an older plugin, but it would confuse users.
+/// Removes modules left over from an older plugin: they would never be imported, but they would confuse users.
 fn remove_stale(python_plugins: &Path) -> Result<Vec<InstalledFile>, InstallError> {
     let folder = python_plugins.join("dtd_bridge");
     let failed = |action, path: &Path| {

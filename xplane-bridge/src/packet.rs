@@ -1,9 +1,9 @@
 //! X-Plane's UDP packets, `bytes <-> packet`, in both directions.
 //!
-//! Input: a datagram, or a packet. Output: the packet, or the datagram. Nothing here uses sockets or panics: datagrams are
-//! untrusted. The layouts are those of Laminar's "Exchanging data with X-Plane" (a four-character tag, one more byte that is
-//! ignored, a packed little-endian body); the tolerances are those that real clients were seen to need: the fifth byte is anything,
-//! commands come padded or unterminated, beacons vary in length.
+//! Input: a datagram, or a packet. Output: the packet, or the datagram. This module uses no sockets and never panics: datagrams are
+//! untrusted. The layouts follow Laminar's "Exchanging data with X-Plane" (a four-character tag, one more byte that is ignored, a packed
+//! little-endian body); the tolerances are the ones that real clients were seen to need: the fifth byte is anything, commands come padded
+//! or unterminated, beacons vary in length.
 
 mod aircraft_file;
 mod beacon;
@@ -28,7 +28,7 @@ pub use subscription::{
     DatarefValue, DatarefValues, DatarefValuesView, MAX_VALUES_PER_REPLY, SubscribeDataref,
 };
 
-/// Why a datagram cannot be decoded, or a packet not encoded.
+/// Reason why a datagram cannot be decoded, or a packet not encoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PacketError {
     /// Fewer bytes than a tag.
@@ -48,9 +48,9 @@ pub enum PacketError {
     /// The body ends before a field does.
     #[error("{tag} packet ends inside {field}: {needed} bytes needed, {found} found")]
     TooShort {
-        /// Which packet.
+        /// Tag of the packet.
         tag: &'static str,
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
         /// Bytes the packet would need up to and with the field.
         needed: usize,
@@ -60,13 +60,13 @@ pub enum PacketError {
     /// An invalid text.
     #[error("{tag} packet: {field} is {found}, expected {expected}")]
     BadField {
-        /// Which packet.
+        /// Tag of the packet.
         tag: &'static str,
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
         /// The allowed values.
         expected: &'static str,
-        /// What stood there.
+        /// Content of the field.
         found: String,
     },
 }

@@ -53,7 +53,7 @@ pub trait PatternDisplay: Send {
 
 /// Returns the pictures of frames that the simulator reports as drawn.
 pub trait PixelSource: Debug + Send {
-    /// Which it is.
+    /// The kind of the source.
     fn kind(&self) -> PixelKind;
 
     /// Maximum outstanding captures. A frame that must stay on the screen until it is grabbed allows one.
@@ -64,7 +64,7 @@ pub trait PixelSource: Debug + Send {
         None
     }
 
-    /// Where numbered frames can be grabbed, if the window has margins for the numbers.
+    /// The window in which numbered frames can be grabbed, if it has margins for the numbers.
     fn coded_window(&self) -> Option<CodedWindow> {
         None
     }

@@ -1,11 +1,11 @@
-//! What `dtd doctor` measured of one installation of X-Plane, where reports contradict each other or there are none.
+//! Measurements by `dtd doctor` of one installation of X-Plane, on questions for which reports contradict each other or are missing.
 //!
-//! Input: a few minutes of writing, reading and examining pictures ([`crate::doctor`]). Output: a record that the plugin stores and
+//! Input: a few minutes of writing, reading and examining images ([`crate::doctor`]). Output: a record that the plugin stores and
 //! sends to every client with its `hello`, on whichever computer. [`crate::Simulator`] uses some of it; the rest is for people, who
 //! send it to us.
 //!
-//! Without a profile, `dtd generate` checks the pictures itself before the first scenario, and assumes of the weather what most reports
-//! say.
+//! Without a profile, `dtd generate` checks the images itself before the first scenario, and treats the weather as most reports describe
+//! it.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -48,9 +48,9 @@ impl<T> Finding<T> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WindUnit {
-    /// As its name says.
+    /// As in its name.
     MetersPerSecond,
-    /// As Laminar's list of datarefs says.
+    /// As in Laminar's list of datarefs.
     Knots,
 }
 
@@ -59,7 +59,7 @@ pub enum WindUnit {
 pub struct CallbackOrders {
     /// Frames that were watched.
     pub frames: u32,
-    /// How far X-Plane's cycle number advanced in them.
+    /// Advance of X-Plane's cycle number during them.
     pub cycles: u32,
     /// Callbacks after the one before the flight model, and the number of frames with that order.
     pub orders: BTreeMap<String, u32>,
@@ -70,15 +70,15 @@ pub struct CallbackOrders {
 pub struct Grabbing {
     /// Grabs that still showed something older, at most.
     pub late_grabs: u32,
-    /// How long that lasted at most, milliseconds.
+    /// Maximum duration of that, milliseconds.
     pub lag_ms: f64,
 }
 
-/// Who measured a [`Pace`].
+/// Origin of a [`Pace`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PacedBy {
-    /// `dtd doctor`, by pictures that were not encoded.
+    /// `dtd doctor`, by images that were not encoded.
     Doctor,
     /// `dtd generate`, by a whole scenario.
     Generate,
@@ -93,19 +93,19 @@ impl fmt::Display for PacedBy {
     }
 }
 
-/// How long the parts of a scenario take, for the estimates of `dtd plan`.
+/// Durations of the parts of a scenario, for the estimates of `dtd plan`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pace {
-    /// Who measured.
+    /// Origin of the measurement.
     pub measured_by: PacedBy,
-    /// Size of the pictures.
+    /// Size of the images.
     pub size: PictureSize,
-    /// Whether the camera rested while the aircraft moved from drawn frame to drawn frame.
+    /// True if the camera rested while the aircraft moved from drawn frame to drawn frame.
     #[serde(default)]
     pub in_blocks: bool,
     /// Frames that each view settled otherwise.
     pub settle_frames: u32,
-    /// Pictures a second, all views together.
+    /// Images per second, all views together.
     pub pictures_per_s: f64,
     /// From connecting until a live flight has begun and its scenery is loaded, seconds; absent if no flight was begun.
     pub loading_s: Option<f64>,
@@ -117,7 +117,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// How the pictures were taken, as text.
+    /// The procedure by which the images were taken, as text.
     pub fn procedure(&self) -> String {
         if self.in_blocks {
             "from a camera that rests for blocks of ticks".into()
@@ -127,14 +127,14 @@ impl Pace {
     }
 }
 
-/// How long the parts of one recorded scenario took.
+/// Durations of the parts of one recorded scenario.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordedPace {
-    /// Size of its pictures.
+    /// Size of its images.
     pub size: PictureSize,
-    /// Whether they were taken in blocks.
+    /// True if they were taken in blocks.
     pub in_blocks: bool,
-    /// Pictures a second, all views together, encoding included.
+    /// Images per second, all views together, encoding included.
     pub pictures_per_s: f64,
     /// From connecting until its live flight had begun; absent if it is no live flight.
     pub loading: Option<Duration>,
@@ -149,7 +149,7 @@ pub struct RecordedPace {
 pub struct Profile {
     /// [`PROFILE_FORMAT`].
     pub format: u32,
-    /// When, UTC.
+    /// Time of the measurement, UTC.
     pub measured_at: String,
     /// Version of `dtd` that measured.
     pub dtd: String,
@@ -157,34 +157,34 @@ pub struct Profile {
     pub simulator: String,
     /// Name and version of the plugin, if one serves the link.
     pub plugin: Option<String>,
-    /// The source of the pictures, if there were any.
+    /// The source of the images, if there were any.
     pub pixels: Option<PixelKind>,
-    /// The window that X-Plane draws into, which is the only possible picture size.
+    /// The window that X-Plane draws into, which is the only possible image size.
     pub window: Finding<PictureSize>,
     /// The delay of screen grabs.
     pub grabbing: Finding<Grabbing>,
     /// The unit of `wind_speed_msc`.
     pub wind_unit: Finding<WindUnit>,
-    /// Whether a written visibility shows only after `regen_weather`.
+    /// True if a written visibility shows only after `regen_weather`.
     pub visibility_needs_regeneration: Finding<bool>,
-    /// Whether written clouds that read back show only after `regen_weather`.
+    /// True if written clouds that read back show only after `regen_weather`.
     pub clouds_need_regeneration: Finding<bool>,
-    /// How long clouds take to read back, seconds of simulated time.
+    /// Time until clouds read back, seconds of simulated time.
     pub clouds_take_s: Finding<f64>,
-    /// Whether each quantity of the weather at the aircraft follows what is written; empty in profiles of earlier versions.
+    /// For each quantity of the weather at the aircraft, true if it follows the written value; empty in profiles of earlier versions.
     #[serde(default)]
     pub weather_follows: BTreeMap<EffectiveQuantity, Finding<bool>>,
-    /// Whether a pose and a camera that are written in a pause are drawn.
+    /// True if a pose and a camera that are written in a pause are drawn.
     pub pause_shows_poses: Finding<bool>,
-    /// After how many frames two consecutive pictures are equal when the aircraft has moved.
+    /// After how many frames two consecutive images are equal when the aircraft has moved.
     pub frames_until_still: Finding<u32>,
-    /// After how many frames a picture is final when the camera has turned: shadows and exposure.
+    /// After how many frames an image is final when the camera has turned: shadows and exposure.
     pub frames_until_settled: Finding<u32>,
-    /// Whether pictures of a static scene move by themselves in a pause: water.
+    /// True if images of a static scene change in a pause (water).
     pub still_pictures_move: Finding<bool>,
     /// The order of the plugin's callbacks.
     pub callbacks: Finding<CallbackOrders>,
-    /// How long recording takes.
+    /// Speed of recording.
     #[serde(default = "pace_of_older_doctors")]
     pub pace: Finding<Pace>,
 }
@@ -193,19 +193,19 @@ fn pace_of_older_doctors() -> Finding<Pace> {
     Finding::NotMeasured("an earlier doctor did not measure it".into())
 }
 
-/// Why a profile cannot be used.
+/// Reason why a profile cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ProfileError {
     /// Written by another version.
     #[error("it has format {found:?}, expected {PROFILE_FORMAT}")]
     Format {
-        /// What it has.
+        /// Format found.
         found: Option<u64>,
     },
     /// It is none.
     #[error("it cannot be read: {why}")]
     Unreadable {
-        /// Why.
+        /// Reason.
         why: String,
     },
     /// X-Plane or the plugin was updated.
@@ -218,17 +218,17 @@ pub enum ProfileError {
     },
 }
 
-/// What is known of the connected simulator.
+/// Profile of the connected simulator, as far as there is one.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum KnownProfile {
-    /// Nothing was measured.
+    /// No measurements.
     #[default]
     None,
     /// There is a profile, but it cannot be used.
     Unusable(ProfileError),
     /// All of this.
     Current(Box<Profile>),
-    /// This client's own checks of the pictures; nothing about the weather.
+    /// This client's own checks of the images, without any of the weather.
     PicturesOnly(Box<Profile>),
 }
 
@@ -310,25 +310,25 @@ impl Profile {
         default.max(measured.min(MOST_SETTLE_FRAMES))
     }
 
-    /// Whether weather must be regenerated before it shows. True unless it was measured to be unnecessary.
+    /// True if weather must be regenerated before it shows, which is assumed unless it was measured to be unnecessary.
     pub(crate) fn regenerates(&self) -> bool {
         let needed = |finding: &Finding<bool>| finding.found() != Some(&false);
         needed(&self.visibility_needs_regeneration) || needed(&self.clouds_need_regeneration)
     }
 
-    /// How long weather may take, at least `usual`: one and a half times as long as clouds took.
+    /// Timeout for weather, at least `default`: one and a half times as long as clouds took.
     pub(crate) fn weather_patience(&self, default: Duration) -> Duration {
         let took_s = self.clouds_take_s.found().copied().unwrap_or(0.0);
         let measured = Duration::try_from_secs_f64(1.5 * took_s.min(600.0));
         default.max(measured.unwrap_or_default())
     }
 
-    /// Whether time must run while pictures are taken, because a pause shows nothing new.
+    /// True if time must run while images are taken, because a pause does not show new poses.
     pub(crate) fn time_has_to_run(&self) -> bool {
         self.pause_shows_poses.found() == Some(&false)
     }
 
-    /// Why it is unknown whether a picture shows what was written, if so.
+    /// The reason why it is not known that images show the written state; `None` if it is known.
     fn pictures_in_doubt(&self) -> Option<&str> {
         match (&self.pause_shows_poses, &self.frames_until_settled) {
             (Finding::NotMeasured(why), _) | (_, Finding::NotMeasured(why)) => Some(why),
@@ -336,24 +336,24 @@ impl Profile {
         }
     }
 
-    /// How long written weather takes to be there, seconds, as far as it was measured.
+    /// Time until written weather takes effect, seconds, as far as it was measured.
     pub fn weather_takes_s(&self) -> Option<f64> {
         let paced = self.pace.found().and_then(|pace| pace.weather_s);
         paced.or(self.clouds_take_s.found().copied())
     }
 
-    /// Whether pictures move by themselves, so that two equal ones prove nothing.
+    /// True if images change without a new pose, so that two equal ones are no evidence.
     pub(crate) fn pictures_move(&self) -> bool {
         self.still_pictures_move.found() == Some(&true)
     }
 
-    /// Whether a quantity of the weather at the aircraft was measured to follow what is written.
+    /// True if a quantity of the weather at the aircraft was measured to follow the written value.
     pub(crate) fn follows(&self, quantity: EffectiveQuantity) -> bool {
         let finding = self.weather_follows.get(&quantity);
         finding.is_some_and(|finding| finding.found() == Some(&true))
     }
 
-    /// Whether X-Plane takes winds in knots.
+    /// True if X-Plane takes winds in knots.
     pub(crate) fn winds_are_in_knots(&self) -> bool {
         self.wind_unit.found() == Some(&WindUnit::Knots)
     }

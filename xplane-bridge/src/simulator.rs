@@ -1,7 +1,7 @@
 //! The client: one connected simulator, by UDP and capture link.
 //!
-//! Input: conditions, flights to fly, poses and cameras to draw. Output: flight states and pictures. Everything has a timeout;
-//! whatever may be lost (UDP) is requested again; every setting is read back.
+//! Input: conditions, flights to fly, poses and cameras to draw. Output: flight states and images. Everything has a timeout; requests
+//! that may be lost (UDP) are repeated; every setting is read back.
 
 mod block;
 mod commands;
@@ -60,13 +60,13 @@ pub use udp::somebody_answers;
 
 /// A reasonable timeout for [`Simulator::connect`].
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
-/// Timeout of a picture: X-Plane loads scenery after a jump.
+/// Timeout of an image: X-Plane loads scenery after a jump.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
 /// Timeout of a freeze or a release.
 const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
-/// How long X-Plane's weather takes to show, if the plugin does not report it, seconds.
+/// Time until X-Plane's weather shows, if the plugin does not report it, seconds.
 const WEATHER_SETTLE_S: f32 = 15.0;
-/// Attempts at grabbing a frame off the screen, which somebody may replace meanwhile.
+/// Attempts at grabbing a frame off the screen, which may be replaced meanwhile.
 const MOST_GRABS: u32 = 5;
 /// Time reserved for opening the capture link once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
@@ -74,7 +74,7 @@ const LINK_SHARE: f64 = 0.2;
 /// Default number of frames that X-Plane draws with a new pose and camera before the one that counts: what is written in one frame
 /// is drawn in the next, and shadows and effects follow one later.
 const SETTLE_FRAMES: u32 = 3;
-/// The same where pictures come off the screen. A picture that the plugin reads back is proven by its content; here frames are only
+/// The same where images come off the screen. An image that the plugin reads back is proven by its content; here frames are only
 /// counted, and clients of a live X-Plane were seen to wait for up to four.
 const SETTLE_FRAMES_ON_SCREEN: u32 = 5;
 
@@ -89,21 +89,21 @@ pub struct SimulatorDescription {
     pub capture_link: u32,
     /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
     pub plugin: Option<String>,
-    /// Sources of pictures, the best first.
+    /// Sources of images, the best first.
     pub pixels: Vec<PixelKind>,
     /// The window that shows what is drawn, if there is one.
     pub window: Option<SimulatorWindow>,
-    /// The only possible picture size; `None` if any size is possible, or it is unknown.
+    /// The only possible image size; `None` if any size is possible, or it is unknown.
     pub drawn_size: Option<PictureSize>,
-    /// Whether it can draw lenses, refraction, turbulent air and noise.
+    /// True if it can draw lenses, refraction, turbulent air and noise.
     pub imaging: bool,
-    /// Whether it can draw the check pattern under the windows of its user interface.
+    /// True if it can draw the check pattern under the windows of its user interface.
     pub patterns_under: bool,
     /// Its profile.
     pub profile: KnownProfile,
-    /// Whether a tape gives the answers.
+    /// True if a tape gives the answers.
     pub replayed: bool,
-    /// Whether it can show a tick for one drawn frame, with the frame's number in the margins around the picture.
+    /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
     pub frame_codes: bool,
 }
 
@@ -148,14 +148,14 @@ pub struct Simulator {
     not_followed: BTreeSet<EffectiveQuantity>,
     /// The aircraft in use, by its name in sweeps.
     aircraft: Option<String>,
-    /// The started flight that is still to be flown, and whether it is in the air.
+    /// The started flight that is still to be flown, and true if it is in the air.
     begun: Option<(FlightStart, bool)>,
-    /// With the memory that was lent for the picture, if it is shared.
+    /// With the memory that was lent for the image, if it is shared.
     outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,
     sharing: Sharing,
     spare_buffers: Vec<Vec<u8>>,
     known_blocks: KnownBlocks,
-    /// The grabs of numbered frames, from the first block after a registration until the last picture is confirmed.
+    /// The grabs of numbered frames, from the first block after a registration until the last image is confirmed.
     grabs: CodedGrabs,
 }
 
@@ -404,7 +404,7 @@ impl Simulator {
     /// [`Simulator::freeze`] with lenses, air and sensors, in the order of the views.
     ///
     /// # Errors
-    /// As [`Simulator::freeze`], and [`BridgeError::NoImaging`] if this simulator draws ideal pictures only.
+    /// As [`Simulator::freeze`], and [`BridgeError::NoImaging`] if this simulator draws ideal images only.
     pub fn freeze_with_imaging<'a>(
         &'a mut self,
         runway: &'a Runway,
@@ -452,7 +452,7 @@ impl Simulator {
         }
     }
 
-    /// The clock, if time must run while pictures are taken: X-Plane's rain and snow fall only then.
+    /// The clock, if time must run while images are taken: X-Plane's rain and snow fall only then.
     fn running_at(&self) -> Option<Clock> {
         self.description.plugin.as_ref()?;
         let conditions = self.conditions.as_ref()?;
@@ -462,7 +462,7 @@ impl Simulator {
         needed.then_some(conditions.clock)
     }
 
-    /// Margins of the window around the pictures, if there are any.
+    /// Margins of the window around the images, if there are any.
     fn margins_px(&self) -> Option<[u32; 2]> {
         self.pixels.coded_window().map(|window| window.margins_px)
     }
@@ -475,10 +475,10 @@ impl Simulator {
         }
     }
 
-    /// Whether this simulator can draw such views; nothing is sent.
+    /// Checks that this simulator can draw such views; sends no request.
     ///
     /// # Errors
-    /// [`BridgeError::NoImaging`] if it draws ideal pictures only and a view is none.
+    /// [`BridgeError::NoImaging`] if it draws ideal images only and a view is none.
     pub fn check_imaging(&self, views: &[Imaging]) -> Result<(), BridgeError> {
         match views.iter().position(|view| !view.is_ideal()) {
             Some(view) if !self.description.imaging => Err(BridgeError::NoImaging {
@@ -526,11 +526,11 @@ impl Simulator {
         })
     }
 
-    /// The picture of the oldest outstanding capture.
+    /// The image of the oldest outstanding capture.
     ///
     /// # Errors
-    /// Nothing is outstanding, nothing comes for a minute, the simulator rejects it, its conditions have changed, or the answer
-    /// does not belong to that capture. The caller checks whether the drawn pose is the requested one. For the screen also
+    /// No capture is outstanding, no answer comes for a minute, the simulator rejects it, its conditions have changed, or the answer does
+    /// not belong to that capture. The caller checks whether the drawn pose is the requested one. For the screen also
     /// [`BridgeError::ViewTaken`], if the frame is never left alone while it is grabbed.
     pub fn receive_frame(&mut self) -> BoxFuture<'_, Result<CapturedFrame, BridgeError>> {
         Box::pin(async move {
@@ -555,7 +555,7 @@ impl Simulator {
         })
     }
 
-    /// Whether the frame that was just grabbed has been on the screen since the simulator reported it.
+    /// True if the frame that was just grabbed has been on the screen since the simulator reported it.
     async fn is_still_shown(&mut self) -> Result<bool, BridgeError> {
         let doing = "asking for the grabbed frame";
         match self
@@ -616,18 +616,18 @@ impl Simulator {
         Ok(CapturedFrame::new(header, rgb))
     }
 
-    /// Returns a picture's memory for the next frames. Optional: fresh memory costs milliseconds a frame.
+    /// Returns an image's memory for the next frames. Optional: fresh memory costs milliseconds per frame.
     pub fn recycle(&mut self, rgb: PictureBytes) {
         match rgb {
             PictureBytes::Own(rgb) if self.spare_buffers.len() < MAX_OUTSTANDING_CAPTURES => {
                 self.spare_buffers.push(rgb);
             }
-            // Shared memory is free again once nobody holds it.
+            // Shared memory is free again once its last user drops it.
             PictureBytes::Own(_) | PictureBytes::Pooled(_) | PictureBytes::Shared(_) => {}
         }
     }
 
-    /// Lets the simulator run again and disconnects: nothing stays subscribed.
+    /// Lets the simulator run again and disconnects: no subscription remains.
     ///
     /// # Errors
     /// The simulator does not confirm. Everything that can be undone is undone nevertheless.

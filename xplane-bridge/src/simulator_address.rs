@@ -17,7 +17,7 @@ pub fn reachable(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, address.port())
 }
 
-/// Whether a datagram from this address comes from the simulator at `simulator`. A simulator of this computer may answer from another
+/// True if a datagram from this address comes from the simulator at `simulator`. A simulator of this computer may answer from another
 /// loopback address than the one that was named.
 pub fn is_answer(simulator: SocketAddr, from: SocketAddr) -> bool {
     let (simulator, from) = (simulator.ip().to_canonical(), from.ip().to_canonical());

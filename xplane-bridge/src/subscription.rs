@@ -1,7 +1,7 @@
 //! Datarefs that stay subscribed, even if the simulator restarts.
 //!
-//! Input: an address, names, a rate. Output: the newest value of each and its arrival time. A separate task sends requests in
-//! batches that X-Plane accepts, repeats lost ones, and subscribes again when values stop, since nothing survives a restart of the
+//! Input: an address, names, a rate. Output: the newest value of each and its arrival time. A separate task sends requests in batches that
+//! X-Plane accepts, repeats lost ones, and subscribes again when values stop, since subscriptions do not survive a restart of the
 //! simulator. Dropping a subscription ends it there: a leaked one would be sent forever.
 
 mod requested;
@@ -31,7 +31,7 @@ pub const SILENCE: Duration = Duration::from_millis(2_500);
 pub struct Reading {
     /// In X-Plane's unit.
     pub value: f32,
-    /// When it came.
+    /// Time of its arrival.
     pub at: Instant,
 }
 
@@ -50,8 +50,8 @@ struct Shared {
 }
 
 impl Subscription {
-    /// Subscribes to `names` at the simulator that takes packets at `address`, on a socket of its own. Returns at once; values come as
-    /// they come.
+    /// Subscribes to `names` at the simulator that takes packets at `address`, on a separate socket. Returns at once; values come as they
+    /// come.
     ///
     /// # Errors
     /// No socket is available. A missing simulator is not an error: it may come.
@@ -94,7 +94,7 @@ impl Subscription {
         self.readings.borrow().clone()
     }
 
-    /// Whether values changed since the last call. Cheap.
+    /// True if values changed since the last call. Cheap.
     pub(crate) fn has_changed(&mut self) -> bool {
         let changed = self.readings.has_changed().unwrap_or(false);
         if changed {
@@ -109,7 +109,7 @@ impl Subscription {
         let _ = self.readings.changed().await;
     }
 
-    /// Ends it, and listens for a moment whether something still arrives. Dropping ends it, too, but does not listen.
+    /// Ends it, and listens for a moment for values that still arrive. Dropping it ends it without listening.
     pub async fn end(self) {
         let socket = self.shared.socket.clone();
         drop(self);

@@ -5,7 +5,7 @@
 //! client that was killed and whose port this one took over ([`PortNote`]): its subscription is ended by its number.
 //!
 //! A system reports only to connected sockets that a port is closed. So a second socket, which is connected and on which no answer is
-//! expected, finds out whether any program listens there.
+//! expected, finds out if any program listens there.
 //!
 //! [`simulator_address`]: crate::simulator_address
 
@@ -32,14 +32,14 @@ use crate::simulator_address::{is_answer, local_address, reachable};
 pub use local_udp::{LocalUdp, PortNote};
 use readers::Readers;
 
-/// How long to wait for a refusal, which a computer of the same network sends at once.
+/// Time to wait for a refusal, which a computer of the same network sends at once.
 const REFUSAL_WAIT: Duration = Duration::from_millis(50);
-/// How long to listen on exit, and again as long as unwanted values arrive, but not longer than [`LONGEST_LEAVE`].
+/// Time to listen on exit, repeated while unwanted values arrive, up to [`LONGEST_LEAVE`].
 const LEAVE_PAUSE: Duration = Duration::from_millis(60);
 const LONGEST_LEAVE: Duration = Duration::from_millis(600);
-/// How long values of a killed client may arrive before a port that was its is used.
+/// Time during which values of a killed client may arrive before its port is used.
 const TAKE_OVER_PAUSE: Duration = Duration::from_millis(300);
-/// How long a port of our own that is being closed may stay taken.
+/// Maximum time for which a port of our own that is being closed stays taken.
 const PORT_PATIENCE: Duration = Duration::from_secs(1);
 /// Positions that arrive this soon after their end were on the way.
 const POSITIONS_ON_THE_WAY: Duration = Duration::from_millis(250);
@@ -55,13 +55,13 @@ pub(crate) struct SimulatorSocket {
     refusals: OnceCell<UdpSocket>,
 }
 
-/// What the receiving task uses.
+/// State used by the receiving task.
 #[derive(Debug)]
 struct Shared {
     socket: UdpSocket,
     simulator: SocketAddr,
     readers: Mutex<Readers>,
-    /// Whether the simulator has ever sent anything.
+    /// True if the simulator has ever sent anything.
     has_heard: AtomicBool,
     /// Number of unwanted values and positions, of this socket and of those taken over.
     unwanted: Arc<AtomicU64>,
@@ -69,8 +69,8 @@ struct Shared {
 }
 
 impl SimulatorSocket {
-    /// Opens a socket for the simulator at `address`. Sends nothing, unless it takes over the port of a client that was killed: then
-    /// that client's subscriptions are ended first.
+    /// Opens a socket for the simulator at `address`. Sends no packet, unless it takes over the port of a client that was killed: then that
+    /// client's subscriptions are ended first.
     pub(crate) async fn open(
         address: SocketAddr,
         local: &LocalUdp,
@@ -148,7 +148,7 @@ impl SimulatorSocket {
         self.shared.readers().positions()
     }
 
-    /// Sends a packet. Whether it arrives is unknown.
+    /// Sends a packet; its arrival is not confirmed.
     pub(crate) async fn send(&self, packet: &ToSimulator) -> Result<(), BridgeError> {
         if let ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 0 }) = packet {
             self.shared.note_end_of_positions();
@@ -166,14 +166,14 @@ impl SimulatorSocket {
         }
     }
 
-    /// Whether the simulator has never sent anything, and its computer says that no program listens on the port.
+    /// True if the simulator has never sent anything, and its computer reports that no program listens on the port.
     pub(crate) async fn is_refused(&self) -> bool {
         !self.shared.has_heard.load(Ordering::Relaxed)
             && matches!(self.ask_for_refusal().await, Err(error) if is_refusal(&error))
     }
 
-    /// Sends a datagram without effect from a connected socket. The systems that we know (Linux, macOS, Windows) report a refusal at the
-    /// next use of it; on one that does not, a closed port looks like a silent one.
+    /// Sends a datagram without effect from a connected socket. Linux, macOS and Windows report a refusal at the next use of it; on one
+    /// that does not, a closed port looks like a silent one.
     async fn ask_for_refusal(&self) -> io::Result<()> {
         let open = || async {
             let socket = UdpSocket::bind(local_address(self.simulator(), 0)).await?;
@@ -349,7 +349,7 @@ async fn bind_fixed(local: SocketAddr) -> Result<UdpSocket, BridgeError> {
     }
 }
 
-/// What ends a subscription by its number alone.
+/// The request that ends a subscription by its number alone.
 pub(crate) fn end_of(index: i32) -> SubscribeDataref {
     SubscribeDataref {
         frequency_hz: 0,
@@ -362,7 +362,7 @@ fn end_datagram(index: i32) -> Option<Vec<u8>> {
     ToSimulator::SubscribeDataref(end_of(index)).encode().ok()
 }
 
-/// Whether an error only means that no program took an earlier datagram.
+/// True if an error only means that no program took an earlier datagram.
 fn is_refusal(error: &io::Error) -> bool {
     matches!(
         error.kind(),

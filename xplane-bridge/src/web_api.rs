@@ -31,17 +31,17 @@ const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout of starting a flight: X-Plane loads the aircraft and the scenery first.
 const FLIGHT_TIMEOUT: Duration = Duration::from_secs(180);
 
-/// Why a call to the Web API failed.
+/// Failure of a call to the Web API.
 #[derive(Debug, thiserror::Error)]
 pub enum WebApiError {
-    /// Nothing serves HTTP there, or not in time.
+    /// No HTTP server answers there in time.
     #[error("no Web API at {address}, while {doing}: {}", with_causes(source))]
     NotReached {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
-        /// What for.
+        /// Purpose of the request.
         doing: String,
-        /// Why not.
+        /// Underlying error.
         r#source: reqwest::Error,
     },
     /// X-Plane rejects all requests.
@@ -49,7 +49,7 @@ pub enum WebApiError {
         "X-Plane refuses its Web API at {address}: switch on Settings > Network > \"Accept incoming connections\""
     )]
     Forbidden {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
     },
     /// A dataref or command that the simulator does not have now.
@@ -57,7 +57,7 @@ pub enum WebApiError {
         "the simulator at {address} has no {what} {name}. Before a flight is loaded it has none at all"
     )]
     Unknown {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
         /// `dataref` or `command`.
         what: &'static str,
@@ -69,9 +69,9 @@ pub enum WebApiError {
         "{doing} needs Web API {needed}, the simulator at {address} is X-Plane {found}: {since}"
     )]
     TooOld {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
-        /// What for.
+        /// Purpose of the request.
         doing: &'static str,
         /// Version of the API.
         needed: &'static str,
@@ -83,13 +83,13 @@ pub enum WebApiError {
     /// It answered with an error.
     #[error("the Web API at {address} answered {status} to {doing}: {text}")]
     Refused {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
         /// The HTTP status.
         status: u16,
-        /// What for.
+        /// Purpose of the request.
         doing: String,
-        /// What it said.
+        /// Text of the refusal.
         text: String,
     },
     /// An answer that is longer than any that the Web API gives.
@@ -97,21 +97,21 @@ pub enum WebApiError {
         "the Web API at {address} answered more than {MAX_ANSWER_BYTES} bytes to {doing}. Does another program listen there?"
     )]
     TooLong {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
-        /// What for.
+        /// Purpose of the request.
         doing: String,
     },
     /// An answer in an unexpected format.
     #[error("the Web API at {address} answered {found} to {doing}, expected {expected}")]
     WrongAnswer {
-        /// Where we asked.
+        /// Address of the request.
         address: SocketAddr,
-        /// What for.
+        /// Purpose of the request.
         doing: String,
-        /// What would do.
+        /// The expected answer.
         expected: &'static str,
-        /// What came.
+        /// The answer received.
         found: String,
     },
 }
@@ -210,12 +210,12 @@ impl WebApi {
         &self.capabilities.simulator.version
     }
 
-    /// Whether commands are supported (since X-Plane 12.1.4).
+    /// True if commands are supported (since X-Plane 12.1.4).
     pub fn has_commands(&self) -> bool {
         self.has("v2")
     }
 
-    /// Whether starting flights is supported (since X-Plane 12.4.0).
+    /// True if starting flights is supported (since X-Plane 12.4.0).
     pub fn has_flights(&self) -> bool {
         self.has("v3")
     }
@@ -262,7 +262,7 @@ impl WebApi {
     /// Reads a dataref that is one number.
     ///
     /// # Errors
-    /// As [`WebApi::read`], and if it is no number.
+    /// As [`WebApi::read`], and if it is not a number.
     pub async fn read_number(&self, name: &str) -> Result<f64, WebApiError> {
         let found = self.read(name).await?;
         found.as_f64().ok_or_else(|| WebApiError::WrongAnswer {
@@ -442,7 +442,7 @@ async fn send<T: DeserializeOwned>(
     })
 }
 
-/// The text of an answer that is no error.
+/// The text of an answer that is not an error.
 async fn answer(
     address: SocketAddr,
     doing: &str,

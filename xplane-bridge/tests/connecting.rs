@@ -1,4 +1,4 @@
-//! Connecting to what is missing, incomplete or foreign ends in time and says what to do.
+//! Connecting to a missing, incomplete or foreign simulator ends in time, with an error that says what to do.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use xplane_bridge::datarefs::{CAPTURE_PORT, VERSION};
 use xplane_bridge::packet::{DatarefValue, DatarefValues, FromSimulator, ToSimulator};
 use xplane_bridge::{BridgeError, Simulator};
 
-/// A simulator that knows its version and the given port of a capture link, and loses the first datagrams.
+/// A simulator that reports its version and the given port of a capture link, and loses the first datagrams.
 async fn simulator_with_port(port: Option<u16>, lost: usize) -> SocketAddr {
     let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     let address = socket.local_addr().unwrap();
@@ -56,7 +56,7 @@ async fn error_of(address: SocketAddr, timeout: Duration) -> BridgeError {
 
 #[tokio::test]
 async fn nobody_there_is_said_within_the_time_limit_with_what_to_do() {
-    // A port that was free a moment ago (refused), and one where somebody listens in silence.
+    // A port that was free a moment ago (refused), and one with a silent listener.
     let free = UdpSocket::bind("127.0.0.1:0")
         .await
         .unwrap()
@@ -95,7 +95,7 @@ async fn a_capture_link_of_another_version_is_refused_although_datagrams_were_lo
     tokio::spawn(async move {
         let (mut stream, _) = listener.accept().await.unwrap();
         stream.write_all(b"DTDL\x01\0\0\0").await.unwrap();
-        // Stays open: the client must notice by itself.
+        // Stays open: the client must notice the failure without a hang-up.
         std::future::pending::<()>().await;
     });
     let error = error_of(address, Duration::from_secs(3)).await;

@@ -25,7 +25,7 @@ fn x_plane_folder(log: &str, xppython3_log: Option<&str>) -> tempfile::TempDir {
     folder
 }
 
-/// What a run changes, and the steps that it names.
+/// Files that a run changes, and the steps that it names.
 fn changes(folder: &Path) -> (Vec<(FileChange, String)>, String) {
     let report = install_plugin(folder).unwrap();
     let files = report.files.into_iter();

@@ -65,7 +65,7 @@ async fn converse(
         asked.push(request);
         write_message(stream, &answer, &payload).await?;
     }
-    // What is closed with a request unread is reset, and the client would see that instead of the end.
+    // A connection closed with a request unread is reset, and the client would see the reset instead of the end.
     stream.shutdown().await?;
     while stream.read(&mut [0; 256]).await? > 0 {}
     Ok(asked)

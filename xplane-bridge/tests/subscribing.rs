@@ -8,7 +8,7 @@ use tokio::time::{Instant, timeout, timeout_at};
 use xplane_bridge::packet::{DatarefValue, DatarefValues, FromSimulator, ToSimulator};
 use xplane_bridge::subscription::{SILENCE, Subscription};
 
-/// Takes requests until nothing comes for a while; the newest of each index.
+/// Takes requests until none comes for a while; the newest of each index.
 async fn requests(socket: &UdpSocket) -> (BTreeMap<i32, bool>, Option<std::net::SocketAddr>) {
     let mut buffer = [0; 2048];
     let (mut found, mut client) = (BTreeMap::new(), None);

@@ -13,7 +13,7 @@ const CAPABILITIES: &str =
 const VISIBILITY: &str = "sim/weather/region/visibility_reported_sm";
 const SECOND: Duration = Duration::from_secs(1);
 
-/// What came: method and path, and the body.
+/// Requests received: method and path, and the body.
 type Requests = Arc<Mutex<Vec<(String, String)>>>;
 
 /// A server that answers with the first entry whose beginning fits "METHOD /path".

@@ -73,7 +73,7 @@ pub(crate) struct Aircraft {
     pub(crate) thrust_n: f64,
     pub(crate) controls: Controls,
     pub(crate) spoiler_ratio: f64,
-    /// Whether a wheel touches the ground.
+    /// True if a wheel touches the ground.
     pub(crate) on_ground: bool,
 }
 

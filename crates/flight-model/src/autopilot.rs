@@ -38,8 +38,8 @@ const PITCH_INTEGRAL_PER_S: f64 = 0.10;
 const PITCH_LAG_S: f64 = 1.0;
 const PITCH_LIMITS_RAD: (f64, f64) = (-0.07, 0.17);
 
-/// Filters of measured airspeed: for the thrust, and for the pitch trim, seconds. Trim that followed every gust would know
-/// more than an autopilot does and hold the path better than the recorded ones.
+/// Filters of measured airspeed: for the thrust, and for the pitch trim, seconds. Trim that followed every gust would use more information
+/// than an autopilot has and hold the path better than the recorded ones.
 const AIRSPEED_FILTER_S: f64 = 3.0;
 const TRIM_FILTER_S: f64 = 8.0;
 /// Acceleration per error of speed, 1/s, its integral, 1/s^2, and its limits, metres per second squared.

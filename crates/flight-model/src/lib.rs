@@ -61,7 +61,7 @@ const AUTOPILOT_STEP_S: f64 = 1.0 / OUTPUT_RATE_HZ as f64;
 pub struct NotLanded {
     /// Limit of the request, seconds.
     pub limit_s: f64,
-    /// Where it was then.
+    /// State of the aircraft at that time.
     pub last: Option<Box<FlightState>>,
 }
 

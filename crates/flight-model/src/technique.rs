@@ -1,8 +1,8 @@
-//! How a crew flies the approach: speeds, flaps, gear and flare.
+//! A crew's technique on the approach: speeds, flaps, gear and flare.
 //!
 //! Input: the flight's seed, the speed at the start, the headwind. Output: target speed, flaps and gear for a distance to the
-//! threshold, and the numbers of the flare. The schedule is that of the recorded flights; the seed varies it as crews differ, so
-//! that two flights in the same calm air differ.
+//! threshold, and the numbers of the flare. The schedule follows the recorded flights; the seed varies it as crews differ, so that two
+//! flights in the same calm air differ.
 
 use dataset::geometry::pose::Controls;
 

@@ -92,7 +92,7 @@ impl VerticalGuidance {
         }
     }
 
-    /// Whether the flare has begun.
+    /// True if the flare has begun.
     pub(crate) fn is_flaring(&self) -> bool {
         matches!(self.phase, Phase::Flare { .. })
     }
@@ -100,8 +100,8 @@ impl VerticalGuidance {
     /// The climb rate to fly now, metres per second, up positive.
     pub(crate) fn climb_mps(&mut self, now: &Situation) -> f64 {
         if !self.is_flaring() && now.wheel_height_m < self.flare_height_m {
-            // An exponential from the glide path's rate of descent to that of touchdown, which is reached with the wheels at zero.
-            // Not from the present rate: a flare that began in a downdraught would continue with it.
+            // An exponential from the rate of descent on the glide path to the one at touchdown, which is reached with the wheels at zero.
+            // It does not start from the present rate: a flare that began in a downdraught would continue with it.
             let sink_mps =
                 (self.glide_slope * now.ground_speed_mps).max(self.touchdown_sink_mps + 0.8);
             self.phase = Phase::Flare {

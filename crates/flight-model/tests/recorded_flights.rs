@@ -50,7 +50,7 @@ fn band_amplitude(values: &[f64], (from_hz, to_hz): (f64, f64)) -> f64 {
         .sqrt()
 }
 
-/// Figures of a final approach that must match those of the recorded flights.
+/// Figures of a final approach that must match the recorded flights.
 fn figures(states: &[FlightState]) -> BTreeMap<&'static str, f64> {
     let states = final_approach(states);
     let series = |of: fn(&FlightState) -> f64| -> Vec<f64> { states.iter().map(of).collect() };

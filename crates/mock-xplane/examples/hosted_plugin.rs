@@ -1,4 +1,4 @@
-//! Measures captures by our plugin in an X-Plane that draws 60 frames a second and holds Python's interpreter lock between callbacks:
+//! Measures captures by our plugin in an X-Plane that draws 60 frames per second and holds Python's interpreter lock between callbacks:
 //! `cargo run --release -p mock-xplane --example hosted_plugin`.
 //!
 //! Frames are only drawn, neither read back nor grabbed: what is left is the cost of settling, of the link and of its threads. Each way is

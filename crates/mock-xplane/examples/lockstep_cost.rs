@@ -1,9 +1,9 @@
 //! Measures the cost of the bridge's client in lockstep: `cargo run --release -p mock-xplane --example lockstep_cost`.
 //!
-//! 30 ticks a second, two views of 1920x1280 each, against a stand-in that draws nothing and runs on separate threads of the same
-//! process. The client, including its other work (it watches 110 datarefs), has one thread, whose processor time the kernel counts.
-//! Once with the pictures in shared memory, once over the link (442 MB a second through the loopback), as from a simulator on
-//! another computer. Linux only.
+//! 30 ticks per second, two views of 1920x1280 each, against a stand-in that does not draw and runs on separate threads of the same
+//! process. The client, including its other work (it watches 110 datarefs), has one thread, whose processor time the kernel counts. Once
+//! with the pictures in shared memory, once over the link (442 MB per second through the loopback), as from a simulator on another
+//! computer. Linux only.
 
 use std::error::Error;
 use std::fs;
@@ -23,7 +23,7 @@ const TICKS: u32 = 300;
 const TICK: Duration = Duration::from_nanos(1_000_000_000 / 30);
 const VIEWS: u32 = 2;
 
-/// What a run cost.
+/// Cost of a run.
 struct Cost {
     /// Processor time of the client's thread, seconds.
     client_s: f64,

@@ -33,11 +33,11 @@ pub(crate) struct Dataref {
     pub kind: Kind,
     /// Number of elements of an array, `None` for a single value.
     pub length: Option<usize>,
-    /// Whether clients may set it.
+    /// True if clients may set it.
     pub writable: bool,
     /// Initial value (of every element).
     pub initial: f64,
-    /// What X-Plane 12 does when a dataref of 11 is looked up.
+    /// X-Plane 12's reaction when a dataref of 11 is looked up.
     pub complaint: Option<Complaint>,
 }
 
@@ -64,7 +64,7 @@ impl Complaint {
     }
 }
 
-/// Why a write has no effect.
+/// Reason why a write has no effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Ignored {
     /// No such dataref.

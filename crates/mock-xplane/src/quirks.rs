@@ -60,26 +60,26 @@ pub enum Grade {
     Practised,
     /// One report.
     Single,
-    /// Nobody says.
+    /// No report.
     Unknown,
 }
 
 /// Description of a quirk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Facts {
-    /// Which one.
+    /// The quirk.
     pub quirk: Quirk,
     /// Its name on the command line.
     pub name: &'static str,
-    /// What it does, in a sentence.
+    /// Its effect, in a sentence.
     pub does: &'static str,
-    /// Who reports it.
+    /// Source of the report.
     pub source: &'static str,
     /// Reliability of the report.
     pub grade: Grade,
-    /// Whether clients that handle it take longer.
+    /// True if clients that handle it take longer.
     pub costs_time: bool,
-    /// Whether X-Plane 11 has it as well as 12.
+    /// True if X-Plane 11 has it as well as 12.
     pub in_11: bool,
 }
 
@@ -446,15 +446,15 @@ impl Quirks {
         Self::those(|facts| !facts.costs_time && !OPEN.contains(&facts.quirk))
     }
 
-    /// Those of an X-Plane generation.
+    /// The quirks that an X-Plane generation has.
     #[must_use]
     pub fn of(self, generation: Generation) -> Self {
         let has = Self::those(|facts| facts.in_11 || generation == Generation::XPlane12);
         Self(self.0 & has.0)
     }
 
-    /// Duration of one second of a client's waiting if the simulator's clock runs this much faster: zero if there is nothing to
-    /// wait for.
+    /// Duration of one second of a client's waiting if the simulator's clock runs this much faster: zero if none of the quirks makes
+    /// clients wait.
     pub(crate) fn pace(self, clock_rate: f64) -> f64 {
         match self.iter().any(|quirk| quirk.facts().costs_time) {
             true => 1.0 / clock_rate,
@@ -462,7 +462,7 @@ impl Quirks {
         }
     }
 
-    /// Whether one of them is in the set.
+    /// True if the quirk is in the set.
     pub const fn has(self, quirk: Quirk) -> bool {
         self.0 & quirk.bit() != 0
     }

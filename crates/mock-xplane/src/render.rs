@@ -1,12 +1,12 @@
 //! The renderer: sky, clouds, ground, runway and one aircraft, drawn in software.
 //!
-//! Input: a camera, a runway, weather and a clock; then for every frame the aircraft's pose. Output: 8-bit sRGB pictures.
+//! Input: a camera, a runway, weather and a clock; then for every frame the aircraft's pose. Output: 8-bit sRGB images.
 //! Everything behind the aircraft is computed once per [`Scene`] and copied, clouds as often as they drift; the aircraft's patch is
 //! drawn with many samples per pixel and composited in linear light. The same inputs give the same bytes, whatever the number of
 //! threads.
 //!
-//! Distortion and refraction belong to the camera: rays and projections include them, so no picture is drawn first and warped
-//! afterwards. Blur, seeing and noise are a [`Degradation`], and cost nothing when absent.
+//! Distortion and refraction belong to the camera: rays and projections include them, so no image is drawn first and warped
+//! afterwards. Blur, seeing and noise are a [`Degradation`], and have no cost when absent.
 
 mod air;
 mod aircraft;
@@ -70,7 +70,7 @@ pub struct Scene {
     spoiled: Spoiled,
 }
 
-/// The instants of what moves by itself, seconds.
+/// The instants of the moving parts of the scene, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Instants {
     /// Of flashing lamps.
@@ -89,7 +89,7 @@ impl Instants {
     }
 }
 
-/// Degradation of the pictures; none by default.
+/// Degradation of the images; none by default.
 #[derive(Default)]
 struct Spoiled {
     blur_sigma_px: f64,
@@ -107,7 +107,7 @@ impl Spoiled {
         Blur::new(self.blur_sigma_px.hypot(seeing_px))
     }
 
-    /// How far seeing moves the image of something at a distance, pixels.
+    /// Displacement of the image of an object at a distance by seeing, pixels.
     fn shift_px(&self, distance_m: f64, time_s: f64) -> Option<DVec2> {
         self.turbulence
             .as_ref()
@@ -121,13 +121,13 @@ struct Canvas {
     y: usize,
     width: usize,
     light: Vec<Vec3>,
-    /// Whether a pixel differs from the backdrop.
+    /// True for pixels that differ from the backdrop.
     touched: Vec<bool>,
 }
 
 impl Scene {
-    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large picture). The
-    /// position of the sun is that of the year 2023, as seen from the camera.
+    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large image). The position of
+    /// the sun is computed for the year 2023, as seen from the camera.
     pub fn new(camera: &Camera, runway: &Runway, weather: &Weather, clock: &Clock) -> Self {
         let view = View::new(camera, runway);
         let beta_per_m = air::beta_per_m(weather.visibility_m);
@@ -261,7 +261,7 @@ impl Scene {
         }
     }
 
-    /// Width and height of the picture, pixels.
+    /// Width and height of the image, pixels.
     fn size(&self) -> (usize, usize) {
         (
             self.world.view.camera.width_px as usize,
@@ -306,7 +306,7 @@ impl Scene {
         lamps
     }
 
-    /// Composites airframe and lamps over the backdrop, in linear light. `None` if nothing is inside the picture.
+    /// Composites airframe and lamps over the backdrop, in linear light. `None` if neither is inside the image.
     fn composite(
         &self,
         patch: Option<&Patch>,
@@ -360,7 +360,7 @@ impl Scene {
 }
 
 impl Patch {
-    /// Coverage and light of a pixel of the picture, if the patch contains it.
+    /// Coverage and light of a pixel of the image, if the patch contains it.
     fn at(&self, x: usize, y: usize) -> Option<(f32, glam::Vec4)> {
         let (column, row) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
         (column < self.width && row < self.height).then(|| {

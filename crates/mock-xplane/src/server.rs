@@ -1,8 +1,7 @@
 //! The stand-in's server: X-Plane's UDP protocol, its beacon, its Web API, and the capture link of our plugin.
 //!
-//! Input: an address to listen on. Output: nothing, until it is stopped. To a client it looks like X-Plane 12 with our plugin,
-//! including the quirks that caused trouble for clients: 32-bit values, lost requests, silent refusals. [`Faults`] configures
-//! further failures.
+//! Input: an address to listen on. Output: none, until it is stopped. To a client it looks like X-Plane 12 with our plugin, including the
+//! quirks that caused trouble for clients: 32-bit values, lost requests, silent refusals. [`Faults`] configures further failures.
 //!
 //! The sockets live as long as the server; everything else belongs to a session, which a restart replaces.
 
@@ -52,47 +51,47 @@ pub(crate) const DEFAULT_WEB_PORT: u16 = 8086;
 /// The capture link listens this much above the UDP port.
 const CAPTURE_PORT_OFFSET: u16 = 10;
 
-/// The settling time of weather that our plugin announces, seconds, unless its settings say otherwise.
+/// The settling time of weather that our plugin announces by default, seconds.
 const WEATHER_SETTLE_S: f64 = 15.0;
 
-/// Where to listen.
+/// Settings of the server.
 #[derive(Debug, Clone)]
 pub struct ServerOptions {
     /// Address of the network interface. Only loopback is safe: anyone who reaches the stand-in controls it.
     pub bind: IpAddr,
     /// UDP port; 0 takes any free one. The capture link listens 10 above it, or on any free one.
     pub port: u16,
-    /// Whether to announce the stand-in by multicast, as X-Plane does.
+    /// True to announce the stand-in by multicast, as X-Plane does.
     pub beacon: bool,
     /// The computer's name in the beacon. X-Plane 12 may send none, and some clients need one.
     pub beacon_name: Option<String>,
-    /// Which X-Plane to imitate: 11.55 or 12.4.0.
+    /// The X-Plane to imitate: 11.55 or 12.4.0.
     pub generation: Generation,
     /// TCP port of X-Plane 12's Web API; 0 takes any free one. `None` is X-Plane's own port, or any free one if `port` is 0.
     pub web_port: Option<u16>,
-    /// Whether a flight is loaded at the start, or the main menu is open.
+    /// True if a flight is loaded at the start, false if the main menu is open.
     pub flight_loaded: bool,
-    /// Whether "Accept incoming connections" is on in X-Plane's network settings. A fresh X-Plane 12 has it off.
+    /// True if "Accept incoming connections" is on in X-Plane's network settings. A fresh X-Plane 12 has it off.
     pub incoming: bool,
-    /// Where to send the data output (`DATA`), if anywhere.
+    /// Destination of the data output (`DATA`), if any.
     pub data_to: Option<SocketAddr>,
-    /// What goes wrong.
+    /// Faults to simulate.
     pub faults: Faults,
-    /// Which awkward habits of a live X-Plane to imitate.
+    /// The awkward habits of a live X-Plane to imitate.
     pub quirks: Quirks,
-    /// How much faster than real time the simulator's clock runs, 1 or more.
+    /// Speed of the simulator's clock relative to real time, 1 or more.
     pub clock_rate: f64,
     /// The token that a client of the capture link must send. Required if the address is not a loopback one.
     pub token: Option<LinkToken>,
-    /// How long the capture link waits for clients.
+    /// Timeouts of the capture link.
     pub patience: LinkPatience,
     /// The window that shows what is drawn, if there is one.
     pub stage: Option<Arc<dyn DisplayWindow>>,
-    /// Who serves the capture link.
+    /// The server of the capture link.
     pub link: LinkServer,
 }
 
-/// Who serves the capture link.
+/// The server of the capture link.
 #[derive(Debug, Clone, Default)]
 pub enum LinkServer {
     /// The stand-in itself.
@@ -100,7 +99,7 @@ pub enum LinkServer {
     BuiltIn,
     /// Our plugin's own Python.
     Plugin(PluginOptions),
-    /// Nobody: an X-Plane without our plugin.
+    /// None: an X-Plane without our plugin.
     Nobody,
 }
 
@@ -143,7 +142,7 @@ impl ServerOptions {
 pub struct Addresses {
     /// X-Plane's UDP protocol.
     pub udp: SocketAddr,
-    /// The capture link, TCP; nobody listens there under [`LinkServer::Nobody`].
+    /// The capture link, TCP; the port is not open under [`LinkServer::Nobody`].
     pub capture_link: SocketAddr,
     /// X-Plane 12's Web API, TCP on this computer only; X-Plane 11 has none.
     pub web_api: Option<SocketAddr>,
@@ -151,7 +150,7 @@ pub struct Addresses {
     pub beacon: SocketAddr,
 }
 
-/// Why the stand-in cannot run.
+/// Reason why the stand-in cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum MockError {
     /// An address is not available.
@@ -159,11 +158,11 @@ pub enum MockError {
         "cannot listen on {address} ({what}): {source}. Does X-Plane or another stand-in run there? --port 0 takes any free port"
     )]
     Bind {
-        /// Which.
+        /// Requested address.
         address: SocketAddr,
-        /// For what.
+        /// Purpose.
         what: &'static str,
-        /// Why not.
+        /// Underlying error.
         r#source: io::Error,
     },
     /// Open to other machines without a secret.
@@ -180,21 +179,21 @@ pub enum MockError {
     Plugin {
         /// Its folder.
         folder: PathBuf,
-        /// How that shows.
+        /// Symptom.
         what: String,
     },
     /// A socket failed while running.
     #[error("{what} failed: {source}")]
     Socket {
-        /// Which.
+        /// Name of the socket.
         what: &'static str,
-        /// How.
+        /// Underlying error.
         r#source: io::Error,
     },
     /// The tape cannot be read.
     #[error(transparent)]
     Tape(#[from] TapeError),
-    /// A part of the server ended by itself, which is a bug.
+    /// A part of the server ended unexpectedly, which is a bug.
     #[error("a part of the stand-in stopped: {0}")]
     Stopped(String),
 }
@@ -280,7 +279,7 @@ impl Ports {
         })
     }
 
-    /// A plugin listens by itself, where the built-in link would have; ours stays out of the way and accepts no clients.
+    /// Moves the built-in link to another port, on which no clients are accepted: a plugin opens its own port in its place.
     async fn leave_capture_link(&mut self) -> Result<(), MockError> {
         let aside = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         (_, self.capture_link) = listen(aside, "capture link").await?;
@@ -460,7 +459,7 @@ impl Server {
         session
     }
 
-    /// Handles input while no simulator runs. The ports stay ours, so that nobody else takes them in the meantime.
+    /// Handles input while no simulator runs. The ports stay ours, so that no other program takes them in the meantime.
     async fn swallow(&self) -> Result<(), MockError> {
         let failed = |what| move |source| MockError::Socket { what, source };
         let nobody = Doorway::new("a simulator that restarts", 2);

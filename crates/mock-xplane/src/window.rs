@@ -1,7 +1,7 @@
 //! A window on an X11 display that shows what the stand-in draws, as X-Plane's window does, so that it can be grabbed.
 //!
-//! Pictures go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
-//! it goes away. A picture is visible when [`DisplayWindow::show`] returns: the server has confirmed it.
+//! Images go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
+//! it goes away. An image is visible when [`DisplayWindow::show`] returns: the server has confirmed it.
 
 mod cover;
 
@@ -29,28 +29,28 @@ pub use cover::CoverWindow;
 
 /// Title of the window.
 const TITLE: &str = "X-Plane stand-in (dtd mock-xplane)";
-/// How long a window manager may take to map the window.
+/// Time for a window manager to map the window.
 const MAP_TIMEOUT: Duration = Duration::from_secs(5);
 /// The depth of the pixels we send: 32 bits each, with red, green and blue in the lower 24.
 const DEPTH: u8 = 24;
 const BYTES_PER_PIXEL: usize = 4;
 
-/// Shows pictures: a window, or in tests something with faults.
+/// Shows images: a window, or in tests something with faults.
 pub trait DisplayWindow: fmt::Debug + Send + Sync {
-    /// Where it is.
+    /// Its position and size.
     ///
     /// # Errors
     /// It no longer exists.
     fn describe(&self) -> Result<SimulatorWindow, WindowError>;
 
-    /// Shows a picture instead of the previous one. Done when it is visible.
+    /// Shows an image instead of the previous one. Done when it is visible.
     ///
     /// # Errors
-    /// The picture has another size than the stage, or the stage no longer exists.
+    /// The image has another size than the stage, or the stage no longer exists.
     fn show(&self, picture: &RgbPicture) -> Result<(), WindowError>;
 }
 
-/// Why nothing can be shown.
+/// Reason why images cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
     /// No connection to a display.
@@ -58,9 +58,9 @@ pub enum WindowError {
         "cannot open the X11 display {display:?}: {source}. Is DISPLAY set, and does an X server run there (e.g. Xvfb)?"
     )]
     Connect {
-        /// Which.
+        /// Name of the display.
         display: String,
-        /// Why not.
+        /// Underlying error.
         r#source: ConnectError,
     },
     /// The display has another pixel format.
@@ -68,7 +68,7 @@ pub enum WindowError {
         "the X11 display has pixels of another form ({found}), expected 24-bit colour in 32 bits, e.g. Xvfb -screen 0 1920x1280x24"
     )]
     PixelForm {
-        /// What it has.
+        /// Pixel format of the display.
         found: String,
     },
     /// The window does not fit.
@@ -85,12 +85,12 @@ pub enum WindowError {
         /// Height of the display, pixels.
         screen_height_px: u16,
     },
-    /// A picture of another size.
+    /// An image of another size.
     #[error("the window is {window}, it cannot show a picture of {picture}")]
     OtherSize {
         /// Its size.
         window: String,
-        /// That of the picture.
+        /// Size of the image.
         picture: String,
     },
     /// The window did not appear.
@@ -128,12 +128,12 @@ pub struct X11Window {
     context: Gcontext,
     width_px: u32,
     height_px: u32,
-    /// A picture's memory in the format of the display.
+    /// An image's memory in the format of the display.
     pixels: Mutex<Vec<u8>>,
 }
 
 impl X11Window {
-    /// Opens a window for pictures of this size on a display, e.g. `:0`, or on that which `DISPLAY` names.
+    /// Opens a window for images of this size on a display, e.g. `:0`, or on that which `DISPLAY` names.
     ///
     /// # Errors
     /// There is no such display, or it cannot show such a window.
@@ -203,7 +203,7 @@ impl X11Window {
             AtomEnum::STRING,
             title,
         )?;
-        // Another size would mean other pictures.
+        // Another size would mean other images.
         let size = Some((i32::from(width), i32::from(height)));
         WmSizeHints {
             min_size: size,
@@ -227,7 +227,7 @@ impl X11Window {
         Err(WindowError::NotMapped)
     }
 
-    /// Puts a picture into the pixmap, in as many requests as the server needs.
+    /// Puts an image into the pixmap, in as many requests as the server needs.
     fn put(&self, bytes: &[u8]) -> Result<(), WindowError> {
         let row_bytes = self.width_px as usize * BYTES_PER_PIXEL;
         let request_bytes = self.connection.maximum_request_bytes().saturating_sub(64);
@@ -278,7 +278,7 @@ impl DisplayWindow for X11Window {
         for [red, green, blue] in picture.rgb.as_chunks().0 {
             pixels.extend([*blue, *green, *red, 0]);
         }
-        // Nobody reads the events; they must not pile up.
+        // The events are never used, but must not pile up.
         while self.connection.poll_for_event()?.is_some() {}
         self.put(&pixels)?;
         // Set again each time: the effect of changing a background's pixmap later is implementation-defined.

@@ -1,5 +1,5 @@
-//! Blocks of ticks from a camera that rests, through the hosted plugin and a real screen: every picture is that of its tick, whatever the
-//! scene's lag, and equal to the settled one.
+//! Blocks of ticks from a camera that rests, through the hosted plugin and a real screen: every image shows its own tick, whatever the
+//! scene's lag, and equals the settled one.
 #![cfg(target_os = "linux")]
 
 use std::net::SocketAddr;
@@ -23,7 +23,7 @@ use xplane_bridge::{
     BlockOfTicks, BlockReport, CaptureRequest, CapturedFrame, Deliver, Simulator, WebApiPlace,
 };
 
-/// Pictures, and the window with the margins for the code.
+/// Images, and the window with the margins for the code.
 const SIZE_PX: (u32, u32) = (160, 120);
 const WINDOW_PX: (u32, u32) = (192, 152);
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(60);
@@ -32,7 +32,7 @@ const RATE: FrameRate = FrameRate {
     denominator: 1,
 };
 
-/// A stand-in with a window on an X server of its own.
+/// A stand-in with a window on a separate X server.
 struct Shown {
     _xvfb: Xvfb,
     simulator: Simulator,
@@ -104,7 +104,7 @@ async fn block(
     (frames, recording.report())
 }
 
-/// The same picture, settled.
+/// The same image, settled.
 async fn settled(
     simulator: &mut Simulator,
     states: &[FlightState],
@@ -127,7 +127,7 @@ async fn settled(
     simulator.receive_frame().await.unwrap()
 }
 
-/// Records both views in blocks and compares every picture with the settled one of its tick.
+/// Records both views in blocks and compares every image with the settled one of its tick.
 async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
     let Shown {
         mut simulator,
@@ -240,7 +240,7 @@ const AIRCRAFT_LEVELS: u8 = 24;
 /// Half the aircraft's size, metres, and what its edges add, pixels.
 const AIRCRAFT_M: f64 = 22.0;
 const AROUND_PX: f64 = 2.0;
-/// A picture of a block may differ from a settled one in this many times the pixels in which two settled ones differ by their streaks,
+/// An image of a block may differ from a settled one in this many times the pixels in which two settled ones differ by their streaks,
 /// and in so many more.
 const NOISE_FACTOR: f64 = 1.5;
 const MORE_PIXELS: usize = 8;
@@ -258,7 +258,7 @@ fn rainy() -> Conditions {
     rainy
 }
 
-/// Where the ground and the aircraft are in a picture.
+/// Areas of the ground and the aircraft in an image.
 struct Parts {
     horizon_px: f64,
     aircraft: [DVec2; 2],

@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Two percent of the window: left, top, width, height.
 const PLACE_PX: [u32; 4] = [200, 140, 96, 32];
 
-/// An X-Plane 12 whose window is on an X server of its own.
+/// An X-Plane 12 whose window is on a separate X server.
 struct OnScreen {
     xvfb: Xvfb,
     covers: WindowCovers,
@@ -128,7 +128,7 @@ async fn windows_of_other_programs_are_found_at_the_registration_and_after_the_r
     }
 }
 
-/// What is put over the window.
+/// Object put over the window.
 #[derive(Debug, Clone, Copy)]
 enum Form {
     Message,

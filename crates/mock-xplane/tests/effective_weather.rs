@@ -1,5 +1,5 @@
 //! A simulator whose weather at the aircraft is another one than was written: each quantity wrong in turn, by a relay that alters what
-//! is read, with and without a profile of `dtd doctor`. And right ones, which nothing may mark.
+//! is read, with and without a profile of `dtd doctor`. Correct weather must never be reported.
 
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
@@ -90,7 +90,7 @@ fn storm() -> Conditions {
     conditions("stormy", weather)
 }
 
-/// A relay in front of a stand-in of its own, with one dataref wrong.
+/// A relay in front of a separate stand-in, with one dataref wrong.
 async fn wrong_at(dataref: &'static str, wrong: f32) -> SocketAddr {
     let simulator = serving(quiet()).await;
     altered(
@@ -194,7 +194,7 @@ async fn a_quantity_that_changes_while_pictures_are_taken_is_noticed_after_them(
             .map(|mark| mark.quantity)
             .collect();
         assert_eq!(marked, [quantity]);
-        // Where it was measured to follow.
+        // The same where it was measured to follow.
         simulator.use_profile(profile.clone());
         let error = simulator.confirm_conditions().await.unwrap_err();
         assert!(error.to_string().contains(&quantity.to_string()), "{error}");

@@ -65,7 +65,7 @@ impl PlainClient {
     }
 }
 
-/// One datagram out, one value back; `None` if nothing comes for a while.
+/// One datagram out, one value back; `None` if none comes for a while.
 async fn read(client: &PlainClient, path: &str) -> Option<f32> {
     let request = |frequency_hz| {
         ToSimulator::SubscribeDataref(SubscribeDataref {

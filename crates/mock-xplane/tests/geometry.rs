@@ -17,7 +17,7 @@ use testkit::changi_02l;
 
 const WIDTH_PX: u32 = 320;
 const HEIGHT_PX: u32 = 192;
-/// That of 1920 pixels over ten degrees.
+/// Focal length of 1920 pixels over ten degrees.
 const FOCAL_PX: f64 = 10_972.8;
 /// Poses at each distance and from each side, each at another fraction of a pixel.
 const STEPS: u32 = 16;

@@ -1,4 +1,4 @@
-//! Clients that mean no good, or nothing at all: who is silent, slow, from elsewhere, or asks what cannot be, disturbs nobody else.
+//! Malicious and broken clients: one that is silent, slow, from elsewhere, or asks for the impossible never disturbs others.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
@@ -10,7 +10,7 @@ use tokio::net::TcpStream;
 use tokio::time::timeout;
 use xplane_bridge::link::{Answer, LinkToken, exchange_greetings, read_header};
 
-/// How long a test waits for what has to come.
+/// Timeout of a test for what has to come.
 const PATIENCE: Duration = Duration::from_secs(30);
 const HELLO: &str = r#"{"message":"hello","client":"test"}"#;
 /// More than any of the servers serves at a time.
@@ -100,7 +100,7 @@ async fn a_silent_client_loses_its_seat_to_the_next_one_and_one_that_asks_keeps_
     let mut second = greeted(&running).await;
     let text = refused(&mut second, HELLO).await;
     assert!(text.contains("another client holds"), "{text}");
-    // It asks for pictures and takes none: that is silence, too.
+    // It asks for pictures and takes none: that counts as silence as well.
     let bad = r#"{"message":"probe_terrain","latitude_deg":0,"longitude_deg":0}"#;
     let flood = bad.len() as u32;
     let mut message = flood.to_le_bytes().to_vec();
@@ -125,7 +125,7 @@ async fn a_silent_client_loses_its_seat_to_the_next_one_and_one_that_asks_keeps_
 #[tokio::test]
 async fn what_a_request_announces_and_the_server_does_not_know_is_refused_by_its_place() {
     let running = start(LinkPatience::default(), LinkToken::new("open sesame")).await;
-    // Before the token nothing is taken: no payload, no other request, no wrong token.
+    // Before the token no other message is accepted: no payload, no other request, no wrong token.
     let mut greedy = greeted(&running).await;
     let mut message = 2_u32.to_le_bytes().to_vec();
     message.extend((190_u32 << 20).to_le_bytes());
@@ -145,7 +145,7 @@ async fn what_a_request_announces_and_the_server_does_not_know_is_refused_by_its
         assert!(text.contains(expected), "{text}");
         assert!(receive(&mut stream).await.is_none());
     }
-    // Behind it, what is not understood is said, and the conversation goes on.
+    // After it, requests that are not understood are reported, and the conversation goes on.
     let mut client = greeted(&running).await;
     let hello = r#"{"message":"hello","client":"x","token":"open sesame","of_a_later_version":1}"#;
     assert!(matches!(
@@ -239,7 +239,7 @@ async fn clients_that_leave_their_answers_unread_keep_nobody_out_for_long() {
     let request = "GET /api/v3/datarefs HTTP/1.1\r\nHost: localhost\r\n\r\n".repeat(1_000);
     let mut clients = idle(web).await;
     for client in &mut clients {
-        // Beyond what the server serves at a time, nobody reads.
+        // Beyond the number of clients served at a time, the server does not read.
         let _ = timeout(
             Duration::from_millis(50),
             client.write_all(request.as_bytes()),

@@ -1,4 +1,4 @@
-//! The stand-in and the bridge's client over real sockets: conditions, flights, pictures in lockstep, and leaving.
+//! The stand-in and the bridge's client over real sockets: conditions, flights, images in lockstep, and leaving.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex};
@@ -30,7 +30,7 @@ use xplane_bridge::{
     BridgeError, CONNECT_TIMEOUT, CaptureRequest, CapturedFrame, ConnectOptions, Deliver, Simulator,
 };
 
-/// Writes the picture's time into every byte, slower for even ticks so that pictures finish out of order, and remembers
+/// Writes the image's time into every byte, slower for even ticks so that images finish out of order, and remembers
 /// what it was asked.
 #[derive(Default)]
 struct Scribe {
@@ -245,7 +245,7 @@ async fn a_flight_is_begun_by_the_web_api_of_the_same_simulator_and_without_it_b
     let scribe = Arc::new(Scribe::default());
     let running = start(scribe.clone()).await;
     let other = start(Arc::new(Scribe::default())).await;
-    // With the Web API, without one, and with that of another simulator, which must not be commanded by mistake.
+    // With the Web API, without one, and with another simulator's, which must not be commanded by mistake.
     for web_api in [running.addresses.web_api, None, other.addresses.web_api] {
         let options = ConnectOptions {
             web_api,
@@ -351,7 +351,7 @@ async fn the_client_is_told_who_serves_the_link_and_how_high_the_ground_is() {
     assert!(error.to_string().contains("latitude 91"), "{error}");
 }
 
-/// A window that nobody sees, and what it showed.
+/// An invisible window, and what it showed.
 #[derive(Debug, Default)]
 struct Wall(Mutex<Vec<RgbPicture>>);
 
@@ -426,7 +426,7 @@ async fn pictures_for_a_client_on_this_computer_are_drawn_into_its_memory_and_tr
         height_px: 400,
         ..capture(3, 0)
     };
-    // Nobody gives a picture back, so the memory for 16 is all in use in the end; a larger size gets memory of its own.
+    // No image is given back, so the memory for 16 is all in use in the end; a larger size gets separate memory.
     let requests: Vec<_> = (0..20)
         .map(|tick| capture(1 + 2 * tick, 0))
         .chain([larger])
@@ -514,7 +514,7 @@ async fn memory_that_cannot_be_drawn_into_is_refused_and_the_conversation_goes_o
     }
 }
 
-/// What the simulator answers, without a payload.
+/// The simulator's answer, without a payload.
 async fn asked(stream: &mut TcpStream, request: &Request) -> Result<Answer, LinkError> {
     write_message(stream, request, &[]).await?;
     let (answer, payload_bytes) = read_header(stream).await?.unwrap();

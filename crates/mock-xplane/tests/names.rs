@@ -1,4 +1,4 @@
-//! Which names of X-Plane client and plugin touch: those of the running version only, whatever they do.
+//! Names of X-Plane that client and plugin touch: only names of the running version, whatever they do.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;

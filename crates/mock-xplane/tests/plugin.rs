@@ -162,7 +162,7 @@ async fn pictures(simulator: &mut Simulator) -> Vec<CapturedFrame> {
     frames
 }
 
-/// Mean and largest difference of two pictures, levels of 255.
+/// Mean and largest difference of two images, levels of 255.
 fn difference(a: &[u8], b: &[u8]) -> (f64, u8) {
     assert_eq!(a.len(), b.len());
     let each = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
@@ -289,7 +289,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
             let asked = capture(tick as u32);
             assert_eq!(aircraft_mismatch(&found.pose, &asked.pose), None);
             assert_eq!(camera_mismatch(&found.camera, &asked.camera), None);
-            // What differs is a few pixels of an edge: a camera some millimetres aside.
+            // Only a few pixels of an edge differ: a camera some millimetres aside.
             let (mean, largest) = difference(&found.rgb, &wanted.rgb);
             println!("tick {tick}: mean difference {mean:.4}, largest {largest}");
             assert!(mean < 0.1, "tick {tick}, {options:?}: {mean} {largest}");
@@ -301,7 +301,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
         );
         simulator.release().await.unwrap();
     }
-    // The measure is no formality: the next tick's picture is far from this one's.
+    // The measure can fail: the next tick's image is far from this one's.
     let (mean, _) = difference(&wanted[0].rgb, &wanted[1].rgb);
     assert!(mean > 2.0, "{mean}");
 }
@@ -313,14 +313,14 @@ async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_t
     let mut simulator = taking_screenshots("camera_taken,stale_frames").await;
     assert_like(&pictures(&mut simulator).await, &wanted);
     simulator.release().await.unwrap();
-    // Where the frame that is kept is some frames late, it still shows what the camera saw before it was taken away.
+    // The kept frame may be some frames late, but still shows what the camera saw before it was taken away.
     let late = "cockpit_view,stale_frames,screenshot_without_camera";
     let mut simulator = taking_screenshots(late).await;
     assert_like(&pictures(&mut simulator).await, &wanted);
     simulator.release().await.unwrap();
 }
 
-/// The pictures of all ticks are those wanted, but for a few pixels of an edge.
+/// The images of all ticks equal the wanted ones, except for a few pixels of an edge.
 fn assert_like(found: &[CapturedFrame], wanted: &[CapturedFrame]) {
     for (tick, (found, wanted)) in found.iter().zip(wanted).enumerate() {
         let asked = capture(tick as u32);
@@ -347,7 +347,7 @@ async fn screenshots_of_another_view_than_the_cameras_are_refused() {
     );
 }
 
-/// An X-Plane 12 with some habits, whose pictures are its own screenshots.
+/// An X-Plane 12 with some habits, whose images are its own screenshots.
 async fn taking_screenshots(quirks: &str) -> Simulator {
     let address = serving(ServerOptions {
         generation: Generation::XPlane12,
@@ -406,7 +406,7 @@ async fn a_frame_that_somebody_replaces_while_it_is_grabbed_is_grabbed_again() {
         assert_eq!(disturbances.pending.load(Relaxed), 0);
         assert!(found.rgb == wanted.rgb, "tick {tick}");
     }
-    // Whoever does it all the time gets no picture, and a reason.
+    // A client that does it all the time gets no image, and a reason.
     disturbances.pending.store(u32::MAX, Relaxed);
     let capture = CaptureRequest {
         deliver,
@@ -417,7 +417,7 @@ async fn a_frame_that_somebody_replaces_while_it_is_grabbed_is_grabbed_again() {
     assert!(error.contains("each of the 5 times"), "{error}");
 }
 
-/// Grabs in which somebody looks into the cockpit.
+/// Grabs while the user looks into the cockpit.
 #[cfg(target_os = "linux")]
 struct Disturbances {
     simulator: SocketAddr,
@@ -556,7 +556,7 @@ async fn a_live_approach_through_the_plugin_lands_where_the_built_in_one_does() 
         .to_ecef()
         .distance(start.to_ecef());
     assert!(begin < 30.0, "starts {begin} m off");
-    // Positions move as velocities say, in spite of a local origin that jumps. What 0.1 s can hold in turns and flare remains.
+    // Positions move as velocities say, in spite of a local origin that jumps. Turns and flare within 0.1 s remain as a difference.
     for pair in flown[1].windows(2) {
         let way = pair[1].position_ecef() - pair[0].position_ecef();
         let step_s = pair[1].time_s - pair[0].time_s;

@@ -1,4 +1,4 @@
-//! What `dtd doctor` measures where reports disagree: for each quirk that may or may not be there, another answer.
+//! Measurements by `dtd doctor` where reports disagree: for each quirk that may or may not be there, another answer.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -61,7 +61,7 @@ async fn examined(address: SocketAddr, measuring: Measuring) -> Vec<Check> {
     examine(&options, &mut |_| {}).await
 }
 
-/// What the next client is told of a simulator that was examined.
+/// The profile that the next client receives from an examined simulator.
 async fn measured(options: ServerOptions) -> (Profile, Vec<Check>) {
     let address = serving(options).await;
     let checks = examined(address, Measuring::Once).await;

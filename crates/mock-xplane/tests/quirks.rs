@@ -13,7 +13,7 @@ use tokio::time::timeout;
 const COVER: &str = "sim/weather/region/cloud_coverage_percent";
 const LATITUDE: &str = "sim/flightmodel/position/latitude";
 const LOADING: &str = "sim/graphics/scenery/async_scenery_load_in_progress";
-/// Nothing takes longer, however busy the machine.
+/// Longer than any operation takes, however busy the machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 async fn start(quirks: &str, clock_rate: f64) -> Addresses {
@@ -26,7 +26,7 @@ async fn start(quirks: &str, clock_rate: f64) -> Addresses {
     addresses
 }
 
-/// A request on a connection of its own; `None` if it was closed without an answer.
+/// A request on a separate connection; `None` if it was closed without an answer.
 async fn request(addresses: Addresses, method: &str, path: &str, body: &Value) -> Option<Value> {
     let mut stream = TcpStream::connect(addresses.web_api?).await.ok()?;
     let body = match body {

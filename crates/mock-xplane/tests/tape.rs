@@ -79,10 +79,10 @@ async fn connect(address: SocketAddr) -> Simulator {
     Simulator::connect(address, PATIENCE).await.unwrap()
 }
 
-/// What a client does in the session: two pictures, and a look at the position.
+/// A client's actions in the session: two images, and a look at the position.
 async fn session(address: SocketAddr) -> (Vec<CapturedFrame>, Vec<u8>) {
     let mut simulator = connect(address).await;
-    // A clock of its own makes the pictures repeatable.
+    // A separate clock makes the images repeatable.
     simulator.set_conditions(&conditions()).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let mut frames = Vec::new();

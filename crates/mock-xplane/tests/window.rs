@@ -23,7 +23,7 @@ use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, CaptureRequest, Deliver, Simul
 
 const SIZE: (u32, u32) = (160, 96);
 
-/// A picture in which every pixel differs from its neighbours and from those of the picture before.
+/// An image in which every pixel differs from its neighbours and from the same pixel of the previous image.
 fn picture(number: u32) -> RgbPicture {
     let (width_px, height_px) = SIZE;
     let mut picture = RgbPicture::black(width_px, height_px);
@@ -35,7 +35,7 @@ fn picture(number: u32) -> RgbPicture {
     picture
 }
 
-/// The window, told by nobody but the test.
+/// The window, driven by the test alone.
 struct Told(Arc<dyn DisplayWindow>);
 
 impl PatternDisplay for Told {
@@ -108,7 +108,7 @@ impl SceneRenderer for Counter {
     }
 }
 
-/// A window that shows each picture only when the next one comes, although it says that it shows it.
+/// A window that shows each image only when the next one comes, although it reports that it shows it.
 #[derive(Debug)]
 struct Late {
     window: X11Window,
@@ -190,7 +190,7 @@ async fn captures_of_the_screen_go_through_the_whole_link_and_are_proven_before_
     simulator.release().await.unwrap();
 }
 
-/// Why the screen cannot be used with this window.
+/// Error that makes the screen unusable with this window.
 async fn refusal(
     stage: Option<Arc<dyn DisplayWindow>>,
     display: &str,

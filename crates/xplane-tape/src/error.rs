@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use xplane_bridge::with_causes;
 
-/// Why a tape cannot be written or read.
+/// Failure to write or read a tape.
 #[derive(Debug, thiserror::Error)]
 pub enum TapeError {
     /// The file cannot be created, written or read.
@@ -16,7 +16,7 @@ pub enum TapeError {
         path: PathBuf,
         /// The operation.
         doing: &'static str,
-        /// Why not.
+        /// Underlying error.
         r#source: io::Error,
     },
     /// The file cannot be read as a tape.
@@ -35,7 +35,7 @@ pub enum TapeError {
         path: PathBuf,
         /// The operation.
         doing: &'static str,
-        /// Why not.
+        /// Underlying error.
         r#source: Box<mcap::McapError>,
     },
     /// The file is not a tape, or has another version.
@@ -43,7 +43,7 @@ pub enum TapeError {
     NoTape {
         /// The file.
         path: PathBuf,
-        /// What was found.
+        /// Content found instead.
         found: String,
     },
     /// A message on the tape is damaged.
@@ -55,7 +55,7 @@ pub enum TapeError {
         sequence: u32,
         /// The topic of its channel.
         topic: String,
-        /// What is wrong with it.
+        /// Fault of the message.
         found: String,
     },
     /// An address is not available.
@@ -63,11 +63,11 @@ pub enum TapeError {
         "cannot listen on {address} ({what}): {source}. Does X-Plane run there? --port 0 takes any free port"
     )]
     Bind {
-        /// Which.
+        /// Requested address.
         address: SocketAddr,
-        /// For what.
+        /// Purpose.
         what: &'static str,
-        /// Why not.
+        /// Underlying error.
         r#source: io::Error,
     },
     /// Open to other machines without a secret.
@@ -82,18 +82,18 @@ pub enum TapeError {
     /// A socket failed while recording.
     #[error("{what} failed: {source}")]
     Socket {
-        /// Which.
+        /// Name of the socket.
         what: &'static str,
-        /// How.
+        /// Underlying error.
         r#source: io::Error,
     },
-    /// The thread that writes the tape ended by itself, which is a bug.
+    /// The thread that writes the tape ended unexpectedly, which is a bug.
     #[error("the tape's writer stopped")]
     WriterStopped,
 }
 
 impl TapeError {
-    /// Whether the caller must name another file, or repair it, first: the same call will fail again.
+    /// True if the caller must name another file, or repair it, first: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Exists { .. }

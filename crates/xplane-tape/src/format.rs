@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `/udp/N/to_simulator`, `/udp/N/from_simulator` | `xplane-udp` | a datagram of client N |
 //! | `/link/N/to_simulator`, `/link/N/from_simulator` | `dtd-link` | a message of link connection N, with lengths, header, payload |
-//! | `/link/N/from_simulator/reference` | `dtd-link-reference` | the same without its payload; in its place the payload's BLAKE3 hash (32 bytes), or nothing |
+//! | `/link/N/from_simulator/reference` | `dtd-link-reference` | the same without its payload; in its place the payload's BLAKE3 hash (32 bytes), if stored |
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -39,13 +39,13 @@ impl Direction {
     }
 }
 
-/// How to store the pictures, by far the largest part of a session.
+/// Storage format of the images, by far the largest part of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FramesKept {
     /// They are on the tape, compressed without loss.
     #[default]
     Inline,
-    /// Only their BLAKE3 hashes: enough to prove that a picture drawn again is the same.
+    /// Only their BLAKE3 hashes: enough to prove that an image drawn again is the same.
     Reference,
     /// Not at all.
     None,
@@ -88,16 +88,16 @@ pub enum Channel {
     Udp {
         /// The client, counted from 1 in the order of appearance.
         client: u32,
-        /// Which way.
+        /// Direction of its messages.
         direction: Direction,
     },
     /// Messages of one connection of the capture link.
     Link {
         /// The connection, counted from 1.
         connection: u32,
-        /// Which way.
+        /// Direction of its messages.
         direction: Direction,
-        /// Whether the payloads were left out.
+        /// True if the payloads were left out.
         reference: bool,
     },
 }
@@ -162,18 +162,18 @@ impl Channel {
     }
 }
 
-/// What a tape says about itself, in a metadata record before everything else.
+/// Description of a tape, in a metadata record before everything else.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TapeInfo {
     /// Version of the format.
     pub format: String,
     /// Version of the program that recorded.
     pub dtd: String,
-    /// Where the simulator took UDP packets.
+    /// Address at which the simulator received UDP packets.
     pub simulator: String,
-    /// When recording began, RFC 3339 in UTC.
+    /// Start of the recording, RFC 3339 in UTC.
     pub began: String,
-    /// How the pictures are stored: `inline`, `reference` or `none`.
+    /// Storage format of the images: `inline`, `reference` or `none`.
     pub frames: String,
 }
 
@@ -202,7 +202,7 @@ impl TapeInfo {
             .into()
     }
 
-    /// The error says what is missing or has another version.
+    /// The error names what is missing or has another version.
     pub(super) fn of_metadata(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
         let take = |key: &str| {
             let value = metadata.get(key).cloned();

@@ -1,4 +1,4 @@
-//! Messages of the capture link as bytes, whatever their content: for a recorder that must not change them.
+//! Messages of the capture link as bytes, independent of their content: for a recorder that must not change them.
 
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncReadExt};
@@ -16,7 +16,7 @@ const HASH: usize = 32;
 /// Replacement for a token on a tape.
 const TOKEN_LEFT_OUT: &str = "left out of the tape";
 
-/// Why bytes are not a message of the link.
+/// Reason why bytes are not a message of the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum BadLinkMessage {
     /// Too short.
@@ -25,7 +25,7 @@ pub enum BadLinkMessage {
         /// Number of bytes.
         found: usize,
     },
-    /// Longer or shorter than it says.
+    /// Longer or shorter than announced.
     #[error("{expected} bytes announced, {found} found")]
     OtherLength {
         /// Number of bytes by its own lengths.
@@ -159,7 +159,7 @@ impl LinkMessage {
         &self.bytes[self.header_end..]
     }
 
-    /// Whether it contains a picture.
+    /// True if it contains an image.
     pub(super) fn is_picture(&self) -> bool {
         !self.payload().is_empty() && message_of(self.header()).as_deref() == Some("frame")
     }
@@ -170,7 +170,7 @@ impl LinkMessage {
         Some(header.get("token")?.as_str()?.to_owned())
     }
 
-    /// Whether it begins a conversation about the screen.
+    /// True if it begins a conversation about the screen.
     pub(super) fn opens_the_screen(&self) -> bool {
         let request = serde_json::from_slice(self.header());
         matches!(request, Ok(ScreenRequest::OpenScreen { .. }))
@@ -184,7 +184,7 @@ impl LinkMessage {
         Some(Self::new(header.to_string().as_bytes(), self.payload()))
     }
 
-    /// As it is stored without its payload: lengths and header unchanged, then the payload's hash, or nothing.
+    /// The stored form without the payload: lengths and header unchanged, then the payload's hash if `with_hash`.
     pub(super) fn reference(&self, with_hash: bool) -> Vec<u8> {
         let mut kept = self.bytes[..self.header_end].to_vec();
         if with_hash {

@@ -37,7 +37,7 @@ pub struct Entry {
     pub place: MessagePosition,
     /// Its channel.
     pub channel: Channel,
-    /// When it passed the recorder, nanoseconds since 1970 in UTC.
+    /// Time at which it passed the recorder, nanoseconds since 1970 in UTC.
     pub time_ns: u64,
     /// Its bytes.
     pub data: Vec<u8>,
@@ -115,12 +115,12 @@ impl TapeReader {
         &self.info
     }
 
-    /// Where it is.
+    /// Path of the tape.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether its recorder finished. Known once [`TapeReader::next_entry`] has returned the last message.
+    /// True if its recorder finished. Known once [`TapeReader::next_entry`] has returned the last message.
     pub fn is_whole(&self) -> bool {
         self.whole
     }

@@ -37,7 +37,7 @@ use tape_thread::TapeThread;
 /// The recorder's capture link listens this much above its UDP port, as the stand-in's does.
 const LINK_PORT_OFFSET: u16 = 10;
 
-/// What to record, and where.
+/// Settings of a recording.
 #[derive(Debug, Clone)]
 pub struct RecordOptions {
     /// The simulator's UDP address.
@@ -48,7 +48,7 @@ pub struct RecordOptions {
     pub port: u16,
     /// The tape.
     pub out: PathBuf,
-    /// How to store the pictures.
+    /// Storage format of the images.
     pub frames: FramesKept,
     /// The token that a client of the capture link must send. Required if the address is not a loopback one.
     pub token: Option<LinkToken>,
@@ -57,7 +57,7 @@ pub struct RecordOptions {
 }
 
 impl RecordOptions {
-    /// Of that simulator, on any free port of this machine, with its pictures.
+    /// Of that simulator, on any free port of this machine, with its images.
     pub fn new(simulator: SocketAddr, out: PathBuf) -> Self {
         Self {
             simulator,

@@ -25,7 +25,7 @@ pub struct TapeSummary {
     pub path: PathBuf,
     /// Messages on it.
     pub messages: u32,
-    /// How many of them the simulator sent.
+    /// Number of those that the simulator sent.
     pub from_simulator: u32,
     /// Its length, bytes.
     pub bytes: u64,
@@ -124,7 +124,7 @@ impl TapeWriter {
         self.flush_if_due()
     }
 
-    /// Closes the open chunk if it is old enough. Call it now and then when nothing is written.
+    /// Closes the open chunk if it is old enough. Call it now and then while the tape is idle.
     ///
     /// # Errors
     /// If the file cannot be written.

@@ -25,7 +25,7 @@ const CLOUD_TYPE_STEP: f32 = 0.25;
 const PRESSURE_TOLERANCE_PA: f64 = 100.0;
 const TEMPERATURE_TOLERANCE_C: f32 = 1.0;
 
-/// How far a value read back may deviate from the written one.
+/// Accepted deviation of a value read back from the written one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tolerance {
     /// This much, in the dataref's unit.
@@ -44,7 +44,7 @@ impl Tolerance {
         Self::Absolute(value.abs().max(1.0) as f32 * ROUNDING)
     }
 
-    /// Whether `found` is acceptable after writing `written`.
+    /// True if `found` is acceptable after writing `written`.
     pub fn allows(self, written: f32, found: f32) -> bool {
         let off = (found - written).abs();
         match self {

@@ -140,7 +140,7 @@ fn weather_writes_11(weather: &Weather) -> Vec<DatarefWrite> {
     writes
 }
 
-/// Details of a cloud layer; those of an empty one are invisible.
+/// Details of a cloud layer; an empty layer does not show them.
 fn cloud_writes<const N: usize>(
     cloud: Option<&CloudLayer>,
     writes: [DatarefWrite; N],
@@ -203,8 +203,8 @@ fn cloud_type_11(cloud: &CloudLayer) -> f64 {
     }
 }
 
-/// The weather of a simulator with these datarefs: the inverse of [`condition_writes`], for the stand-in. The wind is that of the
-/// lowest layer. X-Plane 11 has no number for the cover of a cloud; this returns the middle of its kind's range.
+/// The weather of a simulator with these datarefs: the inverse of [`condition_writes`], for the stand-in. The wind is taken from the lowest
+/// layer. X-Plane 11 has no number for the cover of a cloud; this returns the middle of its kind's range.
 pub fn weather_from_datarefs(generation: Generation, read: impl Fn(&str) -> f32) -> Weather {
     match generation {
         Generation::XPlane11 => weather_11(read),

@@ -76,7 +76,7 @@ impl Found {
     const XPPYTHON3_LOG: &str = "XPPython3Log.txt";
     /// The text before its version in the log.
     const XPPYTHON3_WORDS: &str = "[XPPython3] Version ";
-    /// Where XPPython3 lies.
+    /// Folder of XPPython3.
     pub(super) const XPPYTHON3: &str = "Resources/plugins/XPPython3";
     /// The oldest X-Plane that any supported XPPython3 runs in.
     pub(super) const OLDEST_XPLANE: &str = "11.52";
@@ -131,7 +131,7 @@ impl Found {
         Ok(Self { xplane, xppython3 })
     }
 
-    /// What may prevent the plugin from working there, in untested combinations.
+    /// Conditions that may prevent the plugin from working there, in untested combinations.
     pub(super) fn warnings(&self) -> Vec<String> {
         let wanted = wanted(&self.xplane);
         let warning = match &self.xppython3 {
@@ -199,7 +199,7 @@ impl Found {
     }
 }
 
-/// Which XPPython3 is known to work with an X-Plane.
+/// Version of XPPython3 known to work with an X-Plane.
 fn wanted(xplane: &Version) -> &'static str {
     match xplane.major() {
         11 => "3.1.5",
@@ -207,7 +207,7 @@ fn wanted(xplane: &Version) -> &'static str {
     }
 }
 
-/// Whether X-Plane finds a plugin there: a file `*.xpl` in the folder of a platform, e.g. `lin_x64`.
+/// True if X-Plane finds a plugin there: a file `*.xpl` in the folder of a platform, e.g. `lin_x64`.
 fn holds_a_plugin(folder: &Path) -> bool {
     let files_in = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
     files_in(folder)

@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::PictureBytes;
 use super::wire::MAX_PAYLOAD_BYTES;
 
-/// Maximum side of a picture, pixels. Limits what a request can make the other side allocate.
+/// Maximum side of an image, pixels. Limits what a request can make the other side allocate.
 pub(crate) const MAX_PICTURE_SIDE_PX: u32 = 8_192;
 
-/// How a drawn frame gets to the client.
+/// Delivery of a drawn frame to the client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Deliver {
@@ -23,7 +23,7 @@ pub enum Deliver {
     Drawn,
     /// It is on the screen for one drawn frame, with that frame's number in the margins around it. The payload is empty.
     Coded,
-    /// The same, with the aircraft in another place: the frame tells how far the scene is behind the number.
+    /// The same, with the aircraft displaced: the frame reveals the lag of the scene behind the number.
     Probe,
     /// The file that X-Plane's screenshot command writes is the answer's payload: PNG.
     Screenshot,
@@ -31,7 +31,7 @@ pub enum Deliver {
     Slot(u32),
 }
 
-/// What to draw.
+/// A frame to draw.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaptureRequest {
@@ -39,30 +39,30 @@ pub struct CaptureRequest {
     pub tick: u32,
     /// Simulator time of the tick since the first one, nanoseconds.
     pub time_ns: i64,
-    /// Which camera of the rig, counted from 0.
+    /// Index of the rig's camera, counted from 0.
     pub view: u32,
-    /// Where the aircraft is.
+    /// Pose of the aircraft.
     pub pose: Pose,
     /// Its flaps and gear.
     pub controls: Controls,
-    /// Where the camera is.
+    /// Pose of the camera.
     pub camera: CameraPose,
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Height of the picture, pixels.
+    /// Height of the image, pixels.
     pub height_px: u32,
-    /// How the picture is delivered.
+    /// Delivery of the image.
     #[serde(default)]
     pub deliver: Deliver,
 }
 
 impl CaptureRequest {
-    /// Size of the picture, bytes.
+    /// Size of the image, bytes.
     pub fn rgb_bytes(&self) -> usize {
         rgb_bytes(self.width_px, self.height_px)
     }
 
-    /// Sizes that the answer's payload may have, bytes: that of the picture, none when it is only drawn, or whatever a file has.
+    /// Sizes that the answer's payload may have, bytes: the image's size, none if it is only drawn, or the size of any file.
     pub fn payload_bytes(&self) -> RangeInclusive<usize> {
         match self.deliver {
             Deliver::Picture => self.rgb_bytes()..=self.rgb_bytes(),
@@ -104,13 +104,13 @@ impl CaptureRequest {
     }
 }
 
-/// Why a picture cannot be drawn.
+/// Reason why an image cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BadCapture {
-    /// No size of a picture.
+    /// Invalid size of an image.
     #[error("{name} is {found}, expected 1 to {MAX_PICTURE_SIDE_PX}")]
     Side {
-        /// Which side.
+        /// Name of the side.
         name: &'static str,
         /// Its length, pixels.
         found: u32,
@@ -118,28 +118,28 @@ pub enum BadCapture {
     /// Controls that no aircraft has.
     #[error("{name} is {found}, expected 0 to 1")]
     Ratio {
-        /// Which control.
+        /// Name of the control.
         name: &'static str,
         /// Its position.
         found: f64,
     },
-    /// No angle of a camera.
+    /// Invalid field of view of a camera.
     #[error("hfov_deg is {hfov_deg}, expected more than 0 and less than 180")]
     FieldOfView {
         /// The angle.
         hfov_deg: f64,
     },
-    /// A place in space, or none.
+    /// A pose that is not on earth.
     #[error("{name} is not a position and attitude on earth: {pose:?}")]
     NotOnEarth {
-        /// That of the aircraft or of the camera.
+        /// Name of the pose, of the aircraft or of the camera.
         name: &'static str,
-        /// What was found.
+        /// The pose.
         pose: Pose,
     },
 }
 
-/// What was drawn. Pose and camera are those of the picture, not a copy of the request's.
+/// A drawn frame. Pose and camera are read from the drawn image, not copied from the request.
 ///
 /// Unknown keys are ignored, as in all answers: a simulator may report more than this client needs. A request with unknown keys is
 /// rejected, since it could not be fulfilled.
@@ -149,36 +149,36 @@ pub struct FrameHeader {
     pub tick: u32,
     /// View of the request.
     pub view: u32,
-    /// The simulator's count of drawn frames; grows from each picture to the next.
+    /// The simulator's count of drawn frames; grows from each image to the next.
     pub sim_frame: u64,
-    /// Where the aircraft was drawn.
+    /// Pose with which the aircraft was drawn.
     pub pose: Pose,
-    /// Where the camera stood.
+    /// Pose of the camera.
     pub camera: CameraPose,
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Height of the picture, pixels.
+    /// Height of the image, pixels.
     pub height_px: u32,
 }
 
-/// A picture and what it shows.
+/// An image and what it shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CapturedFrame {
     /// Tick of the request.
     pub tick: u32,
     /// View of the request.
     pub view: u32,
-    /// The simulator's count of drawn frames; grows from each picture to the next.
+    /// The simulator's count of drawn frames; grows from each image to the next.
     pub sim_frame: u64,
-    /// Where the aircraft was drawn.
+    /// Pose with which the aircraft was drawn.
     pub pose: Pose,
-    /// Where the camera stood.
+    /// Pose of the camera.
     pub camera: CameraPose,
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Height of the picture, pixels.
+    /// Height of the image, pixels.
     pub height_px: u32,
-    /// Red, green, blue, one byte each, row by row from the top left. Empty if the picture was only drawn.
+    /// Red, green, blue, one byte each, row by row from the top left. Empty if the image was only drawn.
     pub rgb: PictureBytes,
 }
 
@@ -198,7 +198,7 @@ impl CapturedFrame {
     }
 }
 
-/// Bytes of a picture.
+/// Bytes of an image.
 pub(crate) fn rgb_bytes(width_px: u32, height_px: u32) -> usize {
     width_px as usize * height_px as usize * 3
 }

@@ -1,4 +1,4 @@
-//! The server of a capture link: its plugin, the sources of its pictures, and the window that shows them.
+//! The server of a capture link: its plugin, the sources of its images, and the window that shows them.
 
 use std::fmt;
 
@@ -20,7 +20,7 @@ pub enum PixelKind {
     Screenshot,
 }
 
-/// How large a picture is.
+/// Size of an image, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PictureSize {
     /// Width, pixels.
@@ -30,7 +30,7 @@ pub struct PictureSize {
 }
 
 impl PictureSize {
-    /// The smallest window whose margins around such pictures have room for frame codes.
+    /// The smallest window whose margins around such images have room for frame codes.
     pub(crate) fn with_margins(self) -> Self {
         Self {
             width_px: self.width_px + 2 * MARGIN_PX,

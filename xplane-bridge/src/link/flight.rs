@@ -51,7 +51,7 @@ pub fn encode_flight(states: &[FlightState]) -> Vec<u8> {
     payload
 }
 
-/// Why a payload is not a flight.
+/// Reason why a payload is not a flight.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BadFlightPayload {
     /// Other columns than ours.
@@ -71,7 +71,7 @@ pub enum BadFlightPayload {
     /// A state with a number that is not finite.
     #[error("{column} of state {row} is {found}, expected a finite number")]
     NotFinite {
-        /// Which state, from 0.
+        /// Index of the state, from 0.
         row: usize,
         /// Name of the column.
         column: &'static str,

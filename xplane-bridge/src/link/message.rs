@@ -26,12 +26,12 @@ pub enum Request {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         token: Option<String>,
     },
-    /// From now on draw pictures into this memory, when a capture lends a slot of it. Only for a simulator that offers it in its
+    /// From now on draw images into this memory, when a capture lends a slot of it. Only for a simulator that offers it in its
     /// hello.
     ShareMemory(SharedMemory),
     /// Stop the flight model, the clock and the clouds: poses come from captures now.
     Freeze {
-        /// The runway of the scenario, whose surroundings the pictures show.
+        /// The runway of the scenario, whose surroundings the images show.
         runway: Runway,
         /// Frames that X-Plane draws with a new pose and camera before the one that counts, so that everything has followed.
         settle_frames: u32,
@@ -42,16 +42,16 @@ pub enum Request {
         /// Let time run, and set the clock back to this in every frame: X-Plane's rain and snow stop falling in a pause.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         running_at: Option<Clock>,
-        /// Margins of the window around the pictures, left and right, above and below, pixels; pictures fill the window if missing. Only
+        /// Margins of the window around the images, left and right, above and below, pixels; images fill the window if missing. Only
         /// for plugins that announce frame codes in [`Answer::Hello`].
         #[serde(default, skip_serializing_if = "Option::is_none")]
         margins_px: Option<[u32; 2]>,
     },
     /// Start a flight there, unless it has started, and hold the aircraft there once the scenery has loaded. For plugins only.
     Travel {
-        /// Where.
+        /// Start position.
         start: FlightStart,
-        /// Whether the flight has started there (by X-Plane 12's Web API).
+        /// True if the flight has already started there (by X-Plane 12's Web API).
         #[serde(default)]
         already_started: bool,
     },
@@ -82,8 +82,8 @@ pub enum Request {
         /// A [`crate::profile::Profile`], of whichever version.
         profile: Value,
     },
-    /// Report whether the frame of the last [`Request::Capture`] has been on the screen ever since its answer. Whoever takes the camera
-    /// from the plugin may do so while a client grabs the frame.
+    /// Report if the frame of the last [`Request::Capture`] has been on the screen ever since its answer. The camera may be taken from the
+    /// plugin while a client grabs the frame.
     StillShown,
     /// Report what the simulator's own log complains about the plugin. For plugins only.
     Complaints,
@@ -112,23 +112,23 @@ pub enum Answer {
         version: String,
         /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
         plugin: Option<String>,
-        /// Sources of pictures, the best first. Unknown names are ignored.
+        /// Sources of images, the best first. Unknown names are ignored.
         #[serde(deserialize_with = "known_kinds")]
         pixels: Vec<PixelKind>,
         /// The window that shows what is drawn, if there is one.
         window: Option<SimulatorWindow>,
-        /// Size of what it draws, the only possible picture size: for X-Plane, which draws into a window. `None` for a simulator
+        /// Size of what it draws, the only possible image size: for X-Plane, which draws into a window. `None` for a simulator
         /// that draws any size, and for a plugin that is older than this key.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         drawn_size: Option<PictureSize>,
         /// The client's address as the simulator sees it, if it can draw into memory that a client shares. A client with another
-        /// address is connected through an intermediary, a recorder or a tunnel, which must see the pictures pass.
+        /// address is connected through an intermediary, a recorder or a tunnel, which must see the images pass.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shares_memory_with: Option<SocketAddr>,
-        /// Whether it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
+        /// True if it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         imaging: bool,
-        /// Whether it can draw the check pattern under the windows of its user interface.
+        /// True if it can draw the check pattern under the windows of its user interface.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         patterns_under: bool,
         /// The screen that it draws on, if the client cannot reach it: the plugin's, for a client on another computer.
@@ -137,10 +137,10 @@ pub enum Answer {
         /// Measurements of it, if any: a [`crate::profile::Profile`], of whichever version.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         profile: Option<Value>,
-        /// Whether a tape gives the answers: what it lacks will not come later either.
+        /// True if a tape gives the answers: missing ones will not come later either.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         replayed: bool,
-        /// Whether it can show a tick for one drawn frame, with the frame's number in the margins around the picture.
+        /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         frame_codes: bool,
     },
@@ -166,7 +166,7 @@ pub enum Answer {
     ProfileKept,
     /// To [`Request::StillShown`].
     Shown {
-        /// Whether every frame since then has shown the same.
+        /// True if every frame since then has shown the same.
         still: bool,
     },
     /// To [`Request::Complaints`].
@@ -182,16 +182,16 @@ pub enum Answer {
     Flown {
         /// Names of the columns.
         columns: Vec<String>,
-        /// How many states.
+        /// Number of states.
         rows: usize,
     },
-    /// To [`Request::Capture`]; the payload is the picture.
+    /// To [`Request::Capture`]; the payload is the image.
     Frame(FrameHeader),
     /// Instead of any of them.
     Error {
-        /// What went wrong.
+        /// Description of the failure.
         text: String,
-        /// Whether the same request would be refused again.
+        /// True if the same request would be refused again.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         repeats: bool,
     },

@@ -1,4 +1,4 @@
-//! The bytes of a picture, wherever they are stored.
+//! The bytes of an image, wherever they are stored.
 
 use std::fmt;
 use std::mem;
@@ -13,11 +13,11 @@ pub enum PictureBytes {
     Own(Vec<u8>),
     /// Grabbed into memory of a pool.
     Pooled(PooledPicture),
-    /// Where the simulator drew them.
+    /// Shared memory into which the simulator drew the image.
     Shared(SharedPicture),
 }
 
-/// A picture in memory of a pool, which gets the memory back when the picture is dropped.
+/// An image in memory of a pool, which gets the memory back when the image is dropped.
 #[derive(Debug)]
 pub struct PooledPicture {
     bytes: Vec<u8>,
@@ -40,7 +40,7 @@ impl Deref for PooledPicture {
 
 impl Drop for PooledPicture {
     fn drop(&mut self) {
-        // Fails if nothing is grabbed any more.
+        // Fails if the grabbing has ended.
         let _ = self.pool.send(mem::take(&mut self.bytes));
     }
 }

@@ -1,7 +1,7 @@
 //! Messages of a connection for the screen: a client on another computer grabs the simulator's screen through its plugin.
 //!
-//! It is a separate conversation from that of the seat, so that pictures never wait for the simulator's frames. A server that does
-//! not support it rejects its first message.
+//! It is a separate conversation from the one of the seat, so that images never wait for the simulator's frames. A server that does not
+//! support it rejects its first message.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ pub enum ScreenRequest {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         token: Option<String>,
     },
-    /// Take a picture of the screen now.
+    /// Take an image of the screen now.
     Grab {
         /// The region; everything if missing.
         #[serde(flatten)]
@@ -49,24 +49,24 @@ pub enum ScreenAnswer {
         /// Its height.
         height_px: u32,
     },
-    /// To [`ScreenRequest::Grab`]; the payload is the picture.
+    /// To [`ScreenRequest::Grab`]; the payload is the image.
     Grabbed {
-        /// Width of the picture, pixels.
+        /// Width of the image, pixels.
         width_px: u32,
         /// Its height.
         height_px: u32,
     },
     /// Instead of either.
     Error {
-        /// What went wrong.
+        /// Description of the failure.
         text: String,
     },
 }
 
-/// What a plugin reports about its screen in its hello, only to a client on another computer.
+/// A plugin's report about its screen in its hello, sent only to a client on another computer.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ScreenOffer {
-    /// Why the plugin does not grab it; missing if it does.
+    /// The reason why the plugin does not grab it; missing if it does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
 }

@@ -1,12 +1,12 @@
-//! Shared memory for pictures: on one computer, the simulator draws them into the client's memory.
+//! Shared memory for images: on one computer, the simulator draws them into the client's memory.
 //!
-//! The client creates a file in memory (`memfd`) with slots for some pictures, and tells the simulator the process and the number
-//! under which it is open. A request for a picture lends a slot to the simulator; the answer returns it with the picture in it. The
-//! file has no name, so a killed process leaves nothing behind; its size is sealed, so that no access can fail; and it begins with
-//! a secret, so that the file of another process, perhaps in another container with the same numbers, is not mistaken for it. Over
-//! loopback each picture was copied twice and cost the client more than 5 % of a core (`docs/capture-link.md`).
+//! The client creates a file in memory (`memfd`) with slots for some images, and sends the simulator the process and the number under which
+//! it is open. A request for an image lends a slot to the simulator; the answer returns it with the image in it. The file has no name,
+//! so a killed process leaves no file behind; its size is sealed, so that no access can fail; and it begins with a secret, so that the file
+//! of another process, perhaps in another container with the same numbers, is not mistaken for it. Over loopback each image was copied
+//! twice and cost the client more than 5 % of a core (`docs/capture-link.md`).
 //!
-//! Pictures that pass a recorder, or come from another computer or from the plugin, travel over TCP.
+//! Images that pass a recorder, or come from another computer or from the plugin, travel over TCP.
 #![allow(unsafe_code)]
 
 #[cfg_attr(target_os = "linux", path = "shared_memory/memfd.rs")]
@@ -41,7 +41,7 @@ pub struct SharedMemory {
     pub descriptor: i32,
     /// The secret at the beginning of the file, 32 hexadecimal digits.
     pub secret: String,
-    /// How many slots it has.
+    /// Number of slots.
     pub slots: u32,
     /// Size of a slot, bytes, a multiple of 65,536. The first slot begins at byte 65,536.
     pub slot_bytes: usize,
@@ -63,7 +63,7 @@ impl SharedMemory {
         options
     }
 
-    /// What is wrong with an offer, if anything.
+    /// The fault of an offer, if any.
     fn fault(&self) -> Option<UnusableMemory> {
         if self.slots == 0 || self.slots > MAX_SLOTS {
             return Some(UnusableMemory::Slots { slots: self.slots });
@@ -76,7 +76,7 @@ impl SharedMemory {
     }
 }
 
-/// Why a client's memory cannot be used.
+/// Reason why a client's memory cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum UnusableMemory {
     /// None, or more than a client needs.
@@ -98,7 +98,7 @@ pub enum UnusableMemory {
     NotOpened {
         /// Its path.
         path: String,
-        /// Why not.
+        /// Underlying error.
         cause: io::Error,
     },
     /// A file that could shrink while it is mapped.
@@ -135,7 +135,7 @@ pub enum UnusableMemory {
     NotHere,
 }
 
-/// Why there is no slot for a picture.
+/// Reason why there is no slot for an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoSlot {
     /// Too large a number.
@@ -143,31 +143,31 @@ pub enum NoSlot {
     NoSuch {
         /// The number.
         number: u32,
-        /// How many there are.
+        /// Number of slots.
         slots: usize,
     },
-    /// Another picture is not finished.
+    /// Another image is not finished.
     #[error("slot {number} is being drawn into already")]
     Lent {
         /// The number.
         number: u32,
     },
-    /// The memory was shared for smaller pictures.
+    /// The memory was shared for smaller images.
     #[error("a picture of {picture_bytes} bytes does not fit slot {number} of {slot_bytes}")]
     TooSmall {
         /// The number.
         number: u32,
         /// Size of the slot.
         slot_bytes: usize,
-        /// Size of the picture.
+        /// Size of the image.
         picture_bytes: usize,
     },
 }
 
-/// The client's side: memory for some pictures of one size.
+/// The client's side: memory for some images of one size.
 #[derive(Debug)]
 pub struct SharedPictures {
-    /// Stays open as long as a simulator may need to open it, too.
+    /// Stays open as long as a simulator may need to open it.
     _file: File,
     memory: SharedMemory,
     free: Arc<Mutex<Vec<Slot>>>,
@@ -180,7 +180,7 @@ struct Slot {
 }
 
 impl SharedPictures {
-    /// Memory for `slots` pictures of this size. It takes no memory until pictures are drawn into it.
+    /// Memory for `slots` images of this size. It takes no memory until images are drawn into it.
     ///
     /// # Errors
     /// The system has no such memory.
@@ -200,9 +200,8 @@ impl SharedPictures {
         memory.descriptor = file.as_raw_fd();
         file.write_all_at(memory.secret.as_bytes(), 0)?;
         let slots = (0..slots).rev().map(|number| {
-            // SAFETY: the file cannot shrink. Others write to it, but to this slot only while it is lent, when nobody here reads
-            // it: `SharedPicture` alone gives access to it. A simulator that breaks this rule corrupts its picture; all bytes are
-            // valid.
+            // SAFETY: the file cannot shrink. Others write to it, but to this slot only while it is lent, when this process does not read
+            // it: `SharedPicture` alone gives access to it. A simulator that breaks this rule corrupts its image; all bytes are valid.
             let memory = unsafe { memory.slot(number).map(&file) }?;
             Ok(Slot { number, memory })
         });
@@ -219,12 +218,12 @@ impl SharedPictures {
         &self.memory
     }
 
-    /// Size of the largest picture that it can hold, bytes.
+    /// Size of the largest image that it can hold, bytes.
     pub(crate) fn largest_picture_bytes(&self) -> usize {
         self.memory.slot_bytes
     }
 
-    /// A free slot for a picture of this size, the most recently used one; `None` if all are in use.
+    /// A free slot for an image of this size, the most recently used one; `None` if all are in use.
     pub(crate) fn lend(&self, picture_bytes: usize) -> Option<SharedPicture> {
         let slot = lock(&self.free).pop()?;
         Some(SharedPicture {
@@ -235,7 +234,7 @@ impl SharedPictures {
     }
 }
 
-/// A slot of the client's memory, and the picture in it once the simulator has answered. Dropping it frees the slot.
+/// A slot of the client's memory, and the image in it once the simulator has answered. Dropping it frees the slot.
 #[derive(Debug)]
 pub struct SharedPicture {
     /// Taken only by `drop`.
@@ -274,10 +273,10 @@ pub struct DrawingSlots {
 }
 
 impl DrawingSlots {
-    /// Whether this computer can share memory at all.
+    /// True if this computer can share memory at all.
     pub const POSSIBLE: bool = memfd::POSSIBLE;
 
-    /// Opens the memory that a client offers. If it cannot be used, pictures are sent over the link.
+    /// Opens the memory that a client offers. If it cannot be used, images are sent over the link.
     pub fn open(offer: &SharedMemory) -> Result<Self, UnusableMemory> {
         if let Some(fault) = offer.fault() {
             return Err(fault);
@@ -294,7 +293,7 @@ impl DrawingSlots {
         }
         let slots = (0..offer.slots).map(|number| {
             // SAFETY: the file cannot shrink. The client reads a slot only while it is not lent, and `DrawingSlot` alone gives access to
-            // it, once at a time. A client that breaks this rule reads a torn picture; all bytes are valid.
+            // it, once at a time. A client that breaks this rule reads a torn image; all bytes are valid.
             let memory =
                 unsafe { offer.slot(number).map_mut(&file) }.map_err(UnusableMemory::Unreadable)?;
             Ok(Arc::new(Mutex::new(Some(memory))))
@@ -304,7 +303,7 @@ impl DrawingSlots {
         })
     }
 
-    /// The memory of a slot for a picture of this size.
+    /// The memory of a slot for an image of this size.
     pub fn borrow(&self, number: u32, picture_bytes: usize) -> Result<DrawingSlot, NoSlot> {
         let home = self.slots.get(number as usize).ok_or(NoSlot::NoSuch {
             number,
@@ -328,7 +327,7 @@ impl DrawingSlots {
     }
 }
 
-/// A slot while a picture is drawn into it. Dropping it makes it available again.
+/// A slot while an image is drawn into it. Dropping it makes it available again.
 #[derive(Debug)]
 pub struct DrawingSlot {
     /// Taken only by `drop`.

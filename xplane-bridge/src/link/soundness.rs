@@ -17,7 +17,7 @@ const ANGLES_DEG: [f64; 2] = [-720.0, 720.0];
 /// Largest [`Request::KeepProfile`] profile as it is sent, bytes: a hello contains it, and has to stay a header that can be sent.
 pub const MAX_PROFILE_BYTES: usize = 16 << 10;
 
-/// Why a request cannot be met.
+/// Reason why a request cannot be met.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum UnsoundRequest {
     /// A number out of range.

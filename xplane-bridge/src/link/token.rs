@@ -20,7 +20,7 @@ impl LinkToken {
         Self::new(&env::var(LINK_TOKEN_VARIABLE).ok()?)
     }
 
-    /// Whether a client gave this token. Takes equally long for any wrong one.
+    /// True if a client gave this token. Takes equally long for any wrong one.
     pub fn is(&self, given: Option<&str>) -> bool {
         // Comparing hashes in constant time has the same effect for the tokens.
         given.is_some_and(|given| {

@@ -21,7 +21,7 @@ pub const MAX_HEADER_BYTES: usize = 64 << 10;
 /// Longest payload, bytes: a picture of the largest size.
 pub const MAX_PAYLOAD_BYTES: usize = 192 << 20;
 
-/// Why the link cannot be read or written.
+/// Failure to read or write the link.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The socket failed.
@@ -30,7 +30,7 @@ pub enum LinkError {
     /// The other side closed.
     #[error("the other side closed the connection inside {inside}")]
     Ended {
-        /// Where.
+        /// Part of the message at which it ended.
         inside: &'static str,
     },
     /// Another program listens there.
@@ -74,7 +74,7 @@ pub enum LinkError {
 }
 
 impl LinkError {
-    /// Whether the other side hung up, as a client does that was interrupted.
+    /// True if the other side hung up, as an interrupted client does.
     pub fn is_hang_up(&self) -> bool {
         matches!(self, Self::Io(error)
             if matches!(error.kind(), ErrorKind::ConnectionReset | ErrorKind::BrokenPipe))
@@ -174,7 +174,7 @@ async fn read_text<H: DeserializeOwned>(
     })
 }
 
-/// Reads a payload into `buffer`, whose memory is reused without zeroing: at 7 MB a frame both matter.
+/// Reads a payload into `buffer`, whose memory is reused without zeroing: at 7 MB per frame both matter.
 pub async fn read_payload(
     stream: &mut (impl AsyncRead + Unpin),
     payload_bytes: usize,
@@ -204,7 +204,7 @@ fn within(part: &'static str, announced: usize, limit: usize) -> Result<u32, Lin
     }
 }
 
-/// Fills a buffer; an end before that says inside what.
+/// Fills a buffer; if the stream ends before that, the error names `inside`.
 pub async fn read_exact(
     stream: &mut (impl AsyncRead + Unpin),
     buffer: &mut [u8],

@@ -14,11 +14,11 @@ const PADDING: [u8; 2] = [0; 2];
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoadAircraft {
-    /// Which aircraft; 0 is the user's.
+    /// Index of the aircraft; 0 is the user's.
     pub plane: i32,
     /// Path of the `.acf` file below X-Plane's folder.
     pub path: String,
-    /// Which of its liveries, counted from 0.
+    /// Index of its livery, counted from 0.
     pub livery: i32,
 }
 

@@ -34,7 +34,7 @@ pub struct Beacon {
     pub port: u16,
     /// Name of the computer. It is in the system's encoding: what is not UTF-8 is replaced by U+FFFD.
     pub name: Option<String>,
-    /// Port of the newer protocol, if the packet is long enough to tell.
+    /// Port of the newer protocol, if the packet is long enough to contain it.
     pub raknet_port: Option<u16>,
 }
 

@@ -1,7 +1,7 @@
 //! `DATA`: rows of X-Plane's data output, in both directions.
 //!
-//! A row is a number of the output table and eight values, whose meaning the table says. X-Plane sends the tag as `DATA*`;
-//! clients send it with any fifth byte.
+//! A row is a number of the output table and eight values, whose meaning the table defines. X-Plane sends the tag as `DATA*`; clients send
+//! it with any fifth byte.
 
 use serde::{Deserialize, Serialize};
 

@@ -12,9 +12,9 @@ use super::body::{Fields, push_text, start, text};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaceAircraft {
-    /// Whether the flight model stops (`VEHX`) or flies on from there (`VEHS`).
+    /// True if the flight model stops (`VEHX`), false if it flies on from there (`VEHS`).
     pub freeze: bool,
-    /// Which aircraft; 0 is the user's.
+    /// Index of the aircraft; 0 is the user's.
     pub plane: i32,
     /// Latitude, degrees.
     pub latitude_deg: f64,
@@ -65,13 +65,13 @@ impl PlaceAircraft {
 pub struct PlaceAtStart {
     /// Kind of start; 6 is at the given position.
     pub start_type: i32,
-    /// Which aircraft; 0 is the user's.
+    /// Index of the aircraft; 0 is the user's.
     pub plane: i32,
     /// ICAO code, at most seven characters.
     pub airport: String,
     /// Index of the runway at the airport.
     pub runway: i32,
-    /// Which end of it, 0 or 1.
+    /// End of the runway, 0 or 1.
     pub runway_end: i32,
     /// Latitude, degrees.
     pub latitude_deg: f64,

@@ -18,7 +18,7 @@ const VALUE_BYTES: usize = 8;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SubscribeDataref {
-    /// How often to send the value, 1/s; 0 or less ends the subscription.
+    /// Rate at which to send the value, 1/s; 0 or less ends the subscription.
     pub frequency_hz: i32,
     /// The client's own number for it, which comes back with every value.
     pub index: i32,
@@ -27,7 +27,7 @@ pub struct SubscribeDataref {
 }
 
 impl SubscribeDataref {
-    /// Whether this ends a subscription.
+    /// True if this ends a subscription.
     pub fn is_end(&self) -> bool {
         self.frequency_hz <= 0 || self.path.is_empty()
     }
@@ -68,7 +68,7 @@ pub struct DatarefValues {
     pub values: Vec<DatarefValue>,
 }
 
-/// `RREF,` from the simulator as a view of its datagram: the values are read in place, nothing is allocated.
+/// `RREF,` from the simulator as a view of its datagram: the values are read in place, without allocation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DatarefValuesView<'a> {
     values: &'a [[u8; VALUE_BYTES]],
@@ -99,12 +99,12 @@ impl<'a> DatarefValuesView<'a> {
         }
     }
 
-    /// How many values there are.
+    /// Number of values.
     pub fn len(&self) -> usize {
         self.values.len()
     }
 
-    /// Whether there are none.
+    /// True if there are no values.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }

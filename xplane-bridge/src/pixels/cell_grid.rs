@@ -1,4 +1,4 @@
-//! The picture in cells, and how much of each differs between two pictures.
+//! The image in cells, and how much of each differs between two images.
 
 use super::Rectangle;
 
@@ -6,7 +6,7 @@ use super::Rectangle;
 pub(super) const CELL_PX: usize = 16;
 const CHANNELS: usize = 3;
 
-/// Pictures of one size, divided into cells row by row; those at the right and lower edge may be smaller.
+/// Images of one size, divided into cells row by row; those at the right and lower edge may be smaller.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     width_px: usize,
@@ -15,14 +15,14 @@ pub(super) struct Grid {
     pub(super) rows: usize,
 }
 
-/// What differs between two pictures, cell by cell.
+/// Differences between two images, cell by cell.
 #[derive(Debug, Default)]
 pub(super) struct Changes {
     /// Values that differ by more than a level.
     pub(super) beyond_level: Vec<u32>,
     /// Values that differ by more than half of it.
     pub(super) beyond_half: Vec<u32>,
-    /// Whether anything differs.
+    /// True for cells in which anything differs.
     pub(super) differs: Vec<bool>,
 }
 
@@ -41,7 +41,7 @@ impl Grid {
         self.columns * self.rows
     }
 
-    /// Bytes of a picture.
+    /// Bytes of an image.
     pub(super) fn bytes(&self) -> usize {
         self.width_px * self.height_px * CHANNELS
     }
@@ -63,7 +63,7 @@ impl Grid {
         ((right - left) * (bottom - top) * CHANNELS) as u32
     }
 
-    /// Which cells some rectangles touch.
+    /// Cells that some of the rectangles touch.
     pub(super) fn touched(&self, rectangles: &[Rectangle]) -> Vec<bool> {
         let mut touched = vec![false; self.cells()];
         for rectangle in rectangles {

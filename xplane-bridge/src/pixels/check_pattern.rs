@@ -1,9 +1,9 @@
-//! The check pattern: a picture that identifies itself, so that a client knows what it grabbed from the screen.
+//! The check pattern: an image with a code, so that a client can identify what it grabbed from the screen.
 //!
 //! During registration the simulator covers its window with the pattern of a given code; the client grabs the screen until it reads
 //! that very code, and learns the window's position, whether it is scaled, and how long a drawn frame takes to be visible. It is
 //! never drawn during a recording. A border in magenta, which no scenery has, marks the position; a grid of black and white cells
-//! carries the code and a checksum, so that a picture torn between two codes is invalid. `docs/capture-link.md` specifies it for
+//! carries the code and a checksum, so that an image torn between two codes is invalid. `docs/capture-link.md` specifies it for
 //! other implementations.
 
 use super::picture::{Rectangle, RgbPicture};
@@ -41,11 +41,11 @@ const UNDECIDED: (f64, f64) = (0.35, 0.65);
 pub struct Sighting {
     /// The code that it carries.
     pub code: u32,
-    /// Its position in the picture: the window.
+    /// Its position in the image: the window.
     pub rectangle: Rectangle,
 }
 
-/// Why no code could be read.
+/// Reason why no code could be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Unreadable {
     /// No border anywhere.
@@ -59,7 +59,7 @@ pub enum Unreadable {
     Damaged(Rectangle),
 }
 
-/// The pattern of `code` as a picture. A window smaller than [`SMALLEST_PX`] is too small for it.
+/// The pattern of `code` as an image. A window smaller than [`SMALLEST_PX`] is too small for it.
 pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
     let mut picture = RgbPicture::black(width_px, height_px);
     for (rectangle, colour) in rectangles(code, width_px, height_px) {
@@ -72,8 +72,8 @@ pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
     picture
 }
 
-/// Finds the pattern in a picture of the window or of the whole screen, and reads its code. Tolerates noise, lower contrast and
-/// scaling; the rectangle is exact if nothing is scaled.
+/// Finds the pattern in an image of the window or of the whole screen, and reads its code. Tolerates noise, lower contrast and scaling;
+/// without scaling the rectangle is exact.
 ///
 /// # Errors
 /// There is none, or an incomplete one.
@@ -100,8 +100,8 @@ pub fn read(picture: &RgbPicture) -> Result<Sighting, Unreadable> {
     }
 }
 
-/// Whether a picture of just the window may show the pattern: checks its corners, cheap enough for every picture. Nothing else has
-/// all four of them in magenta.
+/// True if an image of just the window may show the pattern: checks its corners, cheap enough for every image. Only the pattern has all
+/// four of them in magenta.
 pub fn covers(picture: &RgbPicture) -> bool {
     let (width, height) = (picture.width_px, picture.height_px);
     width > 0

@@ -70,7 +70,7 @@ impl PixelChoice {
     /// The source to use with a simulator that offers these.
     ///
     /// # Errors
-    /// [`PixelError::NotOffered`] if the simulator does not offer the choice, or nothing at all.
+    /// [`PixelError::NotOffered`] if the simulator does not offer the choice, or no source at all.
     pub fn among(self, offered: &[PixelKind]) -> Result<PixelKind, PixelError> {
         let found = match self {
             Self::Auto => PixelKind::ALL

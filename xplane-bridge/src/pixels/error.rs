@@ -1,4 +1,4 @@
-//! Why there are no pictures, with what the user can do.
+//! Reasons why there are no images, with remedies for the user.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -7,15 +7,15 @@ use super::check_pattern::Unreadable;
 use super::{PixelChoice, PixelKind, Rectangle};
 use crate::link::{LinkError, PictureSize};
 
-/// Why pictures are unavailable, or cannot be trusted.
+/// Reason why images are unavailable, or cannot be trusted.
 #[derive(Debug, thiserror::Error)]
 pub enum PixelError {
     /// The simulator has no such source.
     #[error("--pixels {wanted}: the simulator offers {}", offer(.offered))]
     NotOffered {
-        /// What was asked for.
+        /// The requested source.
         wanted: PixelChoice,
-        /// What there is.
+        /// The available sources.
         offered: Vec<PixelKind>,
     },
     /// Grabbing the screen is not supported on this system.
@@ -36,20 +36,20 @@ pub enum PixelError {
     Open {
         /// The device.
         device: &'static str,
-        /// Which screen.
+        /// Name of the screen.
         input: String,
-        /// What FFmpeg said.
+        /// FFmpeg's error.
         r#source: ffmpeg_next::Error,
-        /// What to look at.
+        /// Hint for the user.
         advice: &'static str,
     },
-    /// X-Plane runs on another computer, whose screen nobody grabs for us.
+    /// X-Plane runs on another computer, whose screen its plugin does not grab for us.
     #[error(
         "pictures come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there, \
          or, for few pictures, take --pixels screenshot (docs/x-plane.md, \"X-Plane on another computer\")"
     )]
     ScreenElsewhere {
-        /// Why its plugin does not.
+        /// Reason why its plugin does not grab it.
         reason: String,
     },
     /// The connection to the plugin that grabs the screen fails.
@@ -59,23 +59,23 @@ pub enum PixelError {
     RemoteScreen {
         /// The plugin's capture link.
         link: SocketAddr,
-        /// What happened.
+        /// Underlying error.
         r#source: LinkError,
     },
-    /// The plugin does not provide a picture.
+    /// The plugin does not provide an image.
     #[error("the plugin at {link} gives no picture of its screen: {text}")]
     RemoteRefused {
         /// Its capture link.
         link: SocketAddr,
-        /// What it said.
+        /// Text of the refusal.
         text: String,
     },
-    /// A picture of the screen did not arrive.
+    /// An image of the screen did not arrive.
     #[error(
         "no picture of the screen: {what}. Was the window closed, resized or the screen locked?"
     )]
     Grab {
-        /// What happened instead.
+        /// Description of the failure.
         what: String,
     },
     /// The screen has a pixel format other than 8 bits of red, green, blue.
@@ -83,7 +83,7 @@ pub enum PixelError {
         "the screen has pixels of the form {found}, expected 8 bits each of red, green, blue: set it to 24-bit colour"
     )]
     PixelForm {
-        /// What it has.
+        /// Pixel format of the screen.
         found: String,
     },
     /// The pattern does not appear.
@@ -94,9 +94,9 @@ pub enum PixelError {
     PatternNotSeen {
         /// The expected code.
         code: u32,
-        /// How long we looked.
+        /// Time waited.
         waited: Duration,
-        /// Where we looked.
+        /// Name of the searched screen.
         screen: String,
         /// The last state.
         found: Unreadable,
@@ -107,7 +107,7 @@ pub enum PixelError {
          every picture. Close it: a message of X-Plane by its button, a plugin's window by its cross or its menu"
     )]
     WindowOverScene {
-        /// What is covered, from the window's top left.
+        /// Covered rectangle, from the window's top left.
         cover: Rectangle,
         /// Size of the simulator's window.
         window: PictureSize,
@@ -118,7 +118,7 @@ pub enum PixelError {
          notification, a window, a toolbar), or move the pointer away"
     )]
     ProgramOverWindow {
-        /// What is covered, from the window's top left.
+        /// Covered rectangle, from the window's top left.
         cover: Rectangle,
         /// Size of the simulator's window.
         window: PictureSize,
@@ -129,9 +129,9 @@ pub enum PixelError {
          move it away, and keep it from coming again"
     )]
     StaysCovered {
-        /// What is covered, from the pictures' top left.
+        /// Covered rectangle, from the images' top left.
         rectangle: Rectangle,
-        /// For how long.
+        /// Time waited.
         waited: Duration,
     },
     /// A cover was noticed too late.
@@ -148,7 +148,7 @@ pub enum PixelError {
     StalePattern {
         /// The expected code.
         code: u32,
-        /// How long we looked.
+        /// Time waited.
         waited: Duration,
         /// The last code.
         found: u32,
@@ -166,7 +166,7 @@ pub enum PixelError {
     NoCode {
         /// The tick that was waited for.
         tick: u32,
-        /// How long we looked.
+        /// Time waited.
         waited: Duration,
     },
     /// The simulator draws into a window of another size.
@@ -176,35 +176,35 @@ pub enum PixelError {
         .wanted.with_margins()
     )]
     OtherWindow {
-        /// The pictures.
+        /// The images.
         wanted: PictureSize,
         /// The window.
         window: PictureSize,
     },
-    /// No window on this screen can show such pictures.
+    /// No window on this screen can show such images.
     #[error(
         "pictures of {wanted} pixels do not fit this screen, which has {screen}: {}. The window's frame and the desktop's bars need room besides; \
          or let X-Plane run on a larger screen",
         fitting_advice(.fitting)
     )]
     ScreenTooSmall {
-        /// The pictures.
+        /// The images.
         wanted: PictureSize,
         /// The screen.
         screen: PictureSize,
         /// Smaller ones of the same shape.
         fitting: Vec<PictureSize>,
     },
-    /// The window is not as large as the pictures.
+    /// The window is not as large as the images.
     #[error("the simulator's window is {} on the screen, the pictures must be {width_px}x{height_px}: {}", size(.window), size_advice(.window, .reported_px))]
     WrongSize {
-        /// Where it is.
+        /// Its position and size on the screen.
         window: Rectangle,
         /// Its size as the simulator reports it, if it does.
         reported_px: Option<(u32, u32)>,
-        /// Width of the pictures, pixels.
+        /// Width of the images, pixels.
         width_px: u32,
-        /// Height of the pictures, pixels.
+        /// Height of the images, pixels.
         height_px: u32,
     },
     /// The window moved.
@@ -214,18 +214,18 @@ pub enum PixelError {
     Moved {
         /// Its expected position.
         expected: Rectangle,
-        /// Where it is.
+        /// Its actual position.
         found: Rectangle,
     },
-    /// The pattern is in a picture of the recording.
+    /// The pattern is in an image of the recording.
     #[error(
         "the check pattern is still on the screen where a picture should be: the simulator did not remove it, or draws late"
     )]
     PatternStays,
-    /// X-Plane's screenshot is not the requested picture.
+    /// X-Plane's screenshot is not the requested image.
     #[error("X-Plane's screenshot cannot be used: {what}")]
     Screenshot {
-        /// Why not.
+        /// Reason.
         what: String,
     },
     /// After the recording, frames appeared later than before it.
@@ -242,7 +242,7 @@ pub enum PixelError {
 }
 
 impl PixelError {
-    /// Whether no picture will come until somebody changes the window, the screen, this computer or the sweep.
+    /// True if no image will come until somebody changes the window, the screen, this computer or the sweep.
     pub fn is_setup(&self) -> bool {
         self.is_bad_input()
             || matches!(
@@ -254,7 +254,7 @@ impl PixelError {
             )
     }
 
-    /// Whether the caller requested something that this simulator does not have: the same call will fail again.
+    /// True if the caller requested something that this simulator does not have: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         matches!(
             self,

@@ -39,9 +39,9 @@ pub(crate) use frame_code::MARGIN_PX;
 use grabber::Grabber;
 pub use remote_screen::RemoteScreen;
 
-/// How long a pattern may take to be visible.
+/// Timeout for a pattern to become visible.
 const PATIENCE: Duration = match cfg!(test) {
-    // A fake screen does nothing while the test waits.
+    // A fake screen stays idle while the test waits.
     true => Duration::from_millis(200),
     false => Duration::from_secs(2),
 };
@@ -52,9 +52,9 @@ const LAG_MARGIN: u32 = 2;
 /// For a screen with any lag, wait at least one refresh at 60 Hz: below that, the machine's other work decides.
 const REFRESH: Duration = Duration::from_micros(16_667);
 
-/// A screen that can be grabbed: that of this machine, or a fake one in tests.
+/// A screen that can be grabbed: this machine's, or a fake one in tests.
 pub trait Screen: fmt::Debug + Send + Sync {
-    /// What to call it.
+    /// Name for messages.
     fn name(&self) -> String;
 
     /// Starts grabbing a region of it, or all of it.
@@ -94,7 +94,7 @@ impl Lag {
 /// A picture that still equals the previous one after this many more grabs shows no change; before that, it may be late.
 const STALE_GRABS: u32 = 10;
 
-/// Where numbered frames are grabbed: the picture and the code around it.
+/// Window in which numbered frames are grabbed: the picture and the code around it.
 #[derive(Debug, Clone)]
 pub struct CodedWindow {
     /// The screen.
@@ -228,7 +228,7 @@ impl ScreenSource {
                 let found = seen.rectangle;
                 return Err(PixelError::Moved { expected, found }.into());
             }
-            // The first one empties a queue that the device may have filled while nobody grabbed.
+            // The first one empties a queue that the device may have filled before anything was grabbed.
             if trial > 0 {
                 longest = longest.or_longer(lag);
             }
@@ -484,7 +484,7 @@ async fn clearing<T>(
     cleared.map(|()| done)
 }
 
-/// Codes that differ from each other, and from those of any earlier client.
+/// Codes that differ from each other, and from the codes of any earlier client.
 #[derive(Debug, Clone, Copy)]
 struct Codes(u32);
 

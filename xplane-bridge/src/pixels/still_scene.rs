@@ -1,20 +1,20 @@
-//! Whether something covers the scene, from pictures of a camera that rests.
+//! Detection of covers over the scene, in images of a camera that rests.
 //!
-//! Input: the pictures of one block, and in each the rectangles that may move (aircraft, shadow, lights). Output: the rectangle of
-//! whatever came over the scene: a message, a window, a notification, a pointer.
+//! Input: the images of one block, and in each the rectangles that may move (aircraft, shadow, lights). Output: the rectangle of a cover
+//! that came over the scene: a message, a window, a notification, a pointer.
 //!
-//! The picture is divided into cells of 16 x 16 pixels, and the first seven pictures of a cell in which nothing moves give its noise:
-//! ripples of water change many of its values from picture to picture, most cells none. From then on a cell is covered
+//! The image is divided into cells of 16 x 16 pixels, and the first seven images of a cell without a moving object give its noise: ripples
+//! of water change many values of their cells from image to image, other cells do not change. From then on a cell is covered
 //!
-//! - in a paused world, if it differs from its first picture by more than its noise ([`CoverKind::Appeared`]);
-//! - where time runs, if it differs from the picture just before by more than its noise, and until it looks again like before the
-//!   cover: clouds drift slowly, and a picture of some seconds ago proves nothing;
+//! - in a paused world, if it differs from its first image by more than its noise ([`CoverKind::Appeared`]);
+//! - where time runs, if it differs from the image just before by more than its noise, and until it looks again like before the cover:
+//!   clouds drift slowly, so an image of some seconds ago is no reference;
 //! - where time runs, also if rain or clouds changed it again and again, and suddenly it and its neighbours stand still to the last bit
 //!   ([`CoverKind::StandsStill`]): something opaque that came in too gradually to be noticed.
 //!
-//! A cell that a moving rectangle touches is not judged. What lay over the scene from the first picture of the block on belongs to
-//! it; when it goes, the scene differs from the beginning and is called covered. Nothing here tells the two
-//! apart: the attempt is repeated.
+//! A cell that a moving rectangle touches is not judged. An object that lay over the scene from the first image of the block on counts as
+//! part of it; when it goes, the scene differs from the beginning and is called covered. The two cases cannot be distinguished here: the
+//! attempt is repeated.
 
 mod standing_still;
 #[cfg(test)]
@@ -27,10 +27,10 @@ use super::Rectangle;
 use super::cell_grid::Grid;
 pub use watch::{CoverWatch, Verdict};
 
-/// Whether the world changes by itself between two pictures.
+/// Motion of the world between two images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WorldTime {
-    /// Nothing but water moves.
+    /// Only water moves.
     Paused,
     /// Clouds drift and rain falls.
     Runs,
@@ -39,49 +39,49 @@ pub enum WorldTime {
 /// Something that covers the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cover {
-    /// Where, to the cell.
+    /// Covered rectangle, to the cell.
     pub rectangle: Rectangle,
-    /// How it shows.
+    /// The way in which it was detected.
     pub kind: CoverKind,
-    /// How many of the pictures before this one may show it as well, although they were accepted.
+    /// Number of images before this one that may show it as well, although they were accepted.
     pub pictures_before: u32,
 }
 
-/// How a cover shows.
+/// The way in which a cover is detected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CoverKind {
-    /// The picture changed more than this scene does by itself.
+    /// The image changed more than this scene usually does.
     Appeared,
     /// It stands still where the scene never did.
     StandsStill,
 }
 
-/// Comparisons from which the noise of a cell is learnt: one less than pictures.
+/// Comparisons from which the noise of a cell is learnt: one less than images.
 const LEARNT: usize = 6;
 /// Of these, ordered by size, the one that counts: what comes and goes meanwhile shows in two of them and must not pass for noise.
 const TYPICAL: usize = LEARNT - 3;
 
-/// What is known of a cell.
+/// State of a cell.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
-    /// Whether the kept pictures show the scene here, and not the aircraft.
+    /// True if the kept images show the scene here, and not the aircraft.
     known: bool,
-    /// The first comparisons with the picture before: values that changed, and that changed at least half as much; and how much brighter
+    /// The first comparisons with the image before: values that changed, and that changed at least half as much; and how much brighter
     /// or darker they are in the mean.
     changes: [(u32, u32); LEARNT],
     shifts: [f64; LEARNT],
-    /// The darkest and the brightest mean of these pictures.
+    /// The darkest and the brightest mean of these images.
     means: (f64, f64),
-    /// How many of them there are.
+    /// Number of these comparisons.
     learnt: usize,
-    /// Whether nothing at all changed in the typical comparison.
+    /// True if no value changed in the typical comparison.
     still: bool,
-    /// Whether so many values change by themselves that only their mean says something.
+    /// True if so many values change in the scene itself that only their mean is meaningful.
     restless: bool,
-    /// Values that change, and by how much their mean shifts, from picture to picture: as learnt, or where time runs as of late.
+    /// Values that change, and by how much their mean shifts, from image to image: as learnt, or where time runs as of late.
     noise: f64,
     shift: f64,
-    /// Whether these, and the picture before, are of a time before something moved through the cell.
+    /// True if these, and the image before, date from before something moved through the cell.
     outdated: bool,
     covered: bool,
 }
@@ -91,7 +91,7 @@ impl Cell {
         self.learnt < LEARNT
     }
 
-    /// Takes note of a comparison with the picture before: values that changed, and those that changed at least half as much.
+    /// Takes note of a comparison with the image before: values that changed, and those that changed at least half as much.
     fn learn(&mut self, changed: (u32, u32), before: f64, now: f64) {
         if self.learnt == 0 {
             self.means = (before, before);
@@ -102,7 +102,7 @@ impl Cell {
         self.learnt += 1;
     }
 
-    /// Ends the learning. Returns whether something came, and perhaps went, meanwhile.
+    /// Ends the learning. Returns true if something came, and perhaps went, meanwhile.
     fn has_learnt(&mut self, limits: Limits, values: u32) -> bool {
         let mut changes = self.changes.map(|(_, at_least_half)| at_least_half);
         changes.sort_unstable();
@@ -111,7 +111,7 @@ impl Cell {
         (self.noise, self.shift) = (f64::from(changes[TYPICAL]), shifts[TYPICAL]);
         self.still = changes[TYPICAL] == 0;
         self.restless = self.noise > f64::from(values) * limits.restless;
-        // Of a restless cell single comparisons say too little.
+        // For a restless cell single comparisons are no evidence.
         !self.restless && self.jumped_while_learning(limits, values)
     }
 
@@ -124,7 +124,7 @@ impl Cell {
         })
     }
 
-    /// The most values that may change in a cell that nothing covers.
+    /// Maximum number of values that may change in an uncovered cell.
     fn allowed(&self, limits: Limits, values: u32) -> f64 {
         limits.allowed(self.noise, values)
     }
@@ -134,13 +134,13 @@ impl Cell {
         2.0 * self.shift + SHIFT_LEVELS
     }
 
-    /// Clouds come and go: the noise is that of late.
+    /// Takes the noise from recent images, since clouds come and go.
     fn follow(&mut self, changed: f64, shift: f64) {
         self.noise = changed.max(FADING * self.noise);
         self.shift = shift.max(FADING * self.shift);
     }
 
-    /// Whether the mean of water that moves is one that it never had.
+    /// True if the mean of moving water is outside its previous range.
     fn is_out_of_range(&self, mean: f64) -> bool {
         let (darkest, brightest) = self.means;
         let beyond = (brightest - darkest) / 2.0 + SHIFT_LEVELS;
@@ -148,13 +148,13 @@ impl Cell {
     }
 }
 
-/// What the mean of a cell may change beyond what it does by itself, levels.
+/// Accepted change of a cell's mean beyond the scene's own changes, levels.
 const SHIFT_LEVELS: f64 = 6.0;
-/// How much of the noise of the picture before still counts.
+/// Share of the previous image's noise that still counts.
 const FADING: f64 = 0.9;
 /// A cell beside a covered one is partly covered if this share of what would cover it has changed.
 const PARTLY: f64 = 0.3;
-/// Pictures for which a cover counts that only the aircraft hides: two seconds of 60 frames.
+/// Images for which a cover counts that only the aircraft hides: two seconds of 60 frames.
 const MOST_HIDDEN_LOOKS: u32 = 120;
 /// With a smaller share of changed values, the shift of the mean is not worth its computation.
 const LEAST_SHARE: f64 = 0.1;
@@ -166,7 +166,7 @@ struct Limits {
     level: u8,
     /// A cell is covered if this share of its values has changed, over its noise.
     share: f64,
-    /// A cell of which a larger share changes by itself is restless.
+    /// A cell in which the scene itself changes a larger share is restless.
     restless: f64,
 }
 
@@ -200,19 +200,19 @@ pub struct StillScene {
     time: WorldTime,
     limits: Limits,
     cells: Vec<Cell>,
-    /// The scene uncovered: the first picture in a paused world, or else the last one before the cover.
+    /// The scene uncovered: the first image in a paused world, or else the last one before the cover.
     uncovered: Vec<u8>,
-    /// The last picture, where it is needed.
+    /// The last image, where it is needed.
     latest: Vec<u8>,
-    /// Whether this is the first picture.
+    /// True until the first image has been examined.
     is_new: bool,
-    /// For how many pictures nothing of a cover could be judged.
+    /// Number of images in which no part of a cover could be judged.
     hidden_looks: u32,
     standing_still: StandingStill,
 }
 
 impl StillScene {
-    /// Knows nothing yet of pictures of this size.
+    /// A scene of images of this size, before its first image.
     pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
         let grid = Grid::new(width_px, height_px);
         Self {
@@ -228,7 +228,7 @@ impl StillScene {
         }
     }
 
-    /// Forgets the pictures: another block begins.
+    /// Forgets the images: another block begins.
     pub fn restart(&mut self) {
         self.cells.fill(Cell::default());
         self.standing_still = StandingStill::new(self.grid.cells());
@@ -236,7 +236,7 @@ impl StillScene {
         self.hidden_looks = 0;
     }
 
-    /// The next picture comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
+    /// The next image comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
     /// is compared anew, and a cover that came meanwhile is noticed when it goes.
     pub fn after_gap(&mut self) {
         if self.time == WorldTime::Runs {
@@ -246,13 +246,13 @@ impl StillScene {
         }
     }
 
-    /// Checks the next picture. `moving` are the rectangles that may differ from picture to picture; they may reach beyond the picture.
+    /// Checks the next image. `moving` are the rectangles that may differ from image to image; they may reach beyond the image.
     ///
     /// # Errors
-    /// Something covers the scene. The picture is not to be used, nor are as many before it as the cover says.
+    /// Something covers the scene. The image must not be used, nor [`Cover::pictures_before`] images before it.
     ///
     /// # Panics
-    /// If the picture has another size.
+    /// If the image has another size.
     pub fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
         assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
         let touched = self.grid.touched(moving);
@@ -274,7 +274,7 @@ impl StillScene {
         let level = self.limits.level;
         let was_covered = self.is_covered();
         let changed = self.grid.changed(rgb, &self.uncovered, level);
-        // Only what follows the pictures can stop doing so.
+        // Only what follows the images can stop doing so.
         let mut differs = vec![false; self.cells.len()];
         let (mut came_while_learning, mut learning) = (Vec::new(), Vec::new());
         let mut released = false;
@@ -333,7 +333,7 @@ impl StillScene {
             .standing_still
             .look(&self.grid, &changes.differs, touched);
         if !changes.differs.contains(&true) {
-            // The same frame once more: nothing to learn from.
+            // The same frame once more: it adds no information.
             return self.verdict(&[], standing);
         }
         let (mut came_while_learning, mut still_covered) = (Vec::new(), Vec::new());
@@ -392,7 +392,7 @@ impl StillScene {
         self.verdict(&came_while_learning, standing)
     }
 
-    /// Whether a cell changed suddenly, where time runs: in this picture, or in one from which its noise was learnt.
+    /// True if a cell changed suddenly, where time runs: in this image, or in one from which its noise was learnt.
     fn jumps(&mut self, at: usize, rgb: &[u8], (changed, at_least_half): (u32, u32)) -> bool {
         let (limits, values) = (self.limits, self.grid.values(at));
         let is_learning = self.cells[at].is_learning();
@@ -414,7 +414,7 @@ impl StillScene {
             }
             cell.learn((changed, at_least_half), before, now);
             let came = !cell.is_learning() && cell.has_learnt(limits, values);
-            // What came may have gone again.
+            // The cover that came may have gone again.
             cell.covered = came && since_uncovered() > cell.allowed(limits, values);
             return came;
         }
@@ -476,7 +476,7 @@ impl StillScene {
         }
     }
 
-    /// Whether cells look more like before the cover than like in the last picture, although clouds may have drifted meanwhile.
+    /// True if cells look more like before the cover than like in the last image, although clouds may have drifted meanwhile.
     fn is_as_before(&self, rgb: &[u8], cells: &[usize]) -> bool {
         let distance = |other: &[u8]| -> u64 {
             let cells = cells.iter();
@@ -485,7 +485,8 @@ impl StillScene {
         distance(&self.uncovered) < distance(&self.latest)
     }
 
-    /// Pictures with a cover, and the first one without it, say nothing about the noise of cells that were learning or renewed theirs.
+    /// Discards what was learnt from images with a cover, or from the first one without it: they are no evidence of the noise of cells that
+    /// were learning or renewed theirs.
     fn learn_nothing(&mut self, learning: &[usize], renewed: &[usize]) {
         for at in learning {
             let cell = &mut self.cells[*at];
@@ -498,7 +499,7 @@ impl StillScene {
         }
     }
 
-    /// A cell that is not judged, and whether the kept pictures still show the scene there.
+    /// Marks a cell as not judged; `known` if the kept images still show the scene there.
     fn set_aside(&mut self, at: usize, known: bool) {
         let cell = &mut self.cells[at];
         cell.covered = false;
@@ -506,8 +507,8 @@ impl StillScene {
         cell.outdated = true;
     }
 
-    /// Whether a cell is covered, in a paused world, from how many of its values changed since the picture before and since the scene was
-    /// last uncovered. Returns whether something came, and perhaps went, while its noise was learnt.
+    /// Decides, in a paused world, if a cell is covered, from the number of its values that changed since the image before and since the
+    /// scene was last uncovered. Returns true if something came, and perhaps went, while its noise was learnt.
     fn judge(&mut self, at: usize, rgb: &[u8], since_latest: u32, since_uncovered: u32) -> bool {
         let (limits, values) = (self.limits, self.grid.values(at));
         let mut came_while_learning = false;

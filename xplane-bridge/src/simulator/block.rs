@@ -1,8 +1,8 @@
-//! Pictures of a block of ticks from a camera that rests, one tick in every drawn frame.
+//! Images of a block of ticks from a camera that rests, one tick in every drawn frame.
 //!
 //! The plugin writes the next tick in each camera callback, and numbers the frames that it draws. A thread grabs each numbered frame
 //! (`pixels/screen/coded_grabs.rs`); which tick it shows is decided in `block/sequence.rs`. Requests are sent ahead as far as there is
-//! room for their pictures, so that neither a slow encoder nor a slow screen loses any.
+//! room for their images, so that neither a slow encoder nor a slow screen loses any.
 //!
 //! Off the screen, moving the camera costs frames of settling, so the camera of one view rests while every drawn frame shows another tick.
 
@@ -34,17 +34,17 @@ use sequence::{Scene, Sequence, Show, Taken};
 use shadow::shadow_place;
 pub use trial::{BlockTrial, KnownBlocks};
 
-/// Memory for the pictures between two probes, bytes.
+/// Memory for the images between two probes, bytes.
 const SEGMENT_BYTES: usize = 96 << 20;
 /// Ticks between two probes: at least and at most.
 const SEGMENT_TICKS: (usize, usize) = (12, 100);
-/// Buffers besides those of three segments, one of which is with the caller: for what is under way and grabbed.
+/// Buffers beyond the ones of three segments (one of which the caller holds): for images under way and grabbed.
 const MORE_BUFFERS: usize = 16;
 /// A screen without any readable code for this long is covered, or its window is gone.
 const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
 /// A grab may show the aircraft as it was so many frames before.
 const MOST_BEHIND: u64 = 8;
-/// Turns in a row in which nothing is sent, expected or delivered: more would never end.
+/// Maximum number of turns in a row in which no request is sent and no image is expected or delivered: more would never end.
 const MOST_IDLE: u32 = 8;
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
 const SETTLED_LEVELS: f64 = 0.25;
@@ -58,20 +58,20 @@ pub struct BlockOfTicks<'a> {
     pub states: &'a [FlightState],
     /// Rate of the ticks.
     pub frame_rate: FrameRate,
-    /// Which camera of the rig, counted from 0.
+    /// Index of the rig's camera, counted from 0.
     pub view: u32,
-    /// Where the camera rests.
+    /// Pose of the resting camera.
     pub camera: CameraPose,
-    /// Size of the pictures, pixels.
+    /// Size of the images, pixels.
     pub size_px: (u32, u32),
 }
 
-/// How a block was recorded.
+/// Report on a recorded block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockReport {
-    /// How many frames the scene was behind the code; `None` if every tick was held until it had settled.
+    /// Number of frames by which the scene was behind the code; `None` if every tick was held until it had settled.
     pub frames_behind: Option<u32>,
-    /// Whether a probe of this block told that.
+    /// True if a probe of this block measured that.
     pub is_measured: bool,
     /// Ticks that were shown again.
     pub repeated: u32,
@@ -79,7 +79,7 @@ pub struct BlockReport {
     pub held: u32,
 }
 
-/// A block that is being recorded: [`BlockRecording::next_picture`] returns its pictures in the order of the ticks.
+/// A block that is being recorded: [`BlockRecording::next_picture`] returns its images in the order of the ticks.
 pub struct BlockRecording<'a> {
     simulator: &'a mut Simulator,
     block: BlockOfTicks<'a>,
@@ -87,11 +87,11 @@ pub struct BlockRecording<'a> {
     covers: CoverWatch,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
-    /// What was drawn, by frame.
+    /// Headers of the drawn frames, by frame.
     drawn: BTreeMap<u64, FrameHeader>,
 }
 
-/// Memory for the pictures of a block that is being recorded, bytes.
+/// Memory for the images of a block that is being recorded, bytes.
 pub fn block_bytes(size_px: (u32, u32)) -> u64 {
     let picture_bytes = u64::from(size_px.0) * u64::from(size_px.1) * 3;
     picture_bytes * buffers(size_px) as u64
@@ -101,7 +101,7 @@ fn buffers(size_px: (u32, u32)) -> usize {
     3 * pictures_at_once(size_px) + MORE_BUFFERS
 }
 
-/// Pictures of a block that come at once, when a probe has proven them: a caller that has room for so many, and drops what it has used, is
+/// Images of a block that come at once, when a probe has proven them: a caller that has room for so many, and drops what it has used, is
 /// never waited for.
 pub fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
     let picture_bytes = width_px as usize * height_px as usize * 3;
@@ -110,7 +110,7 @@ pub fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
 }
 
 impl Simulator {
-    /// Whether blocks can be recorded: the plugin numbers its frames, the window has margins for the numbers, and no trial has failed.
+    /// True if blocks can be recorded: the plugin numbers its frames, the window has margins for the numbers, and no trial has failed.
     pub fn can_record_blocks(&self) -> bool {
         let is_refused = matches!(self.known_blocks.trial, Some(BlockTrial::Different { .. }));
         self.description.frame_codes && self.pixels.coded_window().is_some() && !is_refused
@@ -126,7 +126,7 @@ impl Simulator {
         shadow_place(camera, size_px, pose, clock, self.ground_msl_m?)
     }
 
-    /// Whether time runs while pictures are taken, because rain falls only then: a block must be short.
+    /// True if time runs while images are taken, because rain falls only then: a block must be short.
     pub fn time_runs(&self) -> bool {
         self.running_at().is_some()
     }
@@ -178,7 +178,7 @@ impl Simulator {
 }
 
 impl BlockRecording<'_> {
-    /// The next picture; `None` after the last one.
+    /// The next image; `None` after the last one.
     ///
     /// # Errors
     /// The simulator rejects a request, its conditions have changed, the link is broken, or no code can be read off the screen.
@@ -198,7 +198,7 @@ impl BlockRecording<'_> {
                 let expects_grabs = self.sequence.expects_grabs();
                 self.simulator.grabs.rest(!expects_grabs);
                 if !expects_grabs && !self.sequence.waits_for_answer() {
-                    // A skipped probe has proven the pictures before it.
+                    // A skipped probe has proven the images before it.
                     idle += 1;
                     if idle > MOST_IDLE {
                         return Err(PixelError::NoCode {
@@ -228,7 +228,7 @@ impl BlockRecording<'_> {
         })
     }
 
-    /// How it went. Complete after the last picture.
+    /// Report on the recording. Complete after the last image.
     pub fn report(&self) -> BlockReport {
         let tally = self.sequence.tally();
         let all_held = tally.held as usize >= self.block.states.len();
@@ -339,7 +339,7 @@ impl BlockRecording<'_> {
         Ok(())
     }
 
-    /// The frame from which on the scene is covered, if it is in the grab of a frame. Nothing is known yet of a scene that settles.
+    /// The frame from which on the scene is covered, if it is in the grab of a frame. Always `None` while the scene settles.
     fn covered_from(&mut self, number: u64, rgb: &[u8]) -> Result<Option<u64>, PixelError> {
         if self.sequence.is_settling() {
             return Ok(None);
@@ -358,7 +358,7 @@ impl BlockRecording<'_> {
         Err(PixelError::CoveredBefore.into())
     }
 
-    /// Where the aircraft and its shadow may be in the grab of a frame.
+    /// Rectangles in which the aircraft and its shadow may be in the grab of a frame.
     fn moving(&self, number: u64) -> Vec<Rectangle> {
         let BlockOfTicks {
             camera, size_px, ..
@@ -385,7 +385,7 @@ impl BlockRecording<'_> {
             expected: format!("the answer for frame {}", taken.frame),
             found: "none".into(),
         })?;
-        // Earlier frames are not looked up again, but for ticks that are under way.
+        // Earlier frames are not looked up again, except for ticks that are under way.
         while self.drawn.len() > 4 * SEGMENT_TICKS.1 {
             self.drawn.pop_first();
         }
@@ -407,7 +407,7 @@ impl BlockRecording<'_> {
 }
 
 impl Drop for BlockRecording<'_> {
-    /// Answers that nobody will take would be mistaken for those of the next requests.
+    /// Closes the link if answers are outstanding: they would be mistaken for the answers to the next requests.
     fn drop(&mut self) {
         self.simulator.grabs.rest(true);
         if !self.asked.is_empty() {
@@ -416,7 +416,7 @@ impl Drop for BlockRecording<'_> {
     }
 }
 
-/// A picture off the screen.
+/// An image off the screen.
 #[derive(Debug)]
 struct Grabbed {
     rgb: PooledPicture,

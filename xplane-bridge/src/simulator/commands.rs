@@ -15,7 +15,7 @@ use crate::link::{Answer, Request};
 
 /// Attempts before a command counts as ineffective. One of five is lost in the worst network that we test with.
 const ATTEMPTS: u32 = 8;
-/// How long an effect may take to show.
+/// Timeout for an effect to show.
 const EFFECT_TIMEOUT: Duration = Duration::from_millis(500);
 
 impl Simulator {
@@ -37,9 +37,9 @@ impl Simulator {
             .await
     }
 
-    /// Engages the autopilot on the landing system, command by command, for a simulator that serves its link without a plugin: our
-    /// plugin does it, too, but once the aircraft is in the air. Most commands are toggle buttons. So each is sent only while its
-    /// state is known to be off; a state that does not arrive is requested again, not taken for off.
+    /// Engages the autopilot on the landing system, command by command, for a simulator that serves its link without a plugin: our plugin
+    /// does the same once the aircraft is in the air. Most commands are toggle buttons. So each is sent only while its state is known to be
+    /// off; a state that does not arrive is requested again, not taken for off.
     pub(super) async fn engage_approach(&mut self) -> Result<(), BridgeError> {
         for switch in APPROACH_SWITCHES {
             let command = switch.command;
@@ -74,8 +74,8 @@ impl Simulator {
         Ok(())
     }
 
-    /// Whether a function of the autopilot is on, as far as can be read, and what was read. With `effect` it waits until it is;
-    /// without, it takes the first values.
+    /// State of a function of the autopilot, as far as it can be read, with the values read. With `effect` it waits until the function is
+    /// on; without, it takes the first values.
     async fn state_of(
         &mut self,
         switch: &AutopilotSwitch,
@@ -99,7 +99,7 @@ impl Simulator {
         Ok((is_on(&values), values))
     }
 
-    /// Repeats a command until a dataref shows its effect; sends nothing if it does already.
+    /// Repeats a command until a dataref shows its effect; sends none if it already does.
     async fn command_until(
         &mut self,
         command: &str,
@@ -156,7 +156,7 @@ impl Simulator {
         }
     }
 
-    /// Returns whether the Web API did it.
+    /// Returns true if the Web API did it.
     async fn command_by_web_api(&self, command: &str) -> bool {
         let Some(api) = self.web_api.as_ref().filter(|api| api.has_commands()) else {
             return false;

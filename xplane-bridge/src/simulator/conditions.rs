@@ -77,7 +77,7 @@ impl Simulator {
         }
     }
 
-    /// What must read back and stay, once conditions are set.
+    /// Values that must read back and stay, once conditions are set.
     fn expected_of(&self, writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
         let read_back = writes.iter().filter(|write| write.is_read_back()).cloned();
         let ours = (self.generation == Generation::XPlane12).then(weather::ours);
@@ -90,7 +90,7 @@ impl Simulator {
             .await
     }
 
-    /// A new flight brought its own weather: waits until it is that of the scenario, if there is one.
+    /// Waits until the weather of a new flight, which starts with its own, is the scenario's, if there is one.
     pub(super) async fn await_weather_of(
         &mut self,
         conditions: Option<&Conditions>,
@@ -145,7 +145,7 @@ impl Simulator {
         })
     }
 
-    /// Sets the clock once more, now that it stands still; from now on it is watched, too.
+    /// Sets the clock once more, now that it stands still; from now on it is watched as well.
     pub(super) async fn set_clock_exactly(&mut self) -> Result<(), BridgeError> {
         let Some(conditions) = &self.conditions else {
             return Ok(());
@@ -253,12 +253,12 @@ impl Simulator {
     }
 }
 
-/// Whether a dataref belongs to time, not weather.
+/// True if a dataref belongs to time, not weather.
 fn is_time(name: &str) -> bool {
     is_clock(name) || name == USE_SYSTEM_TIME
 }
 
-/// Whether a dataref belongs to the clock, which runs until the simulator is frozen.
+/// True if a dataref belongs to the clock, which runs until the simulator is frozen.
 fn is_clock(name: &str) -> bool {
     name == ZULU_TIME_S || name == DATE_DAYS
 }

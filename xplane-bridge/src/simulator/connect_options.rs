@@ -14,7 +14,7 @@ use crate::web_api;
 pub const LINK_TOKEN_VARIABLE: &str = "DTD_LINK_TOKEN";
 /// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to disable it.
 pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
-/// Environment variable that, when it is `off`, sends every picture over the capture link.
+/// Environment variable that, when it is `off`, sends every image over the capture link.
 pub(crate) const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
 
 /// Connection options besides the address.
@@ -24,7 +24,7 @@ pub struct ConnectOptions {
     pub token: Option<String>,
     /// Address of X-Plane 12's Web API, if it may be used. It is used if it belongs to the same simulator.
     pub web_api: Option<SocketAddr>,
-    /// Whether every picture must be sent over the link, even if the simulator could draw it into our memory.
+    /// True if every image must be sent over the link, even if the simulator could draw it into our memory.
     pub no_shared_memory: bool,
     /// The local side of UDP.
     pub local_udp: LocalUdp,
@@ -46,7 +46,7 @@ impl ConnectOptions {
     }
 }
 
-/// Where X-Plane 12's Web API is looked for.
+/// Location of X-Plane 12's Web API.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WebApiPlace {
     /// X-Plane's default: on its own computer only, so it is tried only if that is this one.
@@ -100,7 +100,7 @@ impl WebApiPlace {
 
 const EXPECTED: &str = "expected HOST:PORT, e.g. 127.0.0.1:8086 or localhost:8086, or `off`";
 
-/// Why a text does not say where the Web API is.
+/// Reason why a text is not a location of the Web API.
 #[derive(Debug, thiserror::Error)]
 pub enum BadWebApiPlace {
     /// Not an address, and no host of this name is known.

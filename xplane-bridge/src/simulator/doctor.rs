@@ -1,9 +1,9 @@
-//! Examines a live connection point by point, for a user who wants to know what to fix.
+//! Examines a live connection point by point, to show the user what to fix.
 //!
 //! Input: the expected address of the simulator. Output: one [`Check`] after the other, each with the finding and, if it is not ok,
-//! a remedy. A check that depends on an earlier one that failed is skipped and says so. Once per installation it also measures what
-//! reports disagree on, and stores it as a [`Profile`]. Every change is undone: one course, the pause, the weather, and the
-//! aircraft's place during the pictures.
+//! a remedy. A check that depends on an earlier one that failed is reported as skipped. Once per installation it also measures what reports
+//! disagree on, and stores it as a [`Profile`]. Every change is undone: one course, the pause, the weather, and the aircraft's place during
+//! the pictures.
 //!
 //! It is part of this crate because it measures with what the client keeps private, such as writing a dataref until it holds.
 
@@ -75,11 +75,11 @@ impl fmt::Display for Verdict {
 /// One point of the examination.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Check {
-    /// What was checked.
+    /// Name of the check.
     pub name: &'static str,
-    /// How it came out.
+    /// Its result.
     pub verdict: Verdict,
-    /// What was found.
+    /// Details of the result.
     pub found: String,
     /// The remedy, unless it is ok.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -140,7 +140,7 @@ impl Check {
     }
 }
 
-/// When to measure what reports disagree on.
+/// Choice of when to measure what reports disagree on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Measuring {
     /// If this installation has no profile.
@@ -152,7 +152,7 @@ pub enum Measuring {
     Never,
 }
 
-/// What is to be recorded afterwards.
+/// The recording that is planned afterwards.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Intent {
     /// File of the sweep, as the user names it.
@@ -161,7 +161,7 @@ pub struct Intent {
     pub pictures: PictureSize,
 }
 
-/// What to examine.
+/// Settings of an examination.
 #[derive(Debug, Clone)]
 pub struct DoctorOptions {
     /// Its UDP address; by default the one in the beacon, or X-Plane's default.
@@ -170,15 +170,15 @@ pub struct DoctorOptions {
     pub web_api: WebApiPlace,
     /// The screen that it draws on, if pictures come off it.
     pub screen: Arc<dyn Screen>,
-    /// How long to listen for the beacon. X-Plane sends one a second.
+    /// Time to listen for the beacon. X-Plane sends one per second.
     pub listen: Duration,
-    /// How long to wait for values over UDP.
+    /// Time to wait for values over UDP.
     pub wait: Duration,
     /// The local side of UDP.
     pub local_udp: LocalUdp,
-    /// Whether to measure.
+    /// When to measure.
     pub measuring: Measuring,
-    /// What is to be recorded with it, if known.
+    /// The planned recording, if known.
     pub intent: Option<Intent>,
 }
 
@@ -375,8 +375,8 @@ async fn connect(address: SocketAddr, options: &DoctorOptions) -> Result<Simulat
     Simulator::connect_with(address, LINK_TIMEOUT, options).await
 }
 
-/// Why nothing comes over UDP. Incoming connections that are switched off show elsewhere: the beacon is sent nevertheless, and the
-/// Web API says so in its answer.
+/// Explains why no values come over UDP. Incoming connections that are switched off show elsewhere: the beacon is sent nevertheless, and
+/// the Web API says so in its answer.
 async fn silent(
     address: SocketAddr,
     silence: &Silence,

@@ -1,8 +1,8 @@
 //! Reads the weather at the aircraft and compares it with the plan.
 //!
-//! A quantity that `dtd doctor` measured to follow what is written must be as planned: otherwise the pictures show another weather than
-//! the record would say. Any other may differ for reasons that are unknown here (another meaning, gusts, the aircraft's height); it is
-//! recorded with the scenario and marks it.
+//! A quantity that `dtd doctor` measured to follow what is written must be as planned: otherwise the images show another weather than the
+//! record. Any other may differ for reasons that are unknown here (another meaning, gusts, the aircraft's height); it is recorded with the
+//! scenario and marks it.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -17,7 +17,7 @@ use crate::datarefs::{DatarefWrite, effective_weather_datarefs, effective_weathe
 use crate::error::BridgeError;
 use crate::profile::Profile;
 
-/// How long the aircraft's surroundings and the picture may take to follow the settings.
+/// Time for the aircraft's surroundings and the image to follow the settings.
 const SHOWING: Duration = Duration::from_secs(10);
 
 impl Simulator {
@@ -31,8 +31,7 @@ impl Simulator {
         self.not_followed = quantities;
     }
 
-    /// Waits until the weather at the aircraft is as planned; returns the last reading, whatever it is. A tape gives its last reading at
-    /// once.
+    /// Waits until the weather at the aircraft is as planned; returns the last reading in any case. A tape gives its last reading at once.
     pub(super) async fn await_effective_weather(
         &mut self,
         planned: &Weather,
@@ -57,7 +56,7 @@ impl Simulator {
         }
     }
 
-    /// Reads the weather at the aircraft again after the last picture. A quantity that has changed since the first reading is treated as if
+    /// Reads the weather at the aircraft again after the last image. A quantity that has changed since the first reading is treated as if
     /// it had differed then.
     pub(super) async fn confirm_effective_weather(&mut self) -> Result<(), BridgeError> {
         let planned = self.conditions.as_ref().map(|set| set.weather.clone());
@@ -84,7 +83,7 @@ impl Simulator {
         Ok(effective_weather_of(planned, reads_wind_speed, &values))
     }
 
-    /// Whether the unit of the wind at the aircraft is known: where winds are written in knots it is not, unless it was measured to follow.
+    /// True if the unit of the wind at the aircraft is known: where winds are written in knots it is not, unless it was measured to follow.
     fn knows_unit_of_wind(&self) -> bool {
         let profile = self.description.profile.current();
         profile.is_none_or(|profile| {
@@ -105,13 +104,13 @@ impl Simulator {
             .collect()
     }
 
-    /// Whether the clouds at the aircraft are wrong where it may help to regenerate them.
+    /// True if the clouds at the aircraft are wrong where it may help to regenerate them.
     pub(super) fn is_sky_wrong(&self, shown: &EffectiveWeather) -> bool {
         let clouds = EffectiveQuantity::CloudCover;
         shown.differing.contains(&clouds) && !self.not_followed.contains(&clouds)
     }
 
-    /// Whether a quantity was measured to follow what is written, and no later experience contradicts it.
+    /// True if a quantity was measured to follow the written value, and no later experience contradicts it.
     fn must_follow(&self, quantity: EffectiveQuantity) -> bool {
         let profile = self.description.profile.current();
         profile.is_some_and(|profile: &Profile| profile.follows(quantity))

@@ -1,4 +1,4 @@
-//! Checks whether a Web API belongs to the simulator that we talk to over UDP.
+//! Checks that a Web API belongs to the simulator at the other end of the UDP connection.
 //!
 //! It does if it reports the same capture link. Another X-Plane on the same computer must be left alone: a flight that is started
 //! there would be waited for here.
@@ -12,7 +12,7 @@ use crate::web_api::{WebApi, WebApiError};
 /// Timeout of the Web API's first answer.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Why a Web API is not used.
+/// Reason why a Web API is not used.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum NotUsed {
     /// There is none, or it does not answer.
@@ -23,7 +23,7 @@ pub(super) enum NotUsed {
         "no flight is loaded: the Web API at {address} (X-Plane {version}) has no datarefs while the main menu shows"
     )]
     NoFlight {
-        /// Where it is.
+        /// Its address.
         address: SocketAddr,
         /// Of which X-Plane.
         version: String,
@@ -34,7 +34,7 @@ pub(super) enum NotUsed {
         .found.map_or("not there".to_owned(), |port| format!("at port {port}"))
     )]
     OtherSimulator {
-        /// Where it is.
+        /// Its address.
         address: SocketAddr,
         /// Port of its capture link, if it has one.
         found: Option<f64>,

@@ -1,9 +1,9 @@
-//! How a flight starts: this module alone decides, and logs, who places the aircraft.
+//! Starting a flight: this module alone decides, and logs, how the aircraft is placed.
 //!
 //! The best way is X-Plane 12.4's Web API, which takes aircraft, place, speed, time and weather together and answers. Without it,
-//! our plugin places the aircraft. If no plugin serves the capture link, the UDP packet `PREL` does, and `RPOS` shows whether it
-//! worked; nothing else is sent until X-Plane has loaded the flight. A start is requested once: X-Plane closes the connection of starts
-//! that succeed, and a second one would restart the flight.
+//! our plugin places the aircraft. If no plugin serves the capture link, the UDP packet `PREL` does, and `RPOS` shows whether it worked; no
+//! other packet is sent until X-Plane has loaded the flight. A start is requested once: X-Plane closes the connection of starts that
+//! succeed, and a second one would restart the flight.
 
 mod by_udp;
 
@@ -27,13 +27,13 @@ use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 
 /// Attempts of `PREL` and `ACFN`.
 const ATTEMPTS: u32 = 8;
-/// How close to its start the aircraft of a flight is found that X-Plane started while it did not answer, for a minute or two.
+/// Maximum distance from its start of an aircraft whose flight X-Plane started while it did not answer, for a minute or two.
 const BEGUN_WITHIN_M: f64 = 12_000.0;
 /// Farther than this from where pictures are taken, the aircraft must travel: scenery and weather are those around it.
 const NEAR_M: f64 = 30_000.0;
 /// Maximum time for X-Plane to load an aircraft.
 const LOAD_TIMEOUT: Duration = Duration::from_secs(60);
-/// How long a flight may take to begin.
+/// Timeout for a flight to begin.
 const START_TIMEOUT: Duration = Duration::from_secs(180);
 /// Timeout of the plugin's travel: to start, and for the scenery to load.
 const TRAVEL_TIMEOUT: Duration = Duration::from_secs(150);
@@ -42,7 +42,7 @@ const READY_TIMEOUT: Duration = Duration::from_secs(5);
 /// X-Plane's size of an aircraft of some type is within these multiples of the type's; it is approximate.
 const SIZE_RATIOS: std::ops::RangeInclusive<f64> = 0.4..=1.6;
 
-/// Who starts flights.
+/// Means of starting flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Starter {
     /// X-Plane 12.4's Web API.
@@ -58,7 +58,8 @@ impl Simulator {
     /// scenery there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or another one.
     ///
     /// # Errors
-    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or whatever prevents the flight from starting.
+    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or another reason that prevents the flight from
+    /// starting.
     pub fn prepare<'a>(
         &'a mut self,
         conditions: &'a Conditions,
@@ -131,7 +132,7 @@ impl Simulator {
         Ok(found.filter(plausible).as_ref().map(lat_lon))
     }
 
-    /// Who starts flights here.
+    /// The means of starting flights here.
     pub(super) fn starter(&self, conditions: Option<&Conditions>) -> Starter {
         let has_flights = self.web_api.as_ref().is_some_and(WebApi::has_flights);
         if has_flights && self.aircraft_file().is_some() && conditions.is_some() {
@@ -143,7 +144,7 @@ impl Simulator {
         }
     }
 
-    /// Starts a flight, once; returns whether the aircraft is then in the air, or must be placed there by whoever flies it. A
+    /// Starts a flight, once. Returns true if the aircraft is then in the air, false if it must be placed there before it is flown. A
     /// plugin holds it there afterwards.
     pub(super) async fn begin_flight(
         &mut self,
@@ -156,7 +157,7 @@ impl Simulator {
         if let (Starter::WebApi, Some(conditions)) = (starter, conditions) {
             match self.start_by_web_api(start, conditions).await {
                 Ok(()) => already_started = true,
-                // Rejected: nothing has started.
+                // Rejected: no flight has started.
                 Err(BridgeError::WebApi(error)) => {
                     tracing::warn!(%error, "the flight is begun without the Web API");
                 }
@@ -246,7 +247,7 @@ impl Simulator {
         }
     }
 
-    /// Whether the scenario's aircraft is loaded. An unknown one, or a simulator that does not report it, is accepted.
+    /// True if the scenario's aircraft is loaded. An unknown one, or a simulator that does not report it, is accepted.
     async fn has_the_aircraft(&mut self) -> Result<bool, BridgeError> {
         let Some(file) = self.aircraft_file() else {
             return Ok(true);

@@ -1,4 +1,4 @@
-//! The source of this client's pictures: chosen after connecting, proven before the first picture and after the last.
+//! The source of this client's images: chosen after connecting, proven before the first image and after the last.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -19,9 +19,9 @@ use futures_util::future::BoxFuture;
 pub(super) enum DrawnOn {
     /// One that the caller can grab.
     Here,
-    /// That of another computer, which the plugin there grabs for us.
+    /// The screen of another computer, which the plugin there grabs for us.
     Elsewhere(Arc<dyn Screen>),
-    /// That of another computer; why nobody grabs it.
+    /// The screen of another computer, with the reason why it is not grabbed.
     OutOfReach(String),
 }
 
@@ -45,7 +45,7 @@ impl DrawnOn {
 }
 
 impl Simulator {
-    /// The screen to grab: `here`, or that of the simulator's computer.
+    /// The screen to grab: `here`, or the one of the simulator's computer.
     pub(super) fn screen(&self, here: &Arc<dyn Screen>) -> Result<Arc<dyn Screen>, PixelError> {
         match &self.drawn_on {
             DrawnOn::Here => Ok(here.clone()),
@@ -56,9 +56,9 @@ impl Simulator {
         }
     }
 
-    /// Chooses the source of pictures, and proves that it works: for the screen, that the simulator's window is visible, complete,
-    /// and in the size of the pictures, width and height in pixels, on `screen`, or on that of its own computer if that is another
-    /// one and the plugin grabs there. Without this call, pictures come over the link.
+    /// Chooses the source of images, and proves that it works: for the screen, that the simulator's window is visible, complete, and in
+    /// the size of the images, width and height in pixels, on `screen`, or on the screen of the simulator's computer if it is another one
+    /// and the plugin grabs there. Without this call, images come over the link.
     ///
     /// # Errors
     /// The simulator does not offer the choice, or the proof fails; the message says what to change.
@@ -114,10 +114,10 @@ impl Simulator {
         })
     }
 
-    /// Proves after the last picture that the initial proof still holds.
+    /// Proves after the last image that the initial proof still holds.
     ///
     /// # Errors
-    /// It does not: the pictures in between may be wrong.
+    /// It does not: the images in between may be wrong.
     pub fn confirm_pixels(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
         Box::pin(async move {
             self.grabs = CodedGrabs::default();
@@ -129,12 +129,12 @@ impl Simulator {
         })
     }
 
-    /// Source of the pictures.
+    /// Source of the images.
     pub fn pixels(&self) -> PixelKind {
         self.pixels.kind()
     }
 
-    /// How captures must request their pictures.
+    /// The delivery that captures must request.
     pub fn deliver(&self) -> Deliver {
         match self.pixels.kind() {
             PixelKind::Screen => Deliver::Drawn,

@@ -6,7 +6,7 @@ use crate::link::{Answer, Request};
 use crate::profile::{CallbackOrders, Finding, KnownProfile, Pace, PacedBy, Profile, RecordedPace};
 
 impl Simulator {
-    /// Lets the plugin store a profile; from now on it is used here, too.
+    /// Lets the plugin store a profile; from now on it is used here as well.
     ///
     /// # Errors
     /// The plugin cannot store it.
@@ -30,8 +30,7 @@ impl Simulator {
         }
     }
 
-    /// Adds to the profile how long a recorded scenario took, for later estimates. Without a profile of this simulator there is nothing to
-    /// add it to.
+    /// Adds to the profile how long a recorded scenario took, for later estimates. Without a profile of this simulator this has no effect.
     ///
     /// # Errors
     /// The plugin cannot store it.

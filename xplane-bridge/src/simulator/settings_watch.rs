@@ -1,8 +1,8 @@
 //! Checks, while a scenario is recorded, that the simulator is still the one that was set up.
 //!
 //! Every confirmed setting stays subscribed, and so does the simulator's running time. A restarted simulator has a shorter running
-//! time and its own settings; both end the attempt with an error that says so, before a picture under other conditions can be
-//! mistaken for one of the scenario.
+//! time and its own settings; both end the attempt with an error, before a picture under other conditions can be mistaken for one of the
+//! scenario.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -18,7 +18,7 @@ use crate::udp_socket::SimulatorSocket;
 
 /// Values per second of every dataref: nine of ten may be lost before SILENCE counts as silence.
 const FREQUENCY_HZ: i32 = 4;
-/// Datagrams are reordered by less than this. An older value proves nothing.
+/// Datagrams are reordered by less than this. An older value is no evidence.
 const OVERTAKING: Duration = Duration::from_secs(1);
 
 /// Watches a simulator.
@@ -57,12 +57,12 @@ impl SettingsWatch {
         self.judge.expect(writes, Instant::now());
     }
 
-    /// What is expected.
+    /// The expected settings.
     pub(super) fn expected(&self) -> Vec<DatarefWrite> {
         self.judge.expected.values().cloned().collect()
     }
 
-    /// Compares what arrived since the last call. Free if nothing arrived.
+    /// Compares what arrived since the last call. Cheap if no value arrived.
     ///
     /// # Errors
     /// [`BridgeError::Restarted`], [`BridgeError::SettingLost`].
@@ -114,7 +114,7 @@ impl Judge {
 
     fn check_running(&mut self, now: Reading) -> Result<(), BridgeError> {
         if let Some(before) = self.running {
-            // After a silence nothing is reordered any more: then the smallest step back means a restart.
+            // After a silence datagrams are no longer reordered: then the smallest step back means a restart.
             let tolerance_s = match now.at.duration_since(before.at) >= SILENCE {
                 true => 0.0,
                 false => OVERTAKING.as_secs_f32(),

@@ -11,7 +11,7 @@ use crate::link::{Answer, CaptureRequest, Deliver, Request, SharedPicture, Share
 /// Maximum shared pictures in flight: a few being drawn, and those that wait for two encoders.
 const SLOTS: u32 = 16;
 
-/// Where it stands.
+/// State of the shared memory.
 #[derive(Debug)]
 pub(super) enum Sharing {
     /// There is none.
@@ -23,7 +23,7 @@ pub(super) enum Sharing {
 }
 
 impl Sharing {
-    /// What is possible with a simulator that shares memory with the client at `with`, for the client at `local`.
+    /// Initial state for the client at `local`, with a simulator that shares memory with the client at `with`.
     pub(super) fn with(with: Option<SocketAddr>, local: SocketAddr) -> Self {
         match with {
             Some(with) if with == local => Self::Possible,

@@ -29,7 +29,7 @@ const MOST_REFUSALS: u32 = 2;
 /// Writes sent at once: they must fit the receiver's buffer together.
 const WRITES_AT_ONCE: usize = 32;
 
-/// Whether a simulator answers at an address within a time. Nothing stays subscribed.
+/// True if a simulator answers at an address within a time. No subscription remains.
 pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &LocalUdp) -> bool {
     let Ok(mut udp) = UdpClient::open(address, local).await else {
         return false;
@@ -42,7 +42,7 @@ pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &Loc
     read.is_ok_and(|values| came(&values))
 }
 
-/// When the simulator at an address began to run, by its own clock; `None` if it does not answer within a time.
+/// Time at which the simulator at an address began to run, by its own clock; `None` if it does not answer within a time.
 pub(crate) async fn running_since(
     address: SocketAddr,
     within: Duration,
@@ -187,7 +187,7 @@ impl UdpClient {
         .await
     }
 
-    /// Listens for a moment whether anything still arrives, and ends it. Nothing stays subscribed.
+    /// Listens for a moment for values that still arrive, and ends their subscriptions. None remains.
     pub(super) async fn close(&mut self) {
         self.socket.close().await;
     }
@@ -253,7 +253,7 @@ impl Reading {
         }
     }
 
-    /// What arrived, after all subscriptions were ended.
+    /// Values received, after all subscriptions were ended.
     fn into_values(mut self) -> Vec<Option<f32>> {
         self.is_over = true;
         std::mem::take(&mut self.values)

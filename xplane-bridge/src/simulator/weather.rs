@@ -26,7 +26,7 @@ const PRESET_PAUSE: Duration = Duration::from_secs(1);
 const REGENERATION_PAUSE: Duration = Duration::from_secs(1);
 /// Interval for checking whether the weather is there.
 const POLL: Duration = Duration::from_secs(1);
-/// The same for a tape, and after how many unchanged readings nothing new will come.
+/// The same for a tape, and the number of unchanged readings after which no new ones are expected.
 const REPLAYED_POLL: Duration = Duration::from_millis(50);
 pub(super) const REPLAYED_POLLS: u32 = 10;
 /// Timeout of the weather, by the simulator's clock or ours, whichever is faster. Clouds were seen to take 55 s.
@@ -38,10 +38,10 @@ const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
 /// The same if each value that is written is there for a moment: an attempt that gave up would only start its flight again, and wait for
 /// the same temperature. One that something else holds does not even take the value.
 const PATIENCE_WHILE_IT_SLIDES: Duration = Duration::from_secs(900);
-/// How long a temperature must be right after it was written: a drifting one is within its tolerance for the first second or two.
+/// Time for which a temperature must be right after it was written: a drifting one is within its tolerance for the first second or two.
 const TEMPERATURE_HOLDS: Duration = Duration::from_secs(5);
 
-/// What is not as required.
+/// A value that is not as required.
 struct Missing {
     write: DatarefWrite,
     found: Option<f32>,
@@ -49,13 +49,13 @@ struct Missing {
     patience: Duration,
 }
 
-/// What X-Plane 12 must read besides the settings: that nobody else makes the weather.
+/// The value that X-Plane 12 must read besides the settings: no other source makes the weather.
 pub(super) fn ours() -> DatarefWrite {
     DatarefWrite::new(WEATHER_SOURCE, 0.0)
 }
 
 impl Simulator {
-    /// Sets the weather and waits until X-Plane has it; returns what it reports at the aircraft then. `writes` are those of `planned`.
+    /// Sets the weather and waits until X-Plane has it; returns what it reports at the aircraft then. `writes` belong to `planned`.
     ///
     /// # Errors
     /// Also [`BridgeError::OtherWeatherShows`].
@@ -74,7 +74,7 @@ impl Simulator {
         if profile.is_none_or(Profile::regenerates) {
             self.regenerate(writes).await?;
         } else {
-            // It shows by itself.
+            // It shows without a regeneration.
             self.await_weather(writes).await?;
         }
         let mut shown = self.await_effective_weather(planned).await?;
@@ -145,8 +145,8 @@ impl Simulator {
         }
     }
 
-    /// Writes weather; all but the clouds is applied at once. Losses are rewritten in the first moments, and whatever takes longer
-    /// after that is left alone.
+    /// Writes weather; all but the clouds is applied at once. Lost values are rewritten in the first moments; values that take longer are
+    /// left alone after that.
     pub(super) async fn write_weather(
         &mut self,
         writes: &[DatarefWrite],

@@ -1,5 +1,4 @@
-//! Which datarefs are subscribed, which have answered, and which to request next. Pure: takes the time and values, returns
-//! requests.
+//! Bookkeeping of datarefs: subscribed, answered, and next to request. Pure: takes the time and values, returns requests.
 
 use std::time::Duration;
 
@@ -41,7 +40,7 @@ impl RequestedDatarefs {
         &self.readings
     }
 
-    /// What to request now: never more than X-Plane accepts in a frame.
+    /// Requests due now: never more than X-Plane accepts in a frame.
     pub(super) fn due(&mut self, now: Instant) -> Vec<SubscribeDataref> {
         if self.ended || self.batch_from.is_some_and(|from| now < from) {
             return Vec::new();
@@ -65,7 +64,7 @@ impl RequestedDatarefs {
             .collect()
     }
 
-    /// When to check again whether something is due.
+    /// Time at which to check again for due requests.
     pub(super) fn wake_at(&self, now: Instant) -> Instant {
         let soonest = (0..self.names.len())
             .map(|at| self.asks_from(at).unwrap_or(now))
@@ -74,7 +73,7 @@ impl RequestedDatarefs {
         soonest.max(self.batch_from.unwrap_or(now)).max(now)
     }
 
-    /// Receives a value; returns whether it is wanted.
+    /// Receives a value; returns true if it is wanted.
     pub(super) fn take(&mut self, value: DatarefValue, now: Instant) -> bool {
         let at = value
             .index
@@ -104,7 +103,7 @@ impl RequestedDatarefs {
             .collect()
     }
 
-    /// When to request a dataref: when its value stopped, but not too soon after the last time; `None` for at once.
+    /// Time at which to request a dataref: after its value stopped, but not too soon after the last request; `None` for at once.
     fn asks_from(&self, at: usize) -> Option<Instant> {
         let silent = self.readings[at].map(|reading| reading.at + SILENCE);
         let again = self.asked_at[at].map(|asked| asked + REPEAT_AFTER);

@@ -2,7 +2,7 @@
 //!
 //! X-Plane keeps sending to a client that was killed, and ends a subscription only for the port that made it. So a client notes its
 //! port in a file, which it removes when it has ended its subscriptions. The next client finds the file, takes over the port if no other
-//! program has it, and ends what still arrives. Each port has a file of its own, named after it: several clients may run at once, and
+//! program has it, and ends what still arrives. Each port has a separate file, named after it: several clients may run at once, and
 //! creating or removing one is atomic.
 
 use std::fs::{self, OpenOptions};

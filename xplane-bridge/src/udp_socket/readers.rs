@@ -1,4 +1,4 @@
-//! Which reader of a socket gets which values. Pure, but for the channels to the readers.
+//! Assignment of a socket's values to its readers. Pure, but for the channels to the readers.
 
 use std::collections::BTreeMap;
 use std::collections::hash_map::RandomState;
@@ -11,7 +11,7 @@ use crate::packet::{DatarefValue, Position};
 /// Datagrams that wait for a reader; more are lost, as is usual with UDP.
 const WAITING: usize = 256;
 /// The numbers of a socket begin at one of this many places, this far apart: a client that takes over the port of another one must not
-/// mistake a value that is still on the way for one of its own.
+/// mistake a value that is still on the way for one of its subscriptions.
 const STARTS: u64 = 65_536;
 const APART: i32 = 256;
 
@@ -73,7 +73,7 @@ impl Readers {
         positions
     }
 
-    /// Gives values to their readers; returns the numbers that have none. A value that is not finite is no value: the dataref stays
+    /// Gives values to their readers; returns the numbers that have none. A value that is not finite does not count: the dataref stays
     /// without one, as if the simulator had not answered.
     pub(super) fn hand_out(&self, values: impl Iterator<Item = DatarefValue>) -> Vec<i32> {
         let mut unwanted = Vec::new();
@@ -100,7 +100,7 @@ impl Readers {
         (index < reader.end).then_some(first)
     }
 
-    /// Gives a position to its reader, unless one of its numbers is not finite; returns whether there is a reader.
+    /// Gives a position to its reader, unless one of its numbers is not finite; returns true if there is a reader.
     pub(super) fn hand_out_position(&self, position: Position) -> bool {
         match &self.positions {
             Some(reader) if !reader.is_closed() => {

@@ -23,7 +23,7 @@ use xplane_bridge::packet::{
 };
 use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, Simulator};
 
-/// What it received, in order.
+/// State of the fake simulator, and everything that it received, in order.
 #[derive(Debug, Default)]
 pub(crate) struct Told {
     pub(crate) datarefs: BTreeMap<String, f32>,
@@ -43,18 +43,18 @@ pub(crate) struct Told {
     clouds_from_s: f32,
     /// Its other habit: until then it takes what is written, and slides away.
     pub(crate) temperature_drifts_until_s: f32,
-    /// How long it neither draws nor answers after a `PREL`, and how long it loads scenery after that.
+    /// Time during which it neither draws nor answers after a `PREL`, and time during which it loads scenery after that.
     pub(crate) start_takes: Option<(Duration, Duration)>,
     silent_until: Option<Instant>,
     loading_until: Option<Instant>,
     /// Writes and commands that it was sent while it loaded.
     pub(crate) hasty: Vec<String>,
-    /// Whether commands have no effect.
+    /// True if commands have no effect.
     pub(crate) ignores_commands: bool,
-    /// Whether a menu is open, in which simulated time stands still, and whether toggling it helps.
+    /// Set while a menu is open, in which simulated time stands still; true if toggling it helps.
     pub(crate) menu: Option<bool>,
     frames: u32,
-    /// When its clock began, and how many seconds it counts in one of ours; its running time stands still without.
+    /// Start of its clock, and the number of seconds it counts in one of ours; without it, its running time stands still.
     clock: Option<(Instant, f32)>,
     subscribed: BTreeMap<(SocketAddr, i32), String>,
 }
@@ -150,7 +150,7 @@ impl Told {
         self.set(status, if on { 0.0 } else { 1.0 });
     }
 
-    /// Whether a dataref reads above zero.
+    /// True if a dataref reads above zero.
     pub(crate) fn is_on(&self, name: &str) -> bool {
         self.datarefs.get(name).is_some_and(|value| *value > 0.0)
     }
@@ -173,7 +173,7 @@ pub(crate) struct Fake {
 }
 
 impl Fake {
-    /// A simulator of this version, with this aircraft loaded, whose link is served by a plugin or by itself.
+    /// A simulator of this version, with this aircraft loaded, whose link is served by a plugin or by the simulator itself.
     pub(crate) async fn start(version: f32, icao: &str, plugin: Option<&str>) -> Self {
         let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
         let link = TcpListener::bind("127.0.0.1:0").await.unwrap();

@@ -1,4 +1,4 @@
-//! The stand-in's datarefs: those of X-Plane 11 and 12 that an approach, its weather and its replay use.
+//! The stand-in's datarefs: the names of X-Plane 11 and 12 that an approach, its weather and its replay use.
 
 use xplane_bridge::datarefs::{self as names, Generation};
 
@@ -49,7 +49,7 @@ pub(crate) const FOREIGN_NAMES: &str = "dtd/mock/foreign_names";
 const CLOUDS: usize = names::CLOUD_LAYERS;
 const WINDS: usize = names::WIND_LAYERS;
 
-/// The datarefs of a generation. X-Plane 12 keeps those of 11 as deprecated.
+/// The datarefs of a generation. X-Plane 12 keeps the datarefs of 11 as deprecated.
 pub(super) fn datarefs(generation: Generation) -> impl Iterator<Item = Dataref> {
     let (own, deprecated) = match generation {
         Generation::XPlane11 => (ELEVEN, [].as_slice()),
@@ -59,7 +59,7 @@ pub(super) fn datarefs(generation: Generation) -> impl Iterator<Item = Dataref> 
     BOTH.iter().chain(own).copied().chain(deprecated)
 }
 
-/// A dataref of X-Plane 11 in 12; `None` if it is gone. Those of the weather can be read only.
+/// A dataref of X-Plane 11 in 12; `None` if it is gone. Datarefs of the weather are read-only.
 fn deprecated_in_12(dataref: &Dataref) -> Option<Dataref> {
     let complaint = match dataref.name {
         names::VERSION | names::THUNDERSTORM_11 => return None,
@@ -73,7 +73,7 @@ fn deprecated_in_12(dataref: &Dataref) -> Option<Dataref> {
     })
 }
 
-/// What X-Plane 11 and 12 have in common, then ours.
+/// Common to X-Plane 11 and 12, then ours.
 const BOTH: &[Dataref] = &[
     read_only("sim/version/xplm_internal_version", Int, 411.0),
     read_only("sim/network/misc/network_time_sec", Float, 0.0),
@@ -199,7 +199,7 @@ const BOTH: &[Dataref] = &[
     array("sim/cockpit2/radios/indicators/show_popup", Int, 20, 0.0),
     read_only("sim/graphics/view/window_width", Int, 1_920.0),
     read_only("sim/graphics/view/window_height", Int, 1_080.0),
-    // What the plugin publishes.
+    // Published by the plugin.
     read_only(names::CAPTURE_PORT, Int, 0.0),
     read_only(names::WEATHER_SETTLE_S, Float, 0.0),
     // The stand-in's own: how many names were looked up that are deprecated in this version, or unknown to it.

@@ -1,4 +1,4 @@
-//! The aircraft in the picture: its mesh lit by sun, sky and ground, and its own lamps.
+//! The aircraft in the image: its mesh lit by sun, sky and ground, and its own lamps.
 
 use airframe::{Configuration, Mesh, boeing_737_800};
 use dataset::geometry::pose::{Controls, Pose};
@@ -17,7 +17,7 @@ use crate::render::view::View;
 const GROUND_REFLECTANCE: f32 = 0.12;
 /// Mirror reflection of paint at a right angle.
 const GLOSS: f32 = 0.04;
-/// Nothing nearer to the camera than this is drawn, metres.
+/// Nearest distance from the camera at which anything is drawn, metres.
 const NEAREST_M: f64 = 1.0;
 /// Landing lights burn below this height, metres (10 000 ft).
 const LIGHTS_BELOW_MSL_M: f64 = 3_048.0;
@@ -46,12 +46,12 @@ impl<'a> Placed<'a> {
         }
     }
 
-    /// Whether the aircraft is in front of the camera at all.
+    /// True if the aircraft is in front of the camera at all.
     pub(crate) fn is_ahead(&self) -> bool {
         self.center_camera_m.z > NEAREST_M
     }
 
-    /// Where the centre of gravity appears, pixels; it must be in front of the camera.
+    /// Position of the centre of gravity in the image, pixels; it must be in front of the camera.
     pub(crate) fn center_px(&self, view: &View) -> DVec2 {
         view.camera.pixel_of(self.center_camera_m)
     }
@@ -113,7 +113,7 @@ impl<'a> Placed<'a> {
             .collect()
     }
 
-    /// The aircraft's lamps in the picture at a time.
+    /// The aircraft's lamps in the image at a time.
     pub(crate) fn lamps(&self, view: &View, air: &Air, tone: &Tone, time_s: f64) -> Vec<Spot> {
         let to_camera = (self.camera_from_body.transpose() * -self.center_camera_m).normalize();
         let approach =

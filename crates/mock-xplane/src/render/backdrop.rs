@@ -1,9 +1,9 @@
 //! Everything behind the aircraft, cached for copying.
 //!
-//! Below the first row with a silhouette the picture is static and is cached completely. Above it the sky is smooth: it is stored
+//! Below the first row with a silhouette the image is static and is cached completely. Above it the sky is smooth: it is stored
 //! as a coarse grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds a grid is
 //! computed for each of a series of instants so close together that the clouds drift by at most a pixel from one to the next
-//! (`drift.rs` tracks them). If several pictures show an instant, its rows are interpolated once and copied.
+//! (`drift.rs` tracks them). If several images show an instant, its rows are interpolated once and copied.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -21,8 +21,8 @@ use crate::render::lamps::Spot;
 use crate::render::tone::{self, Tone};
 use crate::render::view::View;
 
-/// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would double the
-/// cost at low frame rates, where every picture needs new ones.
+/// Drift between two computed instants, pixels. An image shows the clouds of the nearest instant: blending two would double the
+/// cost at low frame rates, where every image needs new ones.
 const DRIFT_PER_INSTANT_PX: f64 = 1.0;
 /// Samples per pixel of the ground, across and down. Grazing views change faster downwards.
 const GROUND_SAMPLES: (usize, usize) = (2, 4);
@@ -35,7 +35,7 @@ pub(crate) struct Surroundings {
     pub(crate) tone: Tone,
 }
 
-/// The cached picture of everything but the aircraft.
+/// The cached image of everything but the aircraft.
 pub(crate) struct Backdrop {
     width: usize,
     /// Number of top rows that contain only sky; a multiple of the cell size.
@@ -44,16 +44,16 @@ pub(crate) struct Backdrop {
     clear: ClearSky,
     /// The clouds in front of it, nearest first.
     layers: Vec<DriftingLayer>,
-    /// The whole picture at time 0, as bytes.
+    /// The whole image at time 0, as bytes.
     still: Vec<u8>,
     /// Exposed light of the rows below the sky.
     ground: Vec<Vec3>,
     /// The sky at time 0.
     still_sky: Arc<SkyGrid>,
-    /// Seconds between computed instants; `None` if nothing moves.
+    /// Seconds between computed instants; `None` if the backdrop is static.
     instant_s: Option<f64>,
     instants: Kept<SkyGrid>,
-    /// Time of the last picture, seconds.
+    /// Time of the last image, seconds.
     last_time_s: Mutex<f64>,
 }
 
@@ -77,7 +77,7 @@ struct ClearSky {
 pub(crate) struct SkyGrid {
     columns: usize,
     values: Vec<Vec3>,
-    /// The rows that [`Self::paint`] interpolates, if several pictures need them.
+    /// The rows that [`Self::paint`] interpolates, if several images need them.
     rows: OnceLock<Vec<u8>>,
 }
 
@@ -145,7 +145,7 @@ impl Backdrop {
             });
     }
 
-    /// Copies the backdrop at a time into a picture and returns its sky, which [`Self::light`] needs.
+    /// Copies the backdrop at a time into an image and returns its sky, which [`Self::light`] needs.
     pub(crate) fn paint(&self, world: &Surroundings, time_s: f64, rgb: &mut [u8]) -> Arc<SkyGrid> {
         let Some(instant_s) = self.instant_s else {
             rgb.copy_from_slice(&self.still);
@@ -168,7 +168,7 @@ impl Backdrop {
         sky
     }
 
-    /// Whether pictures follow each other so closely that most instants are shown by at least two.
+    /// True if images follow each other so closely that most instants are shown by at least two.
     fn shows_an_instant_twice(&self, time_s: f64, instant_s: f64) -> bool {
         let mut last_s = self
             .last_time_s

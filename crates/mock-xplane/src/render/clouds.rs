@@ -30,7 +30,7 @@ const RAGGED: f32 = 0.35;
 /// Wind grows with height by this power law.
 const WIND_EXPONENT: f64 = 0.14;
 
-/// What a ray meets on its way.
+/// Clouds along a ray.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CloudLight {
     /// Light that the clouds send to the camera through the haze, cd/m2, already weighted with their opacity.
@@ -51,14 +51,14 @@ impl CloudLight {
     }
 }
 
-/// What a ray meets of one layer.
+/// One layer along a ray.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Seen {
     /// Light that the layer sends to the camera through the haze, cd/m2, already weighted with its opacity.
     pub(crate) luminance: Vec3,
     /// Share of the light from behind that is blocked, 0 to 1.
     pub(crate) opacity: f32,
-    /// Mean of 1 / distance over the visible part, 1/m; if nothing is visible, of the start of the layer.
+    /// Mean of 1 / distance over the visible part, 1/m; if no part is visible, of the start of the layer.
     pub(crate) nearness_per_m: f32,
 }
 
@@ -155,7 +155,7 @@ impl Clouds {
         found
     }
 
-    /// What a ray from the camera up to `range_m` meets of one layer.
+    /// One layer along a ray from the camera up to `range_m`.
     pub(crate) fn seen(
         &self,
         layer: &Layer,
@@ -251,7 +251,7 @@ impl Layer {
         }
     }
 
-    /// Distance to the layer along a ray, metres, if the ray meets it; a camera inside it sees nothing nearer than a step.
+    /// Distance to the layer along a ray, metres, if the ray meets it; from a camera inside it, at least a step.
     pub(crate) fn begins_m(&self, view: &View, ray: DVec3) -> Option<f64> {
         let (from_m, _) = self.span(view, ray)?;
         Some(from_m.max(STEP.1))

@@ -1,8 +1,8 @@
 //! A cloud layer on the grid of the sky, tracked while it drifts.
 //!
 //! Marching through a layer is the most expensive part of a picture. So it is done only at key instants, between which it drifts by
-//! a few pixels, and at any other instant the nearest key is looked up at the cloud's position at that time: every node knows the
-//! distance of its cloud, so near clouds move faster than far ones. The sky at an instant does not depend on what was drawn before.
+//! a few pixels, and at any other instant the nearest key is looked up at the cloud's position at that time: every node has the distance of
+//! its cloud, so near clouds move faster than far ones. The sky at an instant does not depend on what was drawn before.
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ pub(crate) struct DriftingLayer {
     keys: Kept<Key>,
 }
 
-/// What the nodes show of a layer at a key instant.
+/// A layer at the nodes at a key instant.
 struct Key {
     /// Luminance, cd/m2, and opacity.
     light: Vec<Vec4>,

@@ -122,7 +122,7 @@ impl Ground {
     }
 
     fn sea(&self, point: DVec3, ray: DVec3, distance_m: f64) -> Vec3 {
-        // Waves tilt the mirror: the sea shows the sky some ten to twenty degrees up, and some of its own colour.
+        // Waves tilt the mirror: the sea shows the sky some ten to twenty degrees up, and some colour of the water.
         let mirrored = DVec3::new(ray.x, ray.y, 0.25).normalize();
         let water = Vec3::new(0.010, 0.028, 0.032) * self.ground_lux / std::f32::consts::PI;
         let swell = self.tile.at(point.x / 1_300.0, point.y / 1_300.0) - 0.5;

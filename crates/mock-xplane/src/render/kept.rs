@@ -18,7 +18,7 @@ impl<T> Default for Kept<T> {
 impl<T> Kept<T> {
     /// The result for an instant, computed if it is not cached.
     pub(crate) fn get(&self, instant: i64, compute: impl FnOnce() -> T) -> Arc<T> {
-        // The lock is not held while computing: a rayon worker that waits inside could pick up a job that needs the lock, too.
+        // The lock is not held while computing: a rayon worker that waits inside could pick up a job that needs the lock as well.
         if let Some(found) = self.lock().get(&instant) {
             return Arc::clone(found);
         }

@@ -18,7 +18,7 @@ const FARTHEST_PX: f64 = 40.0;
 /// A lamp as it falls on the picture.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spot {
-    /// Where, pixels.
+    /// Position, pixels.
     pub(crate) pixel: DVec2,
     /// Exposed light, integrated over pixels.
     pub(crate) energy: Vec3,

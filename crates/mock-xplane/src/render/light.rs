@@ -87,7 +87,7 @@ impl Light {
     }
 }
 
-/// How much of the sun the layers block (0 none to 1 all), and the share of the incoming light that leaves them below.
+/// Share of the sun that the layers block (0 none to 1 all), and share of the incoming light that leaves them below.
 fn overcast(weather: &Weather) -> (f32, f32) {
     let mut open = 1.0;
     let mut transmission = 1.0_f64;

@@ -4,7 +4,7 @@ use crate::render::noise::{hash, unit_hash};
 
 /// Streaks in a picture of one million pixels in the heaviest rain.
 const STREAKS_PER_MEGAPIXEL: f64 = 260.0;
-/// How far a streak pulls a pixel towards the grey of the rain.
+/// Strength with which a streak pulls a pixel towards the grey of the rain.
 const STRENGTH: f32 = 0.10;
 
 /// Draws the streaks of an instant. `grey` is the display value of lit drops; `seed` distinguishes cameras.

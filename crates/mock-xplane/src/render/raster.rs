@@ -12,7 +12,7 @@ pub(crate) struct ScreenTriangle {
     pub(crate) pixels: [DVec2; 3],
     /// Nearness of the corners: any quantity that grows towards the camera and is linear in the picture, such as 1/depth.
     pub(crate) nearness: [f64; 3],
-    /// What every sample of the triangle contributes.
+    /// Contribution of every sample of the triangle.
     pub(crate) light: Vec4,
 }
 
@@ -90,7 +90,7 @@ struct Samples<'a> {
     width: usize,
     height: usize,
     nearness: &'a mut [f32],
-    /// 0 nothing, else the triangle's index + 1.
+    /// 0 for none, else the triangle's index + 1.
     triangle: &'a mut [u32],
 }
 

@@ -1,12 +1,12 @@
 //! Seeing: turbulent air moves the image of a distant aircraft and blurs it.
 //!
-//! In a field of several degrees the light of the aircraft and that of the ground next to it pass through different air, so the
-//! aircraft moves separately; the backdrop, whose motion differs from place to place, is blurred by the same amount instead. Motion
-//! along an axis is a Gaussian process with the correlation `exp(-|t| / tau)` (first-order Gauss-Markov), as a sum of waves with
-//! frequencies from its spectrum (Shinozuka and Deodatis, "Simulation of Stochastic Processes by Spectral Representation", Applied
-//! Mechanics Reviews 44, 1991): any instant can be computed independently. Variance of the angle of arrival grows with the path
-//! length, blur by Fried's parameter with its power 3/5 (D. L. Fried, "Optical Resolution Through a Randomly Inhomogeneous Medium",
-//! JOSA 56, 1966), for uniform air along the path.
+//! In a field of several degrees the light of the aircraft passes through different air than the light of the ground next to it, so the
+//! aircraft moves separately; the backdrop, whose motion differs from place to place, is blurred by the same amount instead. Motion along
+//! an axis is a Gaussian process with the correlation `exp(-|t| / tau)` (first-order Gauss-Markov), as a sum of waves with frequencies from
+//! its spectrum (Shinozuka and Deodatis, "Simulation of Stochastic Processes by Spectral Representation", Applied Mechanics Reviews 44,
+//! 1991): any instant can be computed independently. Variance of the angle of arrival grows with the path length, blur by Fried's parameter
+//! with its power 3/5 (D. L. Fried, "Optical Resolution Through a Randomly Inhomogeneous Medium", JOSA 56, 1966), for uniform air along the
+//! path.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

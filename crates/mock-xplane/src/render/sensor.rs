@@ -1,9 +1,9 @@
 //! Sensor noise, added to a finished picture.
 //!
 //! A pixel of display value 255 has a full well of electrons, others in proportion to their linear light. Variance is the number of
-//! electrons (Poisson's, as a Gaussian) plus that of the read noise: `sqrt(electrons + read^2)` (the mean-variance model of EMVA
-//! 1288). Each colour of each pixel has independent noise, from a hash of seed, instant and position, so the number of threads has
-//! no effect.
+//! electrons (Poisson's, as a Gaussian) plus the variance of the read noise: `sqrt(electrons + read^2)` (the mean-variance model of EMVA
+//! 1288). Each colour of each pixel has independent noise, from a hash of seed, instant and position, so the number of threads has no
+//! effect.
 
 use std::sync::LazyLock;
 

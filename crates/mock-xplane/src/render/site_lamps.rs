@@ -17,7 +17,7 @@ const CITY_LAMPS: u32 = 160;
 const WARM: Vec3 = Vec3::new(1.25, 0.95, 0.55);
 const RED: Vec3 = Vec3::new(1.0, 0.06, 0.03);
 
-/// All lamps of the site inside the picture.
+/// All lamps of the site inside the image.
 pub(crate) fn spots(view: &View, air: &Air, tone: &Tone, ground: &Ground) -> Vec<Spot> {
     let mut lamps: Vec<(DVec3, Vec3)> = Vec::new();
     let on_field = |past_threshold_m: f64, right_m: f64| {
@@ -77,7 +77,7 @@ fn city_lamp(view: &View, ground: &Ground, i: u32) -> Option<(DVec3, Vec3)> {
     visible.then(|| (place, WARM * (100.0 + 900.0 * unit_hash(i, 3, 9).powi(3))))
 }
 
-/// How a lamp of some candela appears.
+/// Image of a lamp of some candela.
 pub(crate) fn spot(
     view: &View,
     air: &Air,

@@ -218,7 +218,7 @@ fn wing_tips_fin_and_belly_are_drawn_where_the_camera_model_projects_them() {
 
 #[test]
 fn the_nose_is_drawn_where_the_camera_model_projects_it_from_either_side() {
-    // The tail is unsuitable: seen from the side it ends in the edge of the tailplane, too thin to change a byte.
+    // The tail is unsuitable: seen from the side it ends in the edge of the tailplane, which is so thin that no byte changes.
     for distance_nm in [1.0, 3.0, 6.0, 9.0] {
         let to_the_left = mean_offsets(distance_nm, 90.0)[0];
         let to_the_right = mean_offsets(distance_nm, -90.0)[2];

@@ -11,7 +11,7 @@ use glam::Vec3;
 const DAYLIGHT_CD_M2: f32 = 6_000.0;
 /// Exposed value of the reference luminance by day.
 const DAY_KEY: f32 = 0.62;
-/// How far exposure follows the light: 0 fully (night looks like day), 1 not at all.
+/// Degree to which exposure follows the light: 0 fully (night looks like day), 1 not at all.
 const DARKENING: f32 = 0.18;
 
 /// Exposure of a scene.
@@ -55,7 +55,7 @@ pub(crate) fn encode(exposed: Vec3) -> Vec3 {
     })
 }
 
-/// What [`encode`] looks up.
+/// Function that [`encode`] tabulates.
 fn display(exposed: f32) -> f32 {
     255.0 * srgb_from_linear(1.0 - (-exposed).exp())
 }

@@ -20,7 +20,7 @@ pub(crate) struct View {
     pub(crate) camera: Camera,
     /// The camera for true positions.
     true_camera: Camera,
-    /// Coefficient of refraction: curvature of light over that of the earth.
+    /// Coefficient of refraction: ratio of the curvature of light to the curvature of the earth.
     refraction: f64,
     /// Position of the camera: east, north, up of the touchdown target, metres.
     pub(crate) position_m: DVec3,
@@ -67,7 +67,7 @@ impl View {
         (self.site_from_camera * self.camera.image_of(pixel).extend(1.0)).normalize()
     }
 
-    /// Where a point of the world (ECEF) appears, in camera axes, metres.
+    /// Apparent position of a point of the world (ECEF) in camera axes, metres.
     pub(crate) fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
         self.true_camera.to_camera(ecef_m)
     }
@@ -85,7 +85,7 @@ impl View {
             - self.lift_m(flat)
     }
 
-    /// How much higher objects appear there than they are, metres.
+    /// Apparent lift of objects there, metres.
     fn lift_m(&self, horizontal_m: DVec2) -> f64 {
         let distance_m = horizontal_m.distance(self.position_m.truncate());
         lift_m(self.refraction, distance_m)
@@ -220,7 +220,7 @@ mod tests {
                 }) = middle;
             }
             let height_m = view.height_msl_m(view.position_m);
-            // Against the camera's own horizontal, which is not that of the touchdown target.
+            // Relative to the camera's own horizontal, which differs from the touchdown target's.
             let tilt =
                 view.position_m.dot(DVec3::new(-0.4, -0.9, 0.0).normalize()) / EARTH_RADIUS_M;
             let expected = -(2.0 * height_m * (1.0 - coefficient) / EARTH_RADIUS_M).sqrt() - tilt;

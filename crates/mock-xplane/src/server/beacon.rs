@@ -12,7 +12,7 @@ use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
 use super::MockError;
 use super::faults::outages::Outages;
 
-/// X-Plane's value here. Nobody listens there; but one client takes its first byte, `r`, for the end of the name.
+/// X-Plane's value here. No server listens there; but one client takes its first byte, `r`, for the end of the name.
 pub(super) const RAKNET_PORT: u16 = 49_010;
 
 /// Sends the beacon forever.

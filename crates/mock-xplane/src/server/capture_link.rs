@@ -42,14 +42,14 @@ const ANSWERS_AHEAD: usize = 4;
 /// The error for a client without the token.
 pub(super) const WANTS_TOKEN: &str =
     "this capture link requires a token: set DTD_LINK_TOKEN to the same value on both sides";
-/// Why a stand-in without a window shows nothing.
+/// Reason why a stand-in without a window cannot show anything.
 const NO_WINDOW: &str = "the stand-in has no window: start it with --window";
 
 /// A frame to be drawn.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
     number: u64,
-    /// Whether X-Plane's error about a deprecated dataref lies over it.
+    /// True if X-Plane's error about a deprecated dataref lies over it.
     alert: bool,
 }
 
@@ -75,7 +75,7 @@ pub(super) async fn run(
         seat: Seat::default(),
         profile: Mutex::default(),
     });
-    // Like the server's own tasks, those of clients end with it.
+    // Like the server's own tasks, the tasks of clients end with it.
     let mut clients = JoinSet::new();
     let doorway = Doorway::new("the capture link", MOST_CONNECTIONS);
     loop {
@@ -126,7 +126,7 @@ struct CaptureService {
 
 /// A client's connection.
 struct Client {
-    /// Where it is.
+    /// Its address.
     address: SocketAddr,
     /// The memory that it shares, if it does.
     memory: Option<DrawingSlots>,
@@ -191,7 +191,7 @@ impl CaptureService {
         ended
     }
 
-    /// Exchanges greetings and reads the hello; `None` if the client is rejected, which it is told.
+    /// Exchanges greetings and reads the hello; `None` if the client is rejected, after an answer with the reason.
     async fn admit(&self, stream: &mut TcpStream) -> Result<Option<Request>, LinkError> {
         exchange_greetings(stream).await?;
         let text = match read_request(stream).await {
@@ -342,7 +342,7 @@ impl CaptureService {
                 *self.lock_profile() = Some(profile);
                 ready(Answer::ProfileKept)
             }
-            // Nobody takes its camera, and it draws at a request only.
+            // Its camera is never taken away, and it draws only on request.
             Request::StillShown => ready(Answer::Shown { still: true }),
             Request::Complaints => {
                 refusal("the stand-in has no plugin, and complains about none".into())
@@ -580,7 +580,7 @@ fn refusal(text: String) -> Pending {
     ready(Answer::refusal(text))
 }
 
-/// A panic while flying or drawing is a bug in this crate; the client is told and the server lives on.
+/// A panic while flying or drawing is a bug in this crate; the client gets an error and the server lives on.
 fn failed(error: JoinError) -> Reply {
     let text = format!("the stand-in failed: {error}");
     (Answer::refusal(text), Vec::new())

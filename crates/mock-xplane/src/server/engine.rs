@@ -1,5 +1,5 @@
-//! What the server needs from a simulator: flying an approach and drawing pictures. The built-in engine is this crate's own; tests
-//! use a cheaper one.
+//! The server's interface to a simulator: flying an approach and drawing images. The built-in engine is this crate's own; tests use a
+//! cheaper one.
 
 use dataset::conditions::{Clock, Weather};
 use dataset::geometry::camera::Camera;
@@ -11,7 +11,7 @@ use xplane_bridge::fly::FlyRequest;
 
 use crate::render::{Instants, Scene};
 
-/// Why an engine does not fly an approach.
+/// Reason why an engine does not fly an approach.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotFlown {
     /// The aircraft was still in the air at the end.
@@ -27,7 +27,7 @@ pub trait Engine: Send + Sync + 'static {
     /// Flies an approach in this weather; the states at the model's own rate.
     fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown>;
 
-    /// Prepares the pictures of one camera in one weather at one time, degraded or not.
+    /// Prepares the images of one camera in one weather at one time, degraded or not.
     fn picture(
         &self,
         camera: &Camera,
@@ -38,7 +38,7 @@ pub trait Engine: Send + Sync + 'static {
     ) -> Box<dyn SceneRenderer>;
 }
 
-/// Pictures of one camera in one weather at one time, with the aircraft anywhere.
+/// Images of one camera in one weather at one time, with the aircraft anywhere.
 pub trait SceneRenderer: Send + Sync {
     /// Draws a frame into `rgb`, which has exactly its size and is overwritten completely.
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]);

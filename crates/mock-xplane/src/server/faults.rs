@@ -28,14 +28,14 @@ pub struct Faults {
     pub reordering: f64,
     /// Seed of the three above.
     pub seed: u64,
-    /// When the simulator itself fails. Each outage happens once; any number of them may follow each other.
+    /// Failures of the simulator itself. Each outage happens once; any number of them may follow each other.
     pub outages: Vec<Outage>,
 }
 
 /// One period without answers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
-    /// When it begins.
+    /// Time of its beginning.
     pub begins: Moment,
     /// Its effect on clients.
     pub kind: OutageKind,
@@ -46,7 +46,7 @@ pub struct Outage {
 /// The effect of an outage on clients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutageKind {
-    /// Sockets live, nothing is answered, simulated time stands still; then everything continues, with what was queued.
+    /// Sockets stay open, requests remain unanswered, simulated time stands still; then everything continues, with what was queued.
     Freeze,
     /// Connections close, datagrams are lost; then a new simulator runs on the same ports: datarefs, weather and frame numbers are
     /// at their initial values, subscriptions forgotten.
@@ -70,15 +70,15 @@ pub enum FaultsError {
     /// A key that does not exist.
     #[error("unknown fault {found:?}; expected {EXPECTED}")]
     UnknownKey {
-        /// What stood there.
+        /// The text found.
         found: String,
     },
     /// A key without a valid value.
     #[error("fault {key} is {found:?}; expected {expected}")]
     BadValue {
-        /// Which.
+        /// Name of the fault.
         key: String,
-        /// What stood there.
+        /// The text found.
         found: String,
         /// The allowed values.
         expected: &'static str,
@@ -86,7 +86,7 @@ pub enum FaultsError {
 }
 
 impl Faults {
-    /// Whether there are no faults.
+    /// True if there are no faults.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }

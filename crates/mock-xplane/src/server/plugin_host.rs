@@ -47,7 +47,7 @@ for name in ('xp_rules', 'fake_xp', 'held_lock', 'host'):
     exec(compile(settings[name], name + '.py', 'exec'), module.__dict__)
 sys.modules['host'].run(settings)";
 
-/// Which plugin to run, and the faults of the simulator around it.
+/// The plugin to run, and the faults of the simulator around it.
 #[derive(Debug, Clone)]
 pub struct PluginOptions {
     /// Folder of `PI_dtd_bridge.py`.
@@ -58,9 +58,9 @@ pub struct PluginOptions {
     pub window_px: (u32, u32),
     /// Simulated time between two frames, seconds.
     pub frame_period_s: f64,
-    /// How many frames a second are drawn at most, in real time.
+    /// Maximum number of frames drawn per second, in real time.
     pub most_frames_per_s: Option<f64>,
-    /// How many frames the scene is behind; `None`: none, or as [`Quirk::StaleFrames`] says.
+    /// Lag of the scene in frames; `None` for no lag, or the lag of [`Quirk::StaleFrames`].
     pub scene_behind: Option<SceneBehind>,
     /// Counts the frames.
     pub frames_drawn: FramesDrawn,
@@ -73,7 +73,7 @@ pub struct PluginOptions {
 }
 
 impl PluginOptions {
-    /// Simulated time between two frames of a simulator that draws 60 a second.
+    /// Simulated time between two frames of a simulator that draws 60 per second.
     pub const FRAME_PERIOD_S: f64 = 1.0 / 60.0;
 
     /// Runs the plugin of a folder undisturbed.

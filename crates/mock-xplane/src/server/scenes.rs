@@ -1,4 +1,4 @@
-//! A cache of prepared pictures per camera, weather and clock: preparing one costs as much as many frames.
+//! A cache of prepared images per camera, weather and clock: preparing one costs as much as many frames.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -10,10 +10,10 @@ use dataset::geometry::runway::Runway;
 
 use super::engine::{Engine, SceneRenderer};
 
-/// Maximum number of prepared pictures: two rigs of a few cameras.
+/// Maximum number of prepared images: two rigs of a few cameras.
 const KEPT: usize = 8;
 
-/// What a prepared picture depends on.
+/// The inputs of a prepared image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SceneKey {
     pub(super) camera: CameraPose,
@@ -27,14 +27,14 @@ pub(super) struct SceneKey {
 
 type Slot = Arc<OnceLock<Box<dyn SceneRenderer>>>;
 
-/// The prepared pictures, the latest used first.
+/// The prepared images, the latest used first.
 #[derive(Default)]
 pub(super) struct Scenes {
     slots: Mutex<VecDeque<(SceneKey, Slot)>>,
 }
 
 impl Scenes {
-    /// Calls `draw` with the picture of `key`, preparing it first if necessary. Different ones are prepared in parallel.
+    /// Calls `draw` with the image of `key`, preparing it first if necessary. Different ones are prepared in parallel.
     pub(super) fn with<T>(
         &self,
         engine: &dyn Engine,

@@ -1,7 +1,7 @@
-//! The single place at the aircraft. A client keeps it as long as it uses it; a silent client keeps it until another one wants it.
+//! The single place at the aircraft. A client keeps it as long as it uses it; a silent client keeps it until another one requests it.
 //!
-//! So a client may take all the time it needs between two requests (a commit to a slow store, a debugger), and one that hangs, or
-//! was never more than an open connection, blocks nobody.
+//! So a client may take all the time it needs between two requests (a commit to a slow store, a debugger), and one that hangs, or was never
+//! more than an open connection, blocks no other.
 
 use std::sync::{Arc, Mutex as StdMutex, PoisonError};
 use std::time::Duration;
@@ -14,7 +14,7 @@ use tokio::time::{Instant, timeout};
 pub struct LinkPatience {
     /// From the connection to its greeting and its complete hello.
     pub hello: Duration,
-    /// How long a client waits for another one's seat.
+    /// Time that a client waits for another one's seat.
     pub seat: Duration,
     /// A client that neither sends requests nor reads answers for this long loses its seat to the next one.
     pub silence: Duration,
@@ -44,7 +44,7 @@ pub(super) struct Seated {
     _place: OwnedMutexGuard<()>,
 }
 
-/// When a client was last heard of.
+/// Time of a client's last sign of life.
 #[derive(Debug)]
 pub(super) struct Activity {
     state: StdMutex<State>,
@@ -151,7 +151,7 @@ mod tests {
                 .await
                 .is_ok()
         };
-        // Nobody wants its seat.
+        // The seat is not in demand.
         advance(10 * patience.silence).await;
         assert!(!leaves(&first).await);
         first.activity.heard();

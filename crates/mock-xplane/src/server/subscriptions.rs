@@ -19,7 +19,7 @@ const SILENCE_S: f64 = 600.0;
 pub(super) struct Subscriptions {
     datarefs: BTreeMap<SocketAddr, BTreeMap<i32, (String, Rhythm)>>,
     positions: BTreeMap<SocketAddr, Rhythm>,
-    /// When each computer that positions are sent to last sent anything.
+    /// Time of the last packet from each computer that receives positions.
     heard_s: BTreeMap<IpAddr, f64>,
     requests: usize,
 }

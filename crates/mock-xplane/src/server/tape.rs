@@ -5,11 +5,10 @@
 //!               \-> conversation (requests of the link, answers) --link-->
 //! ```
 //!
-//! Nothing is invented. A dataref has the recorded values, in their order, and advances past a write or a command when a client
-//! sends the same one ([`history`]); the weather at the aircraft is that of the same writes ([`shown_weather`]). A request of the
-//! capture link is answered if the tape has it, under the same written datarefs; otherwise an `error` says what was requested and
-//! what the tape has ([`conversation`]). A picture that was recorded by its hash is drawn again by the stand-in's renderer and sent
-//! only if it is the same.
+//! No answer is invented. A dataref has the recorded values, in their order, and advances past a write or a command when a client sends the
+//! same one ([`history`]); the weather at the aircraft is looked up by the same writes ([`shown_weather`]). A request of the capture link
+//! is answered if the tape has it, under the same written datarefs; otherwise an `error` reports what was requested and what the tape has
+//! ([`conversation`]). A picture that was recorded by its hash is drawn again by the stand-in's renderer and sent only if it is the same.
 
 mod conversation;
 mod history;
@@ -135,7 +134,7 @@ struct Playback {
     shown_weather: ShownWeather,
     positions: Positions,
     conversation: Conversation,
-    /// What clients have written since the link was opened.
+    /// Writes of clients since the link was opened.
     context: Context,
     /// The stand-in's current state, for pictures that are drawn again.
     world: World,

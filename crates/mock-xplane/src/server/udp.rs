@@ -12,12 +12,12 @@ use super::faults::outages::Outages;
 use super::subscriptions::Subscriptions;
 use super::{MockError, ServerOptions, Shared, UdpSockets};
 
-/// Length of a frame of the stand-in: 60 a second.
+/// Length of a frame of the stand-in: 60 per second.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 /// Maximum simulated time from one frame to the next, seconds: X-Plane slows down rather than jump.
 const MAX_FRAME_S: f64 = 0.25;
 
-/// The data output comes ten times a second, seconds.
+/// Interval of the data output (ten times per second), seconds.
 const DATA_PERIOD_S: f64 = 0.1;
 
 /// A datagram, with its source or destination.

@@ -45,7 +45,7 @@ const MOST_SOCKETS: usize = 32;
 /// Time limits for the head of a request, from the end of the previous one, and for the rest of it with its answer.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
-/// How long a client may leave data unread.
+/// Time for which a client may leave data unread.
 const READ_WITHIN: Duration = Duration::from_secs(10);
 
 /// Shared by all requests.

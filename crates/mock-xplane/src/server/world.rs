@@ -58,17 +58,17 @@ pub(super) struct World {
     quirks: Quirks,
     /// A plugin's host flies the aircraft and reports its position.
     hosted: bool,
-    /// How often somebody else placed it.
+    /// Number of times it was placed by someone other than the host.
     placements: u64,
-    /// Whether other aircraft fly next to the user's.
+    /// True if other aircraft fly next to the user's.
     others_fly: bool,
     /// Names that clients looked up and that are not of this version.
     foreign_names: BTreeSet<String>,
-    /// Whether X-Plane's error about one of them lies over the scene.
+    /// True if X-Plane's error about one of them lies over the scene.
     shows_alert: bool,
 }
 
-/// What a flight consists of.
+/// State of a flight.
 #[derive(Debug, Clone)]
 struct State {
     datarefs: Datarefs,
@@ -121,8 +121,8 @@ impl World {
         }
     }
 
-    /// Somebody looks up a dataref by its name, `name[3]` for an element. Returns X-Plane's complaint, if there is one, the first
-    /// time.
+    /// Notes that a client looks up a dataref by its name, `name[3]` for an element. Returns X-Plane's complaint, if there is one, the
+    /// first time.
     pub(super) fn looked_up(&mut self, path: &str) -> Option<String> {
         let name = path.split('[').next().unwrap_or(path);
         let found = self.state.datarefs.find(name);
@@ -143,12 +143,12 @@ impl World {
         Some(text)
     }
 
-    /// Whether X-Plane's error about a deprecated dataref lies over the scene.
+    /// True if X-Plane's error about a deprecated dataref lies over the scene.
     pub(super) fn shows_alert(&self) -> bool {
         self.shows_alert
     }
 
-    /// Which quirks this simulator has.
+    /// The quirks of this simulator.
     pub(super) fn quirks(&self) -> Quirks {
         self.quirks
     }
@@ -179,7 +179,7 @@ impl World {
         self.others_fly = self.quirks.has(Quirk::AiAircraft);
     }
 
-    /// How often somebody other than the host placed the aircraft.
+    /// Number of times the aircraft was placed by someone other than the host.
     pub(super) fn placements(&self) -> u64 {
         self.placements
     }
@@ -190,7 +190,7 @@ impl World {
         (*aircraft.state(), aircraft.speed_to_come_mps())
     }
 
-    /// Whether other aircraft fly next to the user's; `false` removes them.
+    /// True if other aircraft fly next to the user's; `false` removes them.
     pub(super) fn others_fly(&self) -> bool {
         self.others_fly
     }
@@ -205,22 +205,22 @@ impl World {
         view::lose_camera(self.quirks, &mut self.state.datarefs);
     }
 
-    /// Whether the view shows the cockpit's panel.
+    /// True if the view shows the cockpit's panel.
     pub(super) fn shows_panel(&self) -> bool {
         view::shows_panel(&self.state.datarefs)
     }
 
-    /// Whether a pop-up covers the picture.
+    /// True if a pop-up covers the image.
     pub(super) fn shows_pop_up(&self) -> bool {
         view::shows_pop_up(&self.state.datarefs)
     }
 
-    /// How much larger the aircraft is drawn than the airliner: a Cessna is smaller.
+    /// Size of the drawn aircraft relative to the airliner: a Cessna is smaller.
     pub(super) fn aircraft_scale(&self) -> f64 {
         aircraft::scale(&self.state.datarefs)
     }
 
-    /// How long the simulator freezes now because of a request, seconds; can be queried once.
+    /// Duration for which the simulator freezes now because of a request, seconds; can be queried once.
     pub(super) fn take_freeze_s(&mut self) -> Option<f64> {
         self.state.sky.take_freeze_s()
     }
@@ -252,7 +252,7 @@ impl World {
         &self.state.datarefs
     }
 
-    /// Whether a flight is loaded.
+    /// True if a flight is loaded.
     pub(super) fn flight_loaded(&self) -> bool {
         self.flight_loaded
     }
@@ -308,7 +308,7 @@ impl World {
         true
     }
 
-    /// All commands that [`World::command`] knows.
+    /// All commands that [`World::command`] supports.
     pub(super) fn commands() -> impl Iterator<Item = &'static str> {
         let own = [
             names::COMMAND_PAUSE_ON,
@@ -407,7 +407,7 @@ impl World {
         self.placements += 1;
     }
 
-    /// What `RPOS` says.
+    /// The position in `RPOS`.
     pub(super) fn position(&self) -> Position {
         self.state.aircraft.position()
     }
@@ -454,18 +454,18 @@ impl World {
         self.drawn_frames
     }
 
-    /// Whether the check pattern is shown.
+    /// Code of the check pattern, while it is shown.
     pub(super) fn check_pattern(&self) -> Option<u32> {
         self.check_pattern
     }
 
-    /// Height of the ground above mean sea level, metres: that of the runway everywhere.
+    /// Height of the ground above mean sea level, metres: the runway's elevation everywhere.
     pub(super) fn terrain_msl_m(&self) -> f64 {
         let runway = self.frozen.as_ref();
         runway.map_or(GROUND_MSL_M, |runway| runway.threshold.altitude_msl_m)
     }
 
-    /// How much higher the ground of a place is than its final height, metres; `None` where no scenery is loaded.
+    /// Height of the ground at a place above its final height, metres; `None` where no scenery is loaded.
     pub(super) fn ground_off_m(&self, at: LatLon) -> Option<f64> {
         self.state.scenery.ground_off_m(at)
     }
@@ -481,7 +481,7 @@ impl World {
         self.state.aircraft.publish(&mut self.state.datarefs);
     }
 
-    /// Poses the aircraft for a picture and returns the number of the frame that shows it.
+    /// Poses the aircraft for an image and returns the number of the frame that shows it.
     pub(super) fn pose_for_frame(&mut self, pose: Pose, controls: Controls) -> u64 {
         self.show(FlightState {
             controls,

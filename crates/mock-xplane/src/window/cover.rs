@@ -1,6 +1,6 @@
-//! What other programs put over the simulator's window: a notification of the desktop, a pointer with its hint.
+//! Windows of other programs over the simulator's window: a notification of the desktop, a pointer with its hint.
 //!
-//! Windows without a window manager's say (override-redirect), as desktops draw them.
+//! They bypass the window manager (override-redirect), as desktops draw them.
 
 use std::fmt;
 
@@ -41,14 +41,14 @@ impl CoverWindow {
         let [left, top, width, height] = area_px;
         let cut = 3.min(height / 4);
         let middle = [left, top + cut, width, height - 2 * cut];
-        // Its upper and lower end are windows of their own, so that the scene shows at the corners.
+        // Its upper and lower end are separate windows, so that the scene shows at the corners.
         let upper = [left + cut, top, width - 2 * cut, cut];
         let lower = [left + cut, top + height - cut, width - 2 * cut, cut];
         let parts = [(upper, vec![]), (middle, text(middle)), (lower, vec![])];
         Self::open(display, parts.map(|(area, ink)| (area, PAPER, ink)))
     }
 
-    /// A pointer and the hint beside it; `area_px` is that of both together.
+    /// A pointer and the hint beside it; `area_px` encloses both.
     ///
     /// # Errors
     /// There is no such display.

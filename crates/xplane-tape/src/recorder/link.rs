@@ -85,7 +85,7 @@ impl Connection {
             simulator: (simulator_reads, mut simulator_writes),
         } = admitted;
         if hello.opens_the_screen() {
-            // The content of that desktop is nobody's business but the client's: tapes are passed on.
+            // The desktop's content is private to the client, but tapes are passed on.
             tracing::info!(%from, "pictures of the screen pass, and are not recorded");
             simulator_writes.write_all(hello.bytes()).await?;
             let (mut asks, mut answers) = (client_reads, simulator_reads);
@@ -141,8 +141,8 @@ impl Connection {
         address: SocketAddr,
     ) -> Result<Option<Admitted>, LinkError> {
         let (mut client_reads, mut client_writes) = client.into_split();
-        // Neither side waits for the other's greeting, so the client's comes by itself, and a client that sends none costs the
-        // simulator nothing.
+        // Neither side waits for the other's greeting, so the client's arrives unrequested, and a client that sends none costs the
+        // simulator no connection.
         let greeting = read_greeting(&mut client_reads).await?;
         let simulator = TcpStream::connect(address).await?;
         simulator.set_nodelay(true)?;

@@ -12,7 +12,7 @@ use crate::format::{Channel, Direction, FramesKept};
 use crate::link_message::LinkMessage;
 use crate::writer::{TapeSummary, TapeWriter};
 
-/// Maximum queued messages. When the queue is full, clients and simulator wait, too.
+/// Maximum queued messages. When the queue is full, clients and simulator wait.
 const QUEUE: usize = 32;
 /// Interval for checking an idle tape.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -32,7 +32,7 @@ pub(super) struct TapeThread {
 }
 
 impl TapeThread {
-    /// Starts the thread. It ends on an error, or when told to.
+    /// Starts the thread. It ends on an error, or on request.
     pub(super) fn start(
         tape: TapeWriter,
         frames: FramesKept,
@@ -88,13 +88,13 @@ impl TapeThread {
         self.hand_over(Job::Stop).await;
     }
 
-    /// If the thread has ended, the recorder is ending, too, and reports why.
+    /// Queues a job. If the thread has ended, the recorder ends as well and reports why.
     async fn hand_over(&self, job: Job) {
         let _ = self.jobs.send(job).await;
     }
 }
 
-/// How the thread ended.
+/// Result of the thread.
 pub(super) fn ended(
     joined: Result<Result<TapeSummary, TapeError>, JoinError>,
 ) -> Result<TapeSummary, TapeError> {

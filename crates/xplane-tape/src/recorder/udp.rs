@@ -22,7 +22,7 @@ use xplane_bridge::simulator_address::{is_answer, local_address};
 
 /// A client without traffic for this long is forgotten. If it comes back, it is a new one.
 const FORGET_AFTER: Duration = Duration::from_secs(600);
-/// Maximum clients, each of which takes a socket: a few programs of one user. Where few descriptors are allowed, at most a quarter of them:
+/// Maximum clients, each of which takes a socket: a few programs of one user. If few descriptors are allowed, at most a quarter of them:
 /// the capture link needs two for each of its clients, and would find none while clients that sent one datagram are remembered.
 const MOST_CLIENTS: usize = 256;
 /// Maximum queued datagrams of a client; more are lost, as is usual with UDP.
@@ -95,7 +95,7 @@ struct Client {
     note: Option<PortNote>,
 }
 
-/// What a client has subscribed to and not ended.
+/// Active subscriptions of a client.
 #[derive(Debug, Default)]
 struct Subscriptions {
     indices: BTreeSet<i32>,
@@ -179,7 +179,7 @@ impl Client {
                 Ok(Some(Err(Ok((length, from))))) if is_answer(self.route.simulator, from) => {
                     self.pass_to_client(&mut buffer[..length]).await;
                 }
-                // From a stranger, or the notice that nobody listens, perhaps not yet.
+                // A stranger's datagram, or a notice that the port is not open, perhaps only not yet.
                 Ok(Some(Err(_))) => {}
                 Ok(None) | Err(_) => return,
             }

@@ -9,7 +9,7 @@ use rustix::fs::{
     MemfdFlags, OFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, ftruncate, memfd_create,
 };
 
-/// Whether there are such files.
+/// True if there are such files.
 pub(super) const POSSIBLE: bool = true;
 
 /// With these a file's size is fixed.

@@ -5,7 +5,7 @@ use std::io;
 
 use super::UnusableMemory;
 
-/// Whether there are files in memory.
+/// True if there are files in memory.
 pub(super) const POSSIBLE: bool = false;
 
 /// There are none.

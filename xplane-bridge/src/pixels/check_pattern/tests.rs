@@ -1,4 +1,4 @@
-//! What is drawn can be read again, at any position and after any degradation; an incomplete pattern is never accepted.
+//! Tests: drawn patterns can be read again, at any position and after any degradation; an incomplete one is never accepted.
 
 use super::*;
 

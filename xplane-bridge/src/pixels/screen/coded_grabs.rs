@@ -1,7 +1,7 @@
 //! A thread that grabs each numbered frame once, while the caller waits for other things.
 //!
-//! It looks at a strip of the code many times a second, which is cheap, and grabs the whole picture when the number has changed. Pictures
-//! that are torn or carry no code are dropped here. Memory is bounded by the number of pictures that exist at a time. Thread and memory
+//! It looks at a strip of the code many times per second, which is cheap, and grabs the whole image when the number has changed. Images
+//! that are torn or carry no code are dropped here. Memory is bounded by the number of images that exist at a time. Thread and memory
 //! stay from block to block, since opening the screen and getting the memory takes as long as several frames.
 
 use std::sync::Arc;
@@ -18,12 +18,12 @@ use super::{Grab, Screen};
 use crate::link::PooledPicture;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
-/// Time between two looks at the strip, which cost two context switches each. A frame lasts 16 ms at 60 frames a second.
+/// Time between two looks at the strip, which cost two context switches each. A frame lasts 16 ms at 60 frames per second.
 const LOOK_EVERY: Duration = Duration::from_micros(1_500);
 /// Rows of the strip that are looked at, in the middle of the code.
 const STRIP_PX: u32 = 2;
 
-/// A picture with its code, without the margins.
+/// An image with its code, without the margins.
 #[derive(Debug)]
 pub(crate) struct CodedPicture {
     pub(crate) code: FrameCode,
@@ -45,7 +45,7 @@ struct GrabThread {
 }
 
 impl CodedGrabs {
-    /// Begins to grab a region of a screen: the picture and [`MARGIN_PX`] around it. At most so many pictures exist at a time. Pictures of
+    /// Begins to grab a region of a screen: the image and [`MARGIN_PX`] around it. At most so many images exist at a time. Images of
     /// an earlier block are forgotten.
     pub(crate) fn begin(
         &mut self,
@@ -63,7 +63,7 @@ impl CodedGrabs {
         self.rest(false);
     }
 
-    /// The next picture. Cancel safe.
+    /// The next image. Cancel safe.
     pub(crate) async fn next(&mut self) -> Result<CodedPicture, PixelError> {
         let ended = || PixelError::Grab {
             what: "the thread that grabs has ended".into(),
@@ -72,12 +72,12 @@ impl CodedGrabs {
         thread.pictures.recv().await.unwrap_or_else(|| Err(ended()))
     }
 
-    /// The next picture, if there is one already.
+    /// The next image, if there is one already.
     pub(crate) fn next_now(&mut self) -> Option<Result<CodedPicture, PixelError>> {
         self.thread.as_mut()?.pictures.try_recv().ok()
     }
 
-    /// Whether no picture is expected: frames are not grabbed then.
+    /// Pauses grabbing if `rests`: no image is expected then.
     pub(crate) fn rest(&self, rests: bool) {
         if let Some(thread) = &self.thread {
             thread.rests.store(rests, Ordering::Relaxed);
@@ -98,7 +98,7 @@ impl GrabThread {
         spawn_blocking(move || {
             let memory = (pool, free);
             if let Err(error) = grab_all(screen.as_ref(), region, &resting, &memory, &tell) {
-                // Nobody listens when the block has ended.
+                // The receiver is gone when the block has ended.
                 let _ = tell.send(Err(error));
             }
         });
@@ -110,7 +110,7 @@ impl GrabThread {
         }
     }
 
-    /// Whether it still grabs.
+    /// Discards the images received so far. Returns true if it still grabs.
     fn forget_pictures(&mut self) -> bool {
         loop {
             match self.pictures.try_recv() {
@@ -152,7 +152,7 @@ fn grab_all(
         else {
             continue;
         };
-        // Ours is a sender as well: it waits for a picture that is dropped.
+        // Ours is a sender as well: it waits for an image that is dropped.
         let Ok(mut rgb) = free.recv() else {
             return Ok(());
         };
@@ -175,7 +175,7 @@ fn grab_whole(
     Ok(read(picture))
 }
 
-/// The picture without [`MARGIN_PX`] around it.
+/// The image without [`MARGIN_PX`] around it.
 fn crop(grab: &RgbPicture, rgb: &mut Vec<u8>) {
     rgb.clear();
     for y in MARGIN_PX..grab.height_px - MARGIN_PX {

@@ -1,4 +1,4 @@
-//! What covers the simulator's window while its check pattern is shown.
+//! Location of a cover over the simulator's window while its check pattern is shown.
 //!
 //! Input: grabs of the window with patterns whose codes are known, drawn under the windows of the simulator's user interface and over
 //! them. Output: the rectangle where they do not look as they were drawn. If that is so only under the windows, one of them is the
@@ -23,7 +23,7 @@ pub(super) struct Hidden {
 }
 
 impl Hidden {
-    /// Nothing of a window.
+    /// A window without any cover.
     pub(super) fn new(window: Rectangle) -> Self {
         let grid = Grid::new(window.width_px, window.height_px);
         Self {

@@ -18,7 +18,7 @@ pub(super) enum Platform {
 pub(super) struct DeviceCall {
     /// Name of the input device.
     pub(super) device: &'static str,
-    /// Which screen.
+    /// Name of the screen.
     pub(super) input: String,
     /// Options of the device.
     pub(super) options: Vec<(&'static str, String)>,
@@ -32,7 +32,7 @@ const UNPACED_HZ: &str = "1000";
 const PUSHED_HZ: &str = "60";
 
 impl Platform {
-    /// That of this machine, if supported.
+    /// The device of this machine, if supported.
     pub(super) fn here() -> Option<Self> {
         if cfg!(windows) {
             Some(Self::Gdi)
@@ -45,7 +45,7 @@ impl Platform {
         }
     }
 
-    /// What to check if the screen cannot be opened.
+    /// Hint for the user if the screen cannot be opened.
     pub(super) fn advice(self) -> &'static str {
         match self {
             Self::X11 => {
@@ -60,7 +60,7 @@ impl Platform {
         }
     }
 
-    /// How to open a region of the screen, or all of it. `display` is X11's; the other systems have only one.
+    /// The call that opens a region of the screen, or all of it. `display` is X11's; the other systems have only one.
     pub(super) fn call(self, display: &str, part: Option<Rectangle>) -> DeviceCall {
         let option = |name, value: &dyn ToString| (name, value.to_string());
         let region = |x: &'static str, y: &'static str| {

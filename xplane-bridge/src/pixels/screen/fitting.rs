@@ -1,4 +1,4 @@
-//! Which picture sizes fit a screen, if those of a sweep do not.
+//! Image sizes that fit a screen, for a sweep whose images do not.
 
 use crate::link::PictureSize;
 

@@ -23,9 +23,9 @@ const UNDECIDED: (u8, u8) = (96, 160);
 pub(crate) struct FrameCode {
     /// The lowest 24 bits of the frame's number.
     number: u32,
-    /// How many frames directly before this one have the numbers before it, up to 7.
+    /// Number of frames directly before this one whose numbers directly precede its own, up to 7.
     pub(crate) steady: u32,
-    /// Whether the aircraft was displaced when the frame was written.
+    /// True if the aircraft was displaced when the frame was written.
     pub(crate) is_probe: bool,
     /// The lowest 4 bits of the view's number.
     pub(crate) view: u32,

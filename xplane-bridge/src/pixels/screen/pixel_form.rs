@@ -1,5 +1,4 @@
-//! Converts the bytes of a screen's pixels to red, green, blue. Only formats with exactly these are supported: nothing is
-//! converted.
+//! Converts the bytes of a screen's pixels to red, green, blue. Only formats with exactly these are supported: values are not converted.
 
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::frame;

@@ -1,7 +1,7 @@
 //! The screen of another computer that X-Plane runs on: grabbed by the plugin, over a separate connection.
 //!
 //! X-Plane's main thread never handles this connection. To the client it is one more screen, with the same proof of its pictures. The
-//! plugin reports whether it is on another computer, because it sees both addresses, even behind a recorder.
+//! plugin reports if it is on another computer, because it sees both addresses, even behind a recorder.
 
 use std::fmt;
 use std::io;
@@ -35,8 +35,8 @@ pub struct RemoteScreen {
 }
 
 impl RemoteScreen {
-    /// That of the plugin whose capture link is there, with the link's token. It is opened and grabbed on threads of a runtime that
-    /// may block (`spawn_blocking`).
+    /// The screen grabbed by the plugin whose capture link is at `link`, with the link's token. It is opened and grabbed on threads of a
+    /// runtime that may block (`spawn_blocking`).
     pub fn new(link: SocketAddr, token: Option<String>) -> Self {
         Self { link, token }
     }

@@ -20,9 +20,9 @@ struct FakeDesktop {
     shown: Vec<Option<u32>>,
     /// Grabs that still show the old content after each change.
     late_grabs: u32,
-    /// How many of them are left.
+    /// Number of them that are left.
     late_left: u32,
-    /// From this change on nothing new appears.
+    /// The change from which on the screen no longer updates.
     dead_from: Option<usize>,
     /// From this change on the window is elsewhere.
     moved_from: Option<usize>,

@@ -1,47 +1,47 @@
 //! Regions that stand still to the last bit while everything around them moves.
 //!
-//! Rain changes a cell in some share of the pictures. The longer it has not changed, the less likely is that by chance: with a share
-//! `r`, `m` pictures have the probability `(1 - r)^m`. A group of cells that stopped at the same picture is a cover if the product over
-//! its cells is so small that no group anywhere in many thousand pictures would reach it. Clouds change a cell more often, but they
+//! Rain changes a cell in some share of the images. The longer it has not changed, the less likely is that by chance: with a share
+//! `r`, `m` images have the probability `(1 - r)^m`. A group of cells that stopped at the same image is a cover if the product over
+//! its cells is so small that no group anywhere in many thousand images would reach it. Clouds change a cell more often, but they
 //! pass: no more is expected of a cell than of the calmer ones, which rain alone changes.
 
 use super::{Cover, CoverKind};
 use crate::pixels::cell_grid::Grid;
 
-/// For how many pictures a cell must stand still.
+/// For how many images a cell must stand still.
 const LEAST_STILL: u32 = 6;
-/// How many pictures before that show how often a cell changes.
+/// Number of earlier images needed to know how often a cell changes.
 const LEAST_SEEN: u32 = 30;
-/// A cover that comes gradually is complete within so many pictures.
+/// A cover that comes gradually is complete within so many images.
 const COMES_WITHIN: u32 = 30;
 /// Minus the logarithm of the probability that is beyond chance, of any group, and more for each of its cells, since there are more
 /// large groups than small ones.
 const BEYOND_CHANCE: (f64, f64) = (40.0, 2.5);
-/// With fewer changes than this share of the usual ones, the world has stopped: such a picture says nothing.
+/// With fewer changes than this share of the usual ones, the world has stopped, and the image is no evidence.
 const STOPPED: f64 = 0.25;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct History {
     seen: u32,
     changed: u32,
-    /// Pictures since the last change.
+    /// Images since the last change.
     still: u32,
 }
 
 impl History {
-    /// The share of pictures that changed it before it stood still.
+    /// The share of images that changed it before it stood still.
     fn share(self) -> f64 {
         let seen = f64::from(self.seen - self.still);
         f64::from(self.changed) / (seen + 2.0)
     }
 
-    /// Whether it is known how often it changes.
+    /// True if it is known how often it changes.
     fn is_known(self) -> bool {
         self.seen - self.still >= LEAST_SEEN
     }
 
     /// Minus the logarithm of the probability that it stood still by chance for so long, if the calmer cells change in a share of the
-    /// pictures; zero if that means nothing yet.
+    /// images; zero while there is too little evidence.
     fn surprise(self, calm_share: f64) -> f64 {
         if self.still < LEAST_STILL || !self.is_known() {
             return 0.0;
@@ -50,7 +50,7 @@ impl History {
     }
 }
 
-/// How often every cell changes, and since when it does not.
+/// History of every cell's changes, and the cells that are part of a cover.
 #[derive(Debug)]
 pub(super) struct StandingStill {
     histories: Vec<History>,
@@ -66,12 +66,12 @@ impl StandingStill {
         }
     }
 
-    /// Whether a cell is part of a cover, or beside one, so that it may be partly covered.
+    /// True if a cell is part of a cover, or beside one, so that it may be partly covered.
     pub(super) fn is_near_cover(&self, grid: &Grid, at: usize) -> bool {
         grid.around(at).any(|beside| self.covered[beside])
     }
 
-    /// Takes note of which cells differ from the picture before, and names a region that is found or still stands.
+    /// Takes note of which cells differ from the image before, and names a region that is found or still stands.
     pub(super) fn look(
         &mut self,
         grid: &Grid,
@@ -119,7 +119,7 @@ impl StandingStill {
         found < STOPPED * usual
     }
 
-    /// Marks the cells of covers; since how many pictures the oldest of the new ones stands.
+    /// Marks the cells of covers; since how many images the oldest of the new ones stands.
     fn find(&mut self, grid: &Grid) -> Option<u32> {
         // Cells of a cover that happened to be still before it came.
         for at in 0..grid.cells() {
@@ -153,7 +153,7 @@ impl StandingStill {
         oldest
     }
 
-    /// How often a cell changes that is calmer than three quarters of all.
+    /// Lower quartile, over the known cells, of the share of images in which a cell changes.
     fn calm_share(&self) -> f64 {
         let known = self.histories.iter().filter(|history| history.is_known());
         let mut shares: Vec<f64> = known.map(|history| history.share()).collect();

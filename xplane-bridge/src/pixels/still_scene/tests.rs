@@ -147,7 +147,7 @@ fn over_moving_water_a_cover_is_found_by_its_brightness() {
     }
 }
 
-/// Whether a square that differs by 40 levels is found wherever it lies.
+/// True if a square that differs by 40 levels is found wherever it lies.
 fn is_found_everywhere(sky: Sky, side_px: u32) -> bool {
     (0..16).all(|offset| {
         let found = looked(3, sky, &|picture, rgb, _| {

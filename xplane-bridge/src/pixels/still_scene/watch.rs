@@ -1,4 +1,4 @@
-//! The decision what to do about a cover: take pictures again, or give up.
+//! The decision what to do about a cover: take images again, or give up.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -6,26 +6,26 @@ use std::time::{Duration, Instant};
 use super::{Cover, StillScene, WorldTime};
 use crate::pixels::{PixelError, Rectangle};
 
-/// How long a cover is waited for.
+/// Time to wait for a cover to go.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Clouds drift noticeably between two pictures that are further apart.
+/// Clouds drift noticeably between two images that are further apart.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
-/// Pictures whose frames are remembered: more than any cover goes back.
+/// Images whose frames are remembered: more than any cover goes back.
 const REMEMBERED: usize = 128;
 
-/// Use of a picture.
+/// Use of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Nothing covers it.
+    /// No cover.
     Clear,
-    /// Something does: whatever was taken from this frame on is to be taken again.
+    /// Covered: images taken from this frame on must be taken again.
     Covered {
         /// The number of the frame.
         from_frame: u64,
     },
 }
 
-/// Watches the pictures of a block, in the order in which they were drawn.
+/// Watches the images of a block, in the order in which they were drawn.
 #[derive(Debug)]
 pub struct CoverWatch {
     scene: StillScene,
@@ -35,7 +35,7 @@ pub struct CoverWatch {
 }
 
 impl CoverWatch {
-    /// Of pictures of a size.
+    /// Of images of a size.
     pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
         Self {
             scene: StillScene::new(width_px, height_px, time),
@@ -53,13 +53,13 @@ impl CoverWatch {
         self.covered_since = None;
     }
 
-    /// Looks at the picture of a frame, in which only `moving` may differ from the one before.
+    /// Looks at the image of a frame, in which only `moving` may differ from the one before.
     ///
     /// # Errors
     /// A cover has been there for 30 seconds.
     ///
     /// # Panics
-    /// If the picture has another size.
+    /// If the image has another size.
     pub fn look(
         &mut self,
         frame: u64,

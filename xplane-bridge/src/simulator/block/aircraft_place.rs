@@ -1,4 +1,4 @@
-//! Where the aircraft is in a picture, and where else it can be shown for a probe.
+//! Position of the aircraft in an image, and other positions at which it can be shown for a probe.
 
 use dataset::geometry::camera::{Camera, CameraPose};
 use dataset::geometry::geodesy::Geodetic;
@@ -9,7 +9,7 @@ use crate::pixels::Rectangle;
 
 /// Half the size of a box around any airliner of the Boeing 737's size: forward, right and down of its centre of gravity, metres.
 pub(super) const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
-/// What a lamp, a blur or a shadow edge adds around the box, pixels.
+/// Margin for a lamp, a blur or a shadow edge around the box, pixels.
 const AROUND_PX: f64 = 3.0;
 /// A displaced aircraft is at least this far from its place, pixels.
 const LEAST_SHIFT_PX: f64 = 8.0;
@@ -19,13 +19,13 @@ const TICKS_AROUND: usize = 7;
 /// The aircraft in another place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Displaced {
-    /// Where it is shown.
+    /// Pose at which it is shown.
     pub(super) pose: Pose,
-    /// Where that is in the picture.
+    /// Rectangle of that pose in the image.
     pub(super) place: Rectangle,
 }
 
-/// A place for the aircraft of a tick in which neither it nor its neighbours are, in the picture. `None` if it is not in the picture, or
+/// A place for the aircraft of a tick in which neither it nor its neighbours are, in the image. `None` if it is not in the image, or
 /// fills too much of it.
 pub(super) fn displaced(
     placed: &CameraPose,
@@ -75,7 +75,7 @@ fn moved_by(pose: Pose, ecef_m: DVec3) -> Pose {
     }
 }
 
-/// A rectangle in a picture, with fractions of pixels.
+/// A rectangle in an image, with fractions of pixels.
 #[derive(Debug, Clone, Copy)]
 struct Extent {
     low: DVec2,
@@ -104,7 +104,7 @@ impl Extent {
     }
 }
 
-/// The aircraft in the picture; `None` if any of it is behind the camera.
+/// The aircraft in the image; `None` if any of it is behind the camera.
 fn place_of(camera: &Camera, pose: &Pose) -> Option<Extent> {
     let mut extent = Extent {
         low: DVec2::INFINITY,
@@ -122,7 +122,7 @@ fn place_of(camera: &Camera, pose: &Pose) -> Option<Extent> {
     Some(extent)
 }
 
-/// The aircraft's rectangle in a picture, cut off at its edges; `None` if it is outside.
+/// The aircraft's rectangle in an image, cut off at its edges; `None` if it is outside.
 pub(super) fn aircraft_place(
     placed: &CameraPose,
     (width_px, height_px): (u32, u32),
@@ -168,7 +168,7 @@ mod tests {
         }
     }
 
-    /// An approach from the south, a state a second.
+    /// An approach from the south, one state per second.
     fn approach() -> Vec<FlightState> {
         (0..200)
             .map(|second| {

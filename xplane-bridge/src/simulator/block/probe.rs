@@ -1,12 +1,12 @@
-//! How many frames the scene is behind the code: seen in a probe, a frame with the aircraft in another place.
+//! Number of frames by which the scene is behind the code (the lag), measured with a probe: a frame with the aircraft in another place.
 //!
-//! The camera rests, so a patch of background changes only while the displaced aircraft is in it: in one grab, which tells the lag.
+//! The camera rests, so a patch of background changes only while the displaced aircraft is in it: in one grab, which gives the lag.
 
 use std::collections::BTreeMap;
 
 use crate::pixels::Rectangle;
 
-/// The longest lag that a probe can tell, frames.
+/// The longest lag that a probe can measure, frames.
 pub(super) const MOST_LAG: u64 = 4;
 /// A grab beyond the longest lag, which shows the scene as it is without the probe.
 const AFTER: u64 = MOST_LAG + 1;
@@ -19,7 +19,7 @@ const LEAST_PIXELS: usize = 3;
 /// A grab that shows the probe has at least this share of the changed pixels of the clearest one.
 const CLEAR_SHARE: f64 = 0.3;
 
-/// What a probe told.
+/// Result of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outcome {
     /// The scene is this many frames behind.
@@ -61,7 +61,7 @@ impl Probe {
         self.patches = self.patches.split_off(&from);
     }
 
-    /// The frame in which it was written, and what it told, once enough grabs have come.
+    /// The frame in which it was written, and its result, once enough grabs have come.
     pub(super) fn outcome(&self) -> Option<(u64, Outcome)> {
         let frame = self.frame?;
         let (last, _) = self.patches.last_key_value()?;
@@ -112,7 +112,7 @@ impl Probe {
     }
 }
 
-/// How many pixels differ by more than a threshold in a colour.
+/// Number of pixels that differ by more than a threshold in a colour.
 fn changed_pixels(a: &[u8], b: &[u8], threshold: u8) -> usize {
     let pairs = a.as_chunks::<3>().0.iter().zip(b.as_chunks::<3>().0);
     pairs

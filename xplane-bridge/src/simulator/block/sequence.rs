@@ -1,10 +1,10 @@
-//! The order of a block: which tick is shown next, which grab shows which tick, and which pictures are proven.
+//! The order of a block: which tick is shown next, which grab shows which tick, and which images are proven.
 //!
-//! Input: the numbers of drawn frames, in which requests were answered, and grabs with the number that they carry. Output: the pictures
+//! Input: the numbers of drawn frames, in which requests were answered, and grabs with the number that they carry. Output: the images
 //! of all ticks in their order, each once. No clock, no socket: everything can be replayed in a test.
 //!
 //! A grab with number m shows the scene of frame m - lag. The lag is measured by probes (`probe.rs`) at both ends of a block and between
-//! its segments, and has to be the same each time: pictures count when the probe after them has told the lag that they were taken with.
+//! its segments, and has to be the same each time: images count once the probe after them has measured the lag with which they were taken.
 //! A view whose last block ended with a probe begins the next one with that lag, which the first probe has to confirm.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -15,7 +15,7 @@ use crate::pixels::Rectangle;
 
 /// Requests that are shown but not seen yet, at most: enough to use every drawn frame.
 const MOST_UNSEEN: usize = 6;
-/// So many pictures without a loss allow one more.
+/// So many images without a loss allow one more.
 const WIDEN_AFTER: u32 = 32;
 /// Grabs in a row without a change before a scene counts as settled.
 const EQUAL_GRABS: u32 = 3;
@@ -25,12 +25,12 @@ const RESTLESS_GRABS: u32 = 90;
 const MOST_UNCLEAR: u32 = 12;
 const MOST_CHANGES: u32 = 3;
 
-/// A picture, as far as the order of a block depends on it.
+/// An image, as far as the order of a block depends on it.
 pub(super) trait Scene {
     /// The bytes of a part.
     fn part(&self, area: Rectangle) -> Vec<u8>;
 
-    /// Whether exposure, shadows and loading have come to rest since an earlier picture of the same tick.
+    /// True if exposure, shadows and loading have come to rest since an earlier image of the same tick.
     fn is_settled_after(&self, before: &Self) -> bool;
 }
 
@@ -43,7 +43,7 @@ pub(super) enum Show {
     Probe(u32),
 }
 
-/// A picture of a tick.
+/// An image of a tick.
 #[derive(Debug)]
 pub(super) struct Taken<P> {
     #[cfg_attr(
@@ -59,22 +59,22 @@ pub(super) struct Taken<P> {
     pub(super) picture: P,
 }
 
-/// How a block was recorded.
+/// Statistics of a recorded block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Tally {
-    /// Ticks that were shown again, because their picture was lost or not proven.
+    /// Ticks that were shown again, because their image was lost or not proven.
     pub(super) repeated: u32,
-    /// Probes that told the lag.
+    /// Probes that measured the lag.
     pub(super) seen: u32,
     /// Probes whose aircraft could not be seen.
     pub(super) unseen: u32,
-    /// How often the lag changed.
+    /// Number of changes of the lag.
     pub(super) changes: u32,
     /// Ticks that were held until they had settled.
     pub(super) held: u32,
 }
 
-/// The place of a probe's aircraft in the picture, by tick; `None` if it is not in the picture.
+/// The place of a probe's aircraft in the image, by tick; `None` if it is not in the image.
 pub(super) type ProbePlace = Box<dyn Fn(u32) -> Option<Rectangle> + Send>;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -104,7 +104,7 @@ struct Unproven<P> {
 }
 
 impl<P> Unproven<P> {
-    /// The newest frame whose drawing the picture may show.
+    /// The newest frame whose drawing the image may show.
     fn newest_frame(&self) -> u64 {
         self.grab.unwrap_or(self.taken.frame)
     }
@@ -118,30 +118,30 @@ pub(super) struct Sequence<P> {
     settle_frames: u64,
     probe_place: ProbePlace,
     known_lag: Option<u64>,
-    /// Whether the known lag is used before a probe has confirmed it.
+    /// True if the known lag is used before a probe has confirmed it.
     begins_with_known_lag: bool,
     phase: Phase,
     /// The next tick that was never shown, and those to show again.
     next_tick: u32,
     again: VecDeque<u32>,
     delivered: u32,
-    /// The newest grab of a delivered picture.
+    /// The newest grab of a delivered image.
     delivered_grab: u64,
     since_probe: u32,
     /// Sent and not answered yet.
     sent: VecDeque<Show>,
-    /// What is shown from a frame on.
+    /// Content shown from each frame on.
     shown: BTreeMap<u64, Show>,
-    /// Answered ticks without a picture, by frame.
+    /// Answered ticks without an image, by frame.
     unseen: BTreeMap<u64, u32>,
     most_unseen: usize,
     without_loss: u32,
     undecided: VecDeque<Grab<P>>,
     last_settling: Option<P>,
     probe: Option<Probe>,
-    /// A probe was sent, and nothing after it.
+    /// A probe was sent, and no request after it.
     ends_with_probe: bool,
-    /// A probe was due whose aircraft is not in the picture.
+    /// A probe was due whose aircraft is not in the image.
     has_skipped_probe: bool,
     unclear: u32,
     confirmed_up_to: u64,
@@ -198,7 +198,7 @@ impl<P: Scene> Sequence<P> {
     /// The next request to send, if one may be sent now.
     pub(super) fn next_show(&mut self) -> Option<Show> {
         let mut show = self.choose();
-        // A probe that cannot be shown changes the phase, or proves pictures: then there may be something else to show.
+        // A probe that cannot be shown changes the phase, or proves images: then there may be something else to show.
         while show.is_none() && mem::take(&mut self.has_skipped_probe) {
             show = self.choose();
         }
@@ -270,7 +270,7 @@ impl<P: Scene> Sequence<P> {
         is_unproven && (self.since_probe >= self.segment || is_waiting)
     }
 
-    /// A probe, if the aircraft is in the picture; else what follows from not seeing it.
+    /// A probe, if the aircraft is in the image; else what follows from not seeing it.
     fn new_probe(&mut self) -> Option<Show> {
         self.since_probe = 0;
         let tick = self.next_tick.saturating_sub(1);
@@ -335,7 +335,7 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// Whether every request that a grab may show has been answered.
+    /// True if every request that a grab may show has been answered.
     fn is_certain(&self, number: u64) -> bool {
         let (least, _) = self.frames_behind();
         let last = self.shown.keys().next_back();
@@ -350,7 +350,7 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// What a grab shows for certain, and since which frame.
+    /// Content that a grab shows for certain, and the frame since which it has been shown.
     fn content(&self, grab: &Grab<P>) -> Option<(u64, Show)> {
         let (least, most) = self.frames_behind();
         let newest = grab.number.checked_sub(least)?;
@@ -376,7 +376,7 @@ impl<P: Scene> Sequence<P> {
         self.miss(number);
         if let Some((frame, outcome)) = self.probe.as_ref().and_then(Probe::outcome) {
             self.probe = None;
-            // An aircraft that was seen does not disappear: the scene may be further behind than a probe can tell.
+            // An aircraft that was seen does not disappear: the scene may be further behind than a probe can measure.
             let is_doubtful = outcome == Outcome::Unseen && self.tally.seen > 0;
             self.told(
                 frame,
@@ -453,7 +453,7 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// A probe told the lag of the frames around it.
+    /// Handles the outcome of a probe for the frames around it.
     fn told(&mut self, frame: u64, outcome: Outcome) {
         match outcome {
             Outcome::Behind(_) => self.tally.seen += 1,
@@ -503,7 +503,7 @@ impl<P: Scene> Sequence<P> {
         self.phase = Phase::Held;
     }
 
-    /// What was taken since the last probe is taken again.
+    /// Discards the images taken since the last probe, so that they are taken again.
     fn forget_unproven(&mut self) {
         let confirmed = self.confirmed_up_to;
         let doubtful = self.pictures.extract_if(.., |_, picture| {
@@ -527,7 +527,8 @@ impl<P: Scene> Sequence<P> {
         self.again = again.into();
     }
 
-    /// Whatever was grabbed from a frame on was covered: its ticks are shown again. Returns whether none of it has been delivered.
+    /// Discards the grabs from a frame on, which were covered: their ticks are shown again. Returns true if none of them has been
+    /// delivered.
     pub(super) fn take_again(&mut self, from_frame: u64) -> bool {
         let covered = self
             .pictures
@@ -546,7 +547,7 @@ impl<P: Scene> Sequence<P> {
         self.delivered_grab < from_frame
     }
 
-    /// The next picture, in the order of the ticks, once it is proven.
+    /// The next image, in the order of the ticks, once it is proven.
     pub(super) fn deliver(&mut self) -> Option<Taken<P>> {
         let first = self.pictures.first_entry()?;
         let is_next = *first.key() == self.delivered;
@@ -562,43 +563,43 @@ impl<P: Scene> Sequence<P> {
         })
     }
 
-    /// Whether exposure, shadows and loading have not come to rest yet: pictures differ by themselves.
+    /// True while exposure, shadows and loading have not come to rest: images of the same tick still differ.
     pub(super) fn is_settling(&self) -> bool {
         matches!(self.phase, Phase::Settling { .. })
     }
 
-    /// Pictures that are not needed.
+    /// Images that are not needed.
     pub(super) fn spent(&mut self) -> Vec<P> {
         mem::take(&mut self.spent)
     }
 
-    /// Whether every tick has been delivered.
+    /// True if every tick has been delivered.
     pub(super) fn is_done(&self) -> bool {
         self.delivered == self.ticks
     }
 
-    /// Whether a request has to be answered before anything else happens.
+    /// True if a request has to be answered before anything else happens.
     pub(super) fn waits_for_answer(&self) -> bool {
         !self.sent.is_empty()
     }
 
-    /// Whether a grab is needed for anything that goes on.
+    /// True if a grab is needed for anything in progress.
     pub(super) fn expects_grabs(&self) -> bool {
         let is_idle = self.sent.is_empty() && self.unseen.is_empty() && self.probe.is_none();
         !(is_idle && matches!(self.phase, Phase::Moving { .. }))
     }
 
-    /// The first tick whose picture is not proven yet.
+    /// The first tick whose image is not proven yet.
     pub(super) fn waits_for_tick(&self) -> u32 {
         self.delivered
     }
 
-    /// The lag that the probes of this block told, or that was known before.
+    /// The lag that the probes of this block measured, or that was known before.
     pub(super) fn lag(&self) -> Option<u64> {
         self.known_lag
     }
 
-    /// How it went.
+    /// Statistics of the recording.
     pub(super) fn tally(&self) -> Tally {
         self.tally
     }

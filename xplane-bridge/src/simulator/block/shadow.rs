@@ -1,4 +1,4 @@
-//! Where the aircraft's shadow falls in a picture.
+//! Position of the aircraft's shadow in an image.
 //!
 //! The sun's direction by Spencer's series (1971), which is right to half a degree; the ground is level, as around a runway.
 
@@ -13,7 +13,7 @@ use crate::pixels::Rectangle;
 
 /// A lower sun casts shadows that are too long and too weak to matter.
 const LOWEST_SUN_DEG: f64 = 4.0;
-/// What the sun's direction and the ground's slope may be wrong, as a share of the way from the aircraft to its shadow.
+/// Possible error from the sun's direction and the ground's slope, as a share of the way from the aircraft to its shadow.
 const UNSURE: f64 = 0.02;
 
 /// Unit vector towards the sun: north, east, down.
@@ -41,7 +41,7 @@ fn to_sun(clock: &Clock, latitude_deg: f64, longitude_deg: f64) -> DVec3 {
     )
 }
 
-/// The rectangle of the shadow of an aircraft over ground of an altitude, cut off at the picture's edges; `None` if it is outside, or the
+/// The rectangle of the shadow of an aircraft over ground of an altitude, cut off at the image's edges; `None` if it is outside, or the
 /// sun is too low.
 pub(super) fn shadow_place(
     placed: &CameraPose,

@@ -1,4 +1,4 @@
-//! A trial before blocks are trusted: pictures of a block beside settled ones of the same ticks, far away and near.
+//! A trial before blocks are trusted: images of a block beside settled ones of the same ticks, far away and near.
 
 use dataset::geometry::pose::FlightState;
 use futures_util::future::BoxFuture;
@@ -14,27 +14,27 @@ use crate::pixels::Rectangle;
 const TICKS: usize = 9;
 /// A pixel differs if a colour does by more than this, grey levels.
 const DIFFERENT_LEVELS: u8 = 4;
-/// A picture of a block may differ from a settled one in this many times the pixels in which two settled ones differ ...
+/// An image of a block may differ from a settled one in this many times the pixels in which two settled ones differ ...
 const NOISE_FACTOR: f64 = 1.5;
 /// ... and in so many more.
 const MORE_PIXELS: usize = 4;
 
-/// Views that the code tells apart.
+/// Number of views that the code can distinguish.
 const VIEWS: usize = 16;
 
-/// What is known about blocks of a simulator: kept from one connection to the next.
+/// Knowledge about blocks of a simulator: kept from one connection to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct KnownBlocks {
     /// The result of the trial; `None` before it.
     pub trial: Option<BlockTrial>,
-    /// How many frames the scene was behind the code in the last block that showed it.
+    /// Number of frames by which the scene was behind the code in the last block that showed it.
     frames_behind: Option<u64>,
     /// The same of each view, by its number in the code, if a probe of its last block showed it.
     of_view: [Option<u64>; VIEWS],
 }
 
 impl KnownBlocks {
-    /// By how many frames the scene is behind, as far as it is known, and whether the last block of this view has measured it.
+    /// Number of frames by which the scene is behind, as far as it is known, and true if the last block of this view has measured it.
     pub(super) fn lag(&self, view: u32) -> (Option<u64>, bool) {
         match self.of_view[view as usize % VIEWS] {
             Some(lag) => (Some(lag), true),
@@ -49,24 +49,24 @@ impl KnownBlocks {
     }
 }
 
-/// Whether pictures of blocks are those that settle.
+/// Result of comparing images of a block with settled ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlockTrial {
     /// They are equal within the noise of two settled ones.
     Equal,
-    /// They are not: every picture is settled by itself.
+    /// They are not: every image has to settle.
     Different {
         /// The first tick that differs.
         tick: u32,
-        /// Pixels that differ from the settled picture.
+        /// Pixels that differ from the settled image.
         pixels: usize,
-        /// Pixels in which two settled pictures differ.
+        /// Pixels in which two settled images differ.
         noise_pixels: usize,
     },
 }
 
 impl Simulator {
-    /// What is known about its blocks.
+    /// Knowledge about its blocks, for the next connection.
     pub fn known_blocks(&self) -> KnownBlocks {
         self.known_blocks
     }
@@ -76,11 +76,11 @@ impl Simulator {
         self.known_blocks = known;
     }
 
-    /// Takes pictures of a flight's first ticks and of its last ones before the aircraft leaves the view, in a block and settled, and
+    /// Takes images of a flight's first ticks and of its last ones before the aircraft leaves the view, in a block and settled, and
     /// compares them. Unless they are equal, [`Simulator::can_record_blocks`] is false from now on. The simulator is frozen.
     ///
     /// # Errors
-    /// As those of [`super::BlockRecording::next_picture`] and [`Simulator::receive_frame`].
+    /// As for [`super::BlockRecording::next_picture`] and [`Simulator::receive_frame`].
     pub fn try_blocks<'a>(
         &'a mut self,
         flight: BlockOfTicks<'a>,
@@ -89,7 +89,7 @@ impl Simulator {
             let mut trial = BlockTrial::Equal;
             let mut is_held = false;
             for first in starts(&flight) {
-                // A disturbance of one picture is no verdict.
+                // A disturbance of one image does not decide.
                 for _ in 0..2 {
                     trial = self.try_block(&flight, first, &mut is_held).await?;
                     if trial == BlockTrial::Equal {
@@ -100,7 +100,7 @@ impl Simulator {
                     break;
                 }
             }
-            // Where every tick is held, as in fog, pictures of moving ticks were not compared: the next scenario tries again.
+            // Where every tick is held, as in fog, images of moving ticks were not compared: the next scenario tries again.
             self.known_blocks.trial = (!is_held || trial != BlockTrial::Equal).then_some(trial);
             Ok(trial)
         })
@@ -169,7 +169,7 @@ impl Simulator {
     }
 }
 
-/// The first ticks, and the last ones at which the aircraft is in the picture.
+/// The first ticks, and the last ones at which the aircraft is in the image.
 fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
     let is_seen =
         |state: &FlightState| aircraft_place(&flight.camera, flight.size_px, &state.pose).is_some();
@@ -180,8 +180,8 @@ fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
     starts
 }
 
-/// How many pixels of a picture differ from a settled one, and how many do between two settled ones, if there are too many in the
-/// picture or where the aircraft is.
+/// Returns the number of pixels in which an image differs from a settled one, and the number in which two settled ones differ, if there are
+/// too many in the whole image or at the aircraft's place.
 fn compare(
     [moved, settled, again]: [&[u8]; 3],
     width_px: u32,
@@ -232,7 +232,7 @@ mod tests {
         height_px: 3,
     };
 
-    /// A grey picture with an aircraft that begins in a column.
+    /// A grey image with an aircraft that begins in a column.
     fn picture(column: u32) -> Vec<u8> {
         let mut rgb = vec![100; (WIDTH_PX * 15) as usize * 3];
         for y in 5..8 {

@@ -1,4 +1,4 @@
-//! Pictures for measurements: the aircraft where lockstep shows it, the camera beside it, a given number of frames after the last change.
+//! Images for measurements: the aircraft where lockstep shows it, the camera beside it, a given number of frames after the last change.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use crate::Simulator;
 use crate::error::BridgeError;
 use crate::link::{CapturedFrame, Deliver, PixelKind};
 
-/// Maximum mean difference between pictures of the same shot, of 255, besides what moves by itself.
+/// Maximum mean difference between images of the same shot, of 255, in addition to the scene's own motion.
 pub(super) const SAME: f64 = 1.0;
 /// Frames after which everything has settled.
 pub(super) const SETTLED: u32 = 60;
@@ -20,20 +20,20 @@ pub(super) const SETTLED: u32 = 60;
 /// The sun is up at noon on every day, but near the poles.
 const ANY_DAY: u32 = 172;
 
-/// When a static scene is checked again.
+/// Times at which a static scene is checked again.
 const LATER: [Duration; 2] = [Duration::from_millis(350), Duration::from_millis(650)];
 
-/// When the sun is highest, seconds since midnight UTC.
+/// Time of the sun's highest position, seconds since midnight UTC.
 pub(super) fn noon_zulu_s(longitude_deg: f64) -> f64 {
     (12.0 - longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0
 }
 
-/// Content of a picture.
+/// Content of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shot {
-    /// How far the aircraft is moved to the east.
+    /// Distance by which the aircraft is moved to the east.
     pub(super) moved_m: f64,
-    /// How far the camera is turned to the right.
+    /// Angle by which the camera is turned to the right.
     pub(super) turned_deg: f64,
     /// And upwards.
     pub(super) up_deg: f64,
@@ -64,7 +64,7 @@ impl Shot {
     };
 }
 
-/// How pictures are taken.
+/// Source of the images for the measurements.
 pub(super) struct Eyes<'a> {
     pub(super) simulator: &'a mut Simulator,
     place: PlaceOnGround,
@@ -81,7 +81,7 @@ impl<'a> Eyes<'a> {
         }
     }
 
-    /// Why nothing is visible, if so.
+    /// The reason why no image can be seen, if so.
     pub(super) fn blind(&self) -> Option<String> {
         deliver(self.simulator).is_none().then(|| {
             "pictures cannot be seen from here: run the doctor on X-Plane's own computer, in its desktop session".into()
@@ -110,7 +110,7 @@ impl<'a> Eyes<'a> {
             .await
     }
 
-    /// Takes pictures one after the other, without a pause in between.
+    /// Takes images one after the other, without a pause in between.
     pub(super) async fn take<const N: usize>(
         &mut self,
         shots: [Shot; N],
@@ -142,7 +142,7 @@ impl<'a> Eyes<'a> {
             })
     }
 
-    /// One completely settled picture; time and weather continue afterwards.
+    /// One completely settled image; time and weather continue afterwards.
     pub(super) async fn glance(&mut self, shot: Shot) -> Result<CapturedFrame, BridgeError> {
         self.freeze(SETTLED).await?;
         let [frame] = self.take([shot]).await?;
@@ -151,7 +151,7 @@ impl<'a> Eyes<'a> {
         Ok(frame)
     }
 
-    /// How different settled pictures of a shot are within a second: the first from two more, since waves may repeat.
+    /// Difference between settled images of a shot within a second: of the first from two more, since waves may repeat.
     pub(super) async fn noise(&mut self, shot: Shot) -> Result<f64, BridgeError> {
         self.freeze(SETTLED).await?;
         let [first] = self.take([shot]).await?;
@@ -165,7 +165,7 @@ impl<'a> Eyes<'a> {
     }
 }
 
-/// The sources of pictures, if any. The screen only once its window was found there.
+/// The sources of images, if any. The screen only once its window was found there.
 fn deliver(simulator: &Simulator) -> Option<Deliver> {
     match (simulator.pixels(), simulator.description().pixels.first()) {
         (PixelKind::Screen, _) => Some(Deliver::Drawn),

@@ -1,5 +1,5 @@
-//! Which quantities of the weather at the aircraft follow what is written: two weathers that differ in all of them are set as a scenario's
-//! would be, and each quantity must be as set under both.
+//! Measures which quantities of the weather at the aircraft follow the written values: two weathers that differ in all of them are set as a
+//! scenario's would be, and each quantity must be as set under both.
 
 use std::collections::BTreeMap;
 

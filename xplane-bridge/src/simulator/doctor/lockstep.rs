@@ -1,4 +1,4 @@
-//! The capture link at work: is the ground where it should be, and is every picture the requested one?
+//! The capture link at work: is the ground where it should be, and is every image the requested one?
 
 use std::time::{Duration, Instant};
 
@@ -20,20 +20,20 @@ use crate::profile::Profile;
 const METERS_PER_DEGREE: f64 = 111_320.0;
 /// Maximum difference between a probe and the datarefs: they have 32 bits, and wheels are not the centre of gravity.
 const GROUND_TOLERANCE_M: f64 = 10.0;
-/// How high above its place the aircraft is shown, so that nothing hides it.
+/// Height of the displayed aircraft above its place, so that it is not hidden.
 const SHOWN_ABOVE_M: f64 = 300.0;
 /// The camera's position relative to it.
 const CAMERA_BEHIND_M: f64 = 150.0;
-/// How far it is moved between pictures that must differ.
+/// Distance by which it is moved between images that must differ.
 pub(super) const MOVED_M: f64 = 15.0;
-/// Maximum mean difference between pictures of the same pose, of 255: film grain and temporal smoothing.
+/// Maximum mean difference between images of the same pose, of 255: film grain and temporal smoothing.
 const SAME: f64 = 1.0;
-/// Size of the pictures of a simulator that draws any size.
+/// Size of the images of a simulator that draws any size.
 pub(super) const ANY_SIZE: PictureSize = PictureSize {
     width_px: 320,
     height_px: 214,
 };
-/// A picture that takes longer than this makes a scenario take hours.
+/// An image that takes longer than this makes a scenario take hours.
 const SLOW: Duration = Duration::from_secs(1);
 
 pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) -> Check {
@@ -59,8 +59,8 @@ pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) ->
     }
 }
 
-/// Takes pictures A A B A: all as requested, A the same each time, B different, frame numbers growing. In a pause, unless pauses
-/// show nothing new and a clock runs.
+/// Takes images A A B A: all as requested, A the same each time, B different, frame numbers growing. The simulator is paused, unless
+/// pauses do not show new poses and a clock runs.
 pub(super) async fn lockstep(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
@@ -148,7 +148,7 @@ pub(super) fn request(
     };
     CaptureRequest {
         tick,
-        // The same moment each time: nothing that moves by itself may make the pictures differ.
+        // The same moment each time: motion of the scene must not make the images differ.
         time_ns: 0,
         view: 0,
         pose,
@@ -167,7 +167,7 @@ pub(super) fn request(
     }
 }
 
-/// The error says what is out of step. Pictures that move by themselves are not compared.
+/// The error names what is out of step. In a restless scene (water), images are not compared.
 fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(), String> {
     for (asked, frame) in frames {
         let aircraft = aircraft_mismatch(&frame.pose, &asked.pose);
@@ -214,7 +214,7 @@ fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(
     Ok(())
 }
 
-/// Mean difference between two pictures, of 255.
+/// Mean difference between two images, of 255.
 pub(super) fn difference(one: &[u8], other: &[u8]) -> f64 {
     let sum: u64 = one
         .iter()
@@ -232,7 +232,7 @@ fn largest_difference(one: &[u8], other: &[u8]) -> u8 {
         .unwrap_or(0)
 }
 
-/// A runway at the aircraft's place: the plugin needs to know what surroundings to load.
+/// A runway at the aircraft's place: the plugin needs it to load the right surroundings.
 pub(super) fn runway(place: &PlaceOnGround) -> Runway {
     let ground = Pose {
         latitude_deg: place.latitude_deg,
@@ -265,7 +265,7 @@ mod tests {
         ground_msl_m: 7.0,
     };
 
-    /// Pictures A A B A of a correct simulator.
+    /// Images A A B A of a correct simulator.
     fn sound() -> Vec<(CaptureRequest, CapturedFrame)> {
         let frame = |tick: u32, moved_m: f64| {
             let request = request(&PLACE, tick, moved_m, ANY_SIZE, Deliver::Picture);

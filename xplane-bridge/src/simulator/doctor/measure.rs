@@ -91,7 +91,7 @@ impl Simulator {
     /// whose exposure settles slowly, would give wrong ones. Before freezing, with the aircraft at this height.
     ///
     /// # Errors
-    /// The simulator does not continue afterwards. What cannot be seen is part of the profile.
+    /// The simulator does not continue afterwards. Properties that cannot be seen are marked in the profile.
     pub fn look_at_pictures<'a>(
         &'a mut self,
         aircraft: &'a Pose,
@@ -108,7 +108,7 @@ impl Simulator {
                 ground_msl_m: 0.0,
             };
             tracing::info!("no profile of this simulator: its pictures are checked first");
-            // At night nothing is visible.
+            // At night the scene is not visible.
             self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
             self.write_surely(ZULU_TIME_S, noon_zulu_s(aircraft.longitude_deg) as f32)
                 .await?;
@@ -191,7 +191,8 @@ impl Simulator {
         }
     }
 
-    /// Stops the clock from following the computer's, and sets it to noon: by night nothing shows. Returns what gives it back.
+    /// Stops the clock from following the computer's, and sets it to noon, since the scene is not visible at night. Returns the writes that
+    /// restore it.
     async fn take_clock(&mut self, longitude_deg: f64) -> Result<Vec<DatarefWrite>, BridgeError> {
         let names = [ZULU_TIME_S, USE_SYSTEM_TIME].map(|name| DatarefWrite::new(name, 0.0));
         let found = self.read(&names).await?;
@@ -204,7 +205,7 @@ impl Simulator {
             .collect())
     }
 
-    /// The time of day, and whether the clock follows the computer's.
+    /// Restores the time of day, and the setting that the clock follows the computer's.
     async fn give_clock_back(&mut self, before: &[DatarefWrite]) -> Result<(), BridgeError> {
         for write in before {
             // The time runs on: it does not read back.

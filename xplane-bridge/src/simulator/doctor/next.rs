@@ -8,7 +8,7 @@ const NAME: &str = "next";
 /// The default sweep.
 const USUAL_SWEEP: &str = "SWEEP.toml";
 
-/// What to do after these checks.
+/// Recommended next step after these checks.
 pub(super) fn check(
     checks: &[Check],
     address: Option<SocketAddr>,

@@ -1,6 +1,6 @@
-//! How fast pictures come: taken as a recording takes them, from two views.
+//! Rate of images, taken as a recording takes them, from two views.
 //!
-//! In blocks, if the window has margins around the pictures of the sweep and the trial of blocks passes; else settled, from the views in
+//! In blocks, if the window has margins around the images of the sweep and the trial of blocks passes; else settled, from the views in
 //! turn, with several requests under way.
 
 use std::sync::Arc;
@@ -21,9 +21,9 @@ use crate::pixels::{PixelChoice, Screen};
 use crate::profile::{Finding, Pace, PacedBy, Profile};
 use crate::{BlockOfTicks, BlockTrial, Simulator};
 
-/// Pictures that are not counted: the first ones load what the others find loaded.
+/// Images that are not counted: the first ones load what the others find loaded.
 const NOT_COUNTED: usize = 6;
-/// Pictures that are counted.
+/// Images that are counted.
 const COUNTED: usize = 24;
 /// Ticks of the block that is measured, from each view: three seconds of a recording.
 const BLOCK_TICKS: u32 = 90;
@@ -34,7 +34,7 @@ const BLOCK_RATE: FrameRate = FrameRate {
 /// Over which distance the aircraft moves meanwhile, to the east.
 const BLOCK_WAY_M: f64 = 30.0;
 
-/// Measures the pace of the pictures that are to be recorded. Nothing is encoded.
+/// Measures the pace of the images that are to be recorded, without encoding.
 pub(super) async fn measure(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
@@ -62,7 +62,7 @@ pub(super) async fn measure(
     }
 }
 
-/// The size of the pictures, if the window has margins around them and time need not run.
+/// The size of the images, if the window has margins around them and time need not run.
 fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize> {
     let description = simulator.description();
     let has_margins = picture_size(description) == Some(intent.pictures.with_margins());
@@ -74,7 +74,7 @@ fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize>
     may_be.then_some(intent.pictures)
 }
 
-/// The pace in blocks; `None` if they are not possible, or not equal to settled pictures.
+/// The pace in blocks; `None` if they are not possible, or not equal to settled images.
 async fn in_blocks(
     simulator: &mut Simulator,
     place: &PlaceOnGround,

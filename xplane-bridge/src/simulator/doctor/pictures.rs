@@ -1,4 +1,4 @@
-//! What pictures show of a static simulator: whether a pause shows new poses, how soon, and what moves by itself.
+//! Measurements on images of a static simulator: whether a pause shows new poses, how soon, and the motion that remains.
 
 use super::Check;
 use super::eyes::{Eyes, SAME, SETTLED, Shot};
@@ -126,7 +126,7 @@ impl PictureFindings {
     }
 }
 
-/// Whether another shot is another picture in a pause. If not, it must be one while time runs: in fog all look alike.
+/// Measures whether another shot gives another image in a pause. If not, it must give one while time runs: in fog all images look alike.
 async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<bool>, BridgeError> {
     eyes.freeze(SETTLED).await?;
     if differ(eyes, noise).await? {
@@ -146,7 +146,7 @@ async fn differ(eyes: &mut Eyes<'_>, noise: f64) -> Result<bool, BridgeError> {
     Ok(difference(&behind.rgb, &away.rgb) > noise + SAME)
 }
 
-/// The maximum number of frames between two static pictures when only the aircraft has moved.
+/// The maximum number of frames between two static images when only the aircraft has moved.
 async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
     if eyes.simulator.pixels() == PixelKind::Screen {
         return Finding::NotMeasured(
@@ -167,7 +167,7 @@ async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
     finding(measured.await)
 }
 
-/// The minimum number of settle frames for a final picture after the camera has looked at another light.
+/// The minimum number of settle frames for a final image after the camera has looked at another light.
 async fn until_settled(
     eyes: &mut Eyes<'_>,
     noise: f64,
@@ -183,7 +183,7 @@ async fn until_settled(
             let [found] = eyes.take([Shot::BEHIND]).await?;
             Ok::<_, BridgeError>(difference(&found.rgb, &last.rgb) <= noise + SAME)
         };
-        // Twice: while somebody takes the camera, one picture settles for longer than was asked.
+        // Twice: while the camera is taken away, one image settles for longer than requested.
         if is_final().await? && is_final().await? {
             return Ok(Finding::Found(frames));
         }

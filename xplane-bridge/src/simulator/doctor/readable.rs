@@ -1,7 +1,7 @@
 //! Do the datarefs that we need exist, with their expected meaning?
 //!
-//! X-Plane answers 0 for an unknown name, so an answer alone proves nothing. A value that only the right dataref would have does;
-//! for a plausible 0, X-Plane 12's Web API, which knows names, is asked, or the name is listed.
+//! X-Plane answers 0 for an unknown name, so an answer alone is no evidence. A value that only the right dataref would have is sufficient;
+//! for a plausible 0, the name is looked up in X-Plane 12's Web API, or else listed.
 
 use std::ops::RangeInclusive;
 
@@ -43,7 +43,7 @@ fn expected(generation: Generation) -> [Expected; 13] {
     ]
 }
 
-/// What the values reveal about their datarefs.
+/// Conclusions about datarefs from their values.
 #[derive(Debug, Default, PartialEq)]
 struct Findings {
     /// No value came.
@@ -105,7 +105,7 @@ pub(super) async fn check(
     verdict(&findings, names.len(), asked)
 }
 
-/// Whether the datarefs that read 0 exist.
+/// Asks the Web API if the datarefs that read 0 exist.
 async fn ask_for_names(api: &WebApi, findings: &mut Findings) {
     let mut untold = Vec::new();
     for name in std::mem::take(&mut findings.untold) {

@@ -1,5 +1,4 @@
-//! How X-Plane 12 handles written weather, measured by what reads back, by its gauges and by pictures. The original weather is
-//! restored.
+//! Measures how X-Plane 12 handles written weather, by values read back, its gauges and images. The original weather is restored.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -30,13 +29,13 @@ const WIND_GAUGE_KT: &str = "sim/cockpit2/gauges/indicators/wind_speed_kts";
 const WINDS: [f64; 2] = [10.0, 20.0];
 const AS_METERS_PER_SECOND: std::ops::RangeInclusive<f64> = 1.6..=2.2;
 const AS_KNOTS: std::ops::RangeInclusive<f64> = 0.8..=1.15;
-/// How long written weather may take to show, except for clouds.
+/// Time for written weather to show, except for clouds.
 const SHOWING: Duration = Duration::from_secs(12);
-/// How long clouds may take to read back.
+/// Time for clouds to read back.
 const CLOUDS_WITHIN: Duration = Duration::from_secs(180);
-/// How long a regeneration may take to begin before clouds are written again.
+/// Time for a regeneration to begin before clouds are written again.
 const REGENERATION: Duration = Duration::from_secs(1);
-/// Another visibility or cover changes a picture by more than this on average, of 255; drifting clouds do not.
+/// Another visibility or cover changes an image by more than this on average, of 255; drifting clouds do not.
 const CHANGED: f64 = 3.0;
 /// After this much simulated time a regeneration has no effect on what is written.
 const AFTER_REGENERATION_S: f64 = 75.0;
@@ -192,7 +191,7 @@ impl Simulator {
     /// Waits for this much simulated time.
     async fn let_time_pass(&mut self, seconds: f64) -> Result<(), BridgeError> {
         let (began, began_s) = (Instant::now(), self.value(RUNNING_TIME_S).await?);
-        // A stopped clock ends it, too.
+        // A stopped clock ends it as well.
         while self.value(RUNNING_TIME_S).await? < began_s + seconds
             && began.elapsed().as_secs_f64() < 2.0 * seconds
         {
@@ -218,7 +217,7 @@ impl Simulator {
     }
 }
 
-/// Writes another visibility, and checks whether it shows: in pictures, or by X-Plane's own value if they cannot be seen.
+/// Writes another visibility, and checks whether it shows: in images, or by X-Plane's own value if they cannot be seen.
 async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
     let sees = eyes.blind().is_none();
     let before_m = eyes.simulator.value(VISIBILITY_EFFECTIVE_M).await?;
@@ -282,7 +281,7 @@ async fn clouds(
             .command_once(COMMAND_REGENERATE_WEATHER)
             .await?;
     }
-    // Clouds that are written soon after a regeneration show because of it, be it ours or that of a doctor just before us.
+    // Clouds that are written soon after a regeneration show because of it, whether it is ours or an earlier doctor's.
     eyes.simulator.let_time_pass(AFTER_REGENERATION_S).await?;
     let cover = eyes.simulator.value(&format!("{CLOUD_COVER}[0]")).await?;
     let writes = layers(cover < 0.5, eyes.simulator.generation)?;

@@ -1,4 +1,4 @@
-//! What the user sees: a menu, a replay, a view, pop-ups, an aircraft.
+//! State of X-Plane as the user sees it: a menu, a replay, a view, pop-ups, an aircraft.
 
 use super::Check;
 use super::talk::Talk;

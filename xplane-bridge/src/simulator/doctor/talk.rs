@@ -14,11 +14,11 @@ use crate::datarefs::{
 use crate::error::BridgeError;
 use crate::simulator::udp::UdpClient;
 
-/// Where the aircraft is, degrees.
+/// Latitude of the aircraft, degrees.
 pub(super) const LATITUDE: &str = "sim/flightmodel/position/latitude";
-/// Where the aircraft is, degrees.
+/// Longitude of the aircraft, degrees.
 pub(super) const LONGITUDE: &str = "sim/flightmodel/position/longitude";
-/// How long a frame takes, seconds.
+/// Duration of a frame, seconds.
 pub(super) const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
 /// Oldest version on which XPPython3 runs: 11.52.
 const OLDEST: f32 = 115_200.0;
@@ -34,12 +34,12 @@ pub(super) struct PlaceOnGround {
     pub(super) ground_msl_m: f64,
 }
 
-/// What is known of a simulator that does not answer.
+/// Kind of a missing answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Silence {
-    /// Its computer says that the port is closed.
+    /// Its computer reports that the port is closed.
     Refused,
-    /// Nothing came.
+    /// No datagram came.
     Nothing,
 }
 
@@ -253,7 +253,7 @@ impl Talk {
     }
 }
 
-/// What the version means.
+/// Checks the version.
 pub(super) fn version_check(version: f32) -> Check {
     const NAME: &str = "version";
     let found = format!(

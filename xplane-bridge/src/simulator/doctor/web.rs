@@ -66,7 +66,7 @@ async fn without_plugin(address: SocketAddr) -> Check {
     }
 }
 
-/// Whether a simulator reports there that it accepts no connections.
+/// True if a simulator reports through its Web API that it accepts no connections.
 pub(super) async fn refuses(address: SocketAddr) -> bool {
     matches!(
         WebApi::connect(address, TIMEOUT).await,

@@ -1,4 +1,4 @@
-//! Starting a flight without a plugin: `PREL` places the aircraft, and nothing else is sent until X-Plane has loaded the flight.
+//! Starting a flight without a plugin: `PREL` places the aircraft, and no other packet is sent until X-Plane has loaded the flight.
 
 use std::time::Duration;
 
@@ -13,11 +13,11 @@ use crate::simulator::Simulator;
 
 /// Kind of `PREL` that starts at latitude, longitude and elevation.
 const START_AT_POSITION: i32 = 6;
-/// How long a position may take to follow a `PREL`.
+/// Time for a position to follow a `PREL`.
 const PLACE_TIMEOUT: Duration = Duration::from_millis(500);
 /// A placed aircraft is found this close to its place: it flies on while the answer travels.
 const PLACED_WITHIN_M: f64 = 2_000.0;
-/// Readings in a row, and the time between them, in which nothing loads: the flag rises a moment after the flight has started.
+/// Number of consecutive readings without loading, and the time between them: the flag rises a moment after the flight has started.
 const QUIET_READINGS: u32 = 3;
 const QUIET_PAUSE: Duration = Duration::from_millis(500);
 
@@ -52,7 +52,7 @@ impl Simulator {
         })
     }
 
-    /// Waits until X-Plane has loaded the flight. It answers nothing while it loads, and what it is sent meanwhile it does later, or not
+    /// Waits until X-Plane has loaded the flight. While it loads it does not answer, and requests sent meanwhile are executed later, or not
     /// at all. A plugin waits itself before it answers.
     pub(super) async fn await_loading(&mut self) -> Result<(), BridgeError> {
         if self.description.replayed {

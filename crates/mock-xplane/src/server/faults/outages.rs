@@ -1,4 +1,4 @@
-//! When the simulator freezes and restarts: counts the events that trigger outages, and notifies everybody when one begins.
+//! Freezes and restarts of the simulator: counts the events that trigger outages, and notifies all tasks when one begins.
 //!
 //! Code that is about to answer a client awaits [`Outages::over`] first. A restart recreates all these tasks, so they simply never
 //! return from there.
@@ -50,7 +50,7 @@ impl Outages {
         self.count(|counts| counts.captures += 1);
     }
 
-    /// The simulator freezes for a while by itself, unless an outage is in progress.
+    /// Freezes the simulator for a while, unless an outage is in progress.
     pub(crate) fn freeze_for(&self, time: Duration) {
         let freeze = Outage {
             begins: Moment::After(Duration::ZERO),

@@ -1,4 +1,4 @@
-//! How far the scene is behind the pose and the camera that were written.
+//! Lag of the scene behind the pose and the camera that were written.
 //!
 //! X-Plane draws the rectangles of draw callbacks into the current frame at once. The scene may be some frames behind, because it is
 //! prepared before the plugin writes.
@@ -9,7 +9,7 @@ use dataset::geometry::camera::CameraPose;
 
 use super::shot::Shot;
 
-/// How many frames the scene, that is camera and aircraft, is behind what was written; each number is at most [`Self::MOST`].
+/// Number of frames by which the scene (camera and aircraft) is behind the written state; each number is at most [`Self::MOST`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SceneBehind {
     /// Always the same number.
@@ -110,7 +110,7 @@ impl Shots {
     }
 }
 
-/// Whether two cameras are the same but for what a moved origin of coordinates rounds.
+/// True if two cameras are the same except for rounding by a moved origin of coordinates.
 fn is_same(a: &CameraPose, b: &CameraPose) -> bool {
     const NEAR_M: f64 = 1.0;
     const NEAR_DEG: f64 = 0.1;
@@ -141,7 +141,7 @@ mod tests {
         }
     }
 
-    /// How many frames behind the scene is in each frame of a flight.
+    /// Lag of the scene in each frame of a flight, frames.
     fn behind_in_flight(behind: SceneBehind, frames: u32) -> Vec<u32> {
         let mut shots = Shots::new(behind);
         let mut found = Vec::new();

@@ -58,7 +58,7 @@ mod tests {
 
     const SPEED_MPS: f64 = 72.0;
 
-    /// Along a meridian, 30 states a second like the engine's.
+    /// Along a meridian, 30 states per second like the engine's.
     fn states() -> Vec<FlightState> {
         let mut position = Geodetic {
             latitude_deg: 1.3,

@@ -57,7 +57,7 @@ const MINUTE_S: f64 = 60.0;
 const AUTOPILOT: &str = "sim/autopilot/";
 /// Above this speed the aircraft flies, metres per second.
 const FLYING_MPS: f64 = 20.0;
-/// Where the local origin moves on demand: the corners of X-Plane's square of one degree are its farthest positions from the
+/// Positions to which the local origin moves on demand: the corners of X-Plane's square of one degree are its farthest positions from the
 /// airport.
 const ORIGINS: [(f64, f64); 3] = [(1.5, 103.5), (1.4, 104.4), (1.0, 103.9)];
 
@@ -86,7 +86,7 @@ pub(super) struct PluginScene {
     flight: Option<Playback>,
     move_origin_every_frames: Option<u32>,
     quirks: Quirks,
-    /// How often somebody else had placed the aircraft when we last checked.
+    /// Number of placements of the aircraft by others at the last check.
     placements: u64,
     shots: Shots,
     /// The last picture before the pause, if a pause freezes it.
@@ -329,7 +329,7 @@ impl PluginScene {
         }
     }
 
-    /// What would be drawn now.
+    /// The shot that would be drawn now.
     fn shot(&self) -> Shot {
         let world = self.world.lock();
         let view = |name: &str| world.datarefs().get(&format!("{VIEW}{name}"));
@@ -352,7 +352,7 @@ impl PluginScene {
         }
     }
 
-    /// X-Plane's own view, which nobody controls: from the aircraft.
+    /// X-Plane's own view, which clients do not control: from the aircraft.
     fn show_own_view(&self) {
         let [x, y, z] = self.vector(LOCAL_XYZ).to_array();
         let angle = |name: &str| self.own(&format!("{POSITION}{name}"))[0];
@@ -381,7 +381,7 @@ impl PluginScene {
         }
     }
 
-    /// Adopts a placement by somebody else, and the origin of local coordinates.
+    /// Adopts a placement by another client, and the origin of local coordinates.
     fn look_at_world(&mut self) {
         let (placements, (state, speed_mps), frame, flight_time_s) = {
             let world = self.world.lock();
@@ -448,7 +448,7 @@ impl PluginScene {
         };
         let mut world = self.world.lock();
         if world.placements() != self.placements {
-            // Somebody has just placed it: that counts, from the next frame on.
+            // It has just been placed: that counts, from the next frame on.
             return;
         }
         world.show_hosted(state, self.frame);
@@ -557,7 +557,7 @@ impl PluginScene {
         }
     }
 
-    /// Whether the aircraft is in the air, fast enough and with its engines running.
+    /// True if the aircraft is in the air, fast enough and with its engines running.
     fn flies(&self) -> bool {
         let speed_mps = self.vector(LOCAL_VELOCITY).length();
         let free = self
@@ -796,7 +796,7 @@ fn fill_rectangles(canvas: &mut Canvas<'_>, rectangles: &Value, after_windows: b
     }
 }
 
-/// As the options say, or else the quirk.
+/// Taken from the options, or else from the quirk.
 fn scene_behind(options: &PluginOptions, quirks: Quirks) -> SceneBehind {
     let by_quirk = if quirks.has(Quirk::StaleFrames) {
         SceneBehind::Constant(SceneBehind::MOST)

@@ -18,14 +18,14 @@ pub(super) struct Shot {
     pub(super) camera: CameraPose,
     pub(super) pose: Pose,
     pub(super) controls: Controls,
-    /// Whether a cockpit's panel is in front.
+    /// True if a cockpit's panel is in front.
     pub(super) panel: bool,
     /// The instant of clouds and rain, seconds; zero where they stand still.
     pub(super) weather_time_s: f64,
 }
 
 impl Shot {
-    /// Whether camera or aircraft are elsewhere.
+    /// True if camera or aircraft are elsewhere.
     pub(super) fn moved(&self, other: &Self) -> bool {
         (self.camera, self.pose, self.controls) != (other.camera, other.pose, other.controls)
     }
@@ -34,11 +34,11 @@ impl Shot {
 /// The windows of the user interface over a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Windows {
-    /// Whether a pop-up lies over it.
+    /// True if a pop-up lies over it.
     pub(super) pop_up: bool,
-    /// Whether X-Plane's error about a deprecated dataref lies over it.
+    /// True if X-Plane's error about a deprecated dataref lies over it.
     pub(super) alert: bool,
-    /// What else does.
+    /// Other windows over it.
     pub(super) shown: Vec<ShownWindow>,
 }
 
@@ -63,13 +63,13 @@ impl Windows {
 /// Contents of a picture besides the scene and the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Painter {
-    /// How much larger than the airliner the aircraft is.
+    /// Size of the aircraft relative to the airliner.
     pub(super) scale: f64,
-    /// Whether another aircraft flies beside it.
+    /// True if another aircraft flies beside it.
     pub(super) others: bool,
-    /// Whether a cockpit's panel is in front.
+    /// True if a cockpit's panel is in front.
     pub(super) panel: bool,
-    /// How much too bright it still is: 1 when the exposure has settled.
+    /// Factor by which it is still too bright: 1 when the exposure has settled.
     pub(super) gain: f64,
     /// Position of the waves, if water moves.
     pub(super) wave: Option<u64>,
@@ -145,15 +145,15 @@ fn ripple(rgb: &mut [u8], width_px: usize, wave: u64) {
 /// An exposure that follows the light with delay.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Exposure {
-    /// Where the camera looked last, heading and pitch.
+    /// Last heading and pitch of the camera.
     looks: Option<(f64, f64)>,
     frames: u32,
 }
 
 impl Exposure {
-    /// Frames until nothing of the old light is left.
+    /// Frames until the old light has faded completely.
     const SETTLED: u32 = 30;
-    /// How far a camera turns before it meets another light, degrees.
+    /// Angle by which a camera turns before it meets another light, degrees.
     const TURNED_DEG: f64 = 1.0;
 
     /// Settled.
@@ -174,7 +174,7 @@ impl Exposure {
         }
     }
 
-    /// How much too bright the next frame is.
+    /// Factor by which the next frame is too bright.
     pub(super) fn gain(self) -> f64 {
         match self.frames {
             Self::SETTLED.. => 1.0,

@@ -13,7 +13,7 @@ use xplane_tape::MessagePosition;
 /// Relative difference between two numbers of a request that the same computation produced on two machines.
 const SAME_NUMBER: f64 = 1e-9;
 
-/// What clients have written, by dataref. Bits, since a sky is identical or not.
+/// Writes of clients, by dataref. Bits, since a sky is identical or not.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub(super) struct Context(BTreeMap<String, u32>);
 
@@ -70,7 +70,7 @@ impl Subject {
         }
     }
 
-    /// Whether the answer depends on what was written before.
+    /// True if the answer depends on what was written before.
     fn shows_the_world(&self) -> bool {
         matches!(self.message.as_str(), "capture" | "fly")
     }
@@ -129,7 +129,7 @@ impl Conversation {
             .push(number);
     }
 
-    /// How many requests there are.
+    /// Number of requests.
     pub(super) fn count(&self) -> usize {
         self.exchanges.len()
     }
@@ -186,7 +186,7 @@ impl Conversation {
         Err(text)
     }
 
-    /// What the tape has, as text.
+    /// Contents of the tape, as text.
     fn inventory(&self) -> String {
         let mut counts: BTreeMap<&str, (usize, u64, u64)> = BTreeMap::new();
         for (subject, numbers) in &self.by_subject {
@@ -208,7 +208,7 @@ impl Conversation {
     }
 }
 
-/// A hash of a request's content, whoever sends it.
+/// A hash of a request's content, independent of its sender.
 fn content(request: &Value) -> [u8; 32] {
     let mut text = String::new();
     match request.get("message") {
@@ -285,7 +285,7 @@ mod tests {
 
     use super::*;
 
-    /// Requests on a tape of their own, since places are the tape's.
+    /// Requests on a separate tape, since places are the tape's.
     fn recorded(
         folder: &Path,
         requests: &[(Value, f32)],

@@ -94,12 +94,12 @@ impl<C: PartialEq + Clone> Histories<C> {
         self.by_path.entry(path.to_owned()).or_default()
     }
 
-    /// Whether anybody has read this dataref on the tape.
+    /// True if a recorded client has read this dataref.
     pub(super) fn has(&self, path: &str) -> bool {
         self.by_path.get(path).is_some_and(History::has_values)
     }
 
-    /// How many datarefs were read.
+    /// Number of datarefs that were read.
     pub(super) fn count(&self) -> usize {
         self.by_path
             .values()
@@ -152,7 +152,7 @@ impl<C: PartialEq + Clone> History<C> {
         })
     }
 
-    /// Past what was left for the previous reader, if another one reads now and nothing was written in between.
+    /// Advances past the values left for the previous reader, if another one reads now and no write came in between.
     fn turn_to(&mut self, reader: &C) {
         if self.reader.as_ref() == Some(reader) {
             return;
@@ -173,7 +173,7 @@ impl<C: PartialEq + Clone> History<C> {
             self.at += 1;
             self.last = Some(*value);
         }
-        // Nothing read yet, and a write or command comes first: the value after it is the nearest there is.
+        // No value was read yet, and a write or command comes first: the value after it is the nearest there is.
         self.last.or_else(|| self.first_value())
     }
 
@@ -184,7 +184,7 @@ impl<C: PartialEq + Clone> History<C> {
             .iter()
             .position(|step| !matches!(step, Step::Command(_) | Step::OtherReader));
         let due = due.filter(|&steps| same(&ahead[steps]));
-        // What was read since the current write, if it is this one.
+        // Values read since the current write, if it is this one.
         let standing = behind
             .iter()
             .rposition(|step| matches!(step, Step::Write(_)));
@@ -332,7 +332,7 @@ mod tests {
         for _ in 0..3 {
             assert!(tape.write("clock", 10.0));
         }
-        // Whether the repetition counts as the second write or the first, the command changes nothing that is read.
+        // The repetition may count as the second write or the first: either way the command does not change any value that is read.
         tape.command("regenerate");
         assert!(tape.write("clock", 10.0));
         assert_eq!(tape.read(&"us", "clock"), Some(10.1));

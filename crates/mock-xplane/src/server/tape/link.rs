@@ -1,4 +1,4 @@
-//! The capture link of a replay: each request gets its recorded answer, or an `error` that says why not.
+//! The capture link of a replay: each request gets its recorded answer, or an `error` with the reason.
 
 use std::sync::Arc;
 use std::time::Duration;

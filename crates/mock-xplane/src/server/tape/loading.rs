@@ -17,7 +17,7 @@ use super::history::Histories;
 use super::positions::Positions;
 use super::shown_weather::ShownWeather;
 
-/// The version to report if nobody asked for it on the tape: 12.4.0.
+/// The version to report if no client asked for it on the tape: 12.4.0.
 const USUAL_VERSION: i32 = 124_009;
 
 /// A tape prepared for replay.
@@ -184,7 +184,7 @@ impl Loading {
     }
 }
 
-/// Whether a request opens a conversation; earlier writes belong to an earlier one.
+/// True if a request opens a conversation; earlier writes belong to an earlier one.
 pub(super) fn is_hello(request: &Value) -> bool {
     request
         .get("message")

@@ -1,6 +1,6 @@
 //! The recorded `RPOS` datagrams, and how a replay walks through them.
 
-/// What was sent to clients, and where clients placed the aircraft in between.
+/// Positions sent to clients, and places to which clients moved the aircraft in between.
 #[derive(Debug, Default)]
 pub(super) struct Positions {
     steps: Vec<Step>,
@@ -30,7 +30,7 @@ impl Positions {
         }
     }
 
-    /// How many positions were sent.
+    /// Number of positions sent.
     pub(super) fn count(&self) -> usize {
         self.steps
             .iter()

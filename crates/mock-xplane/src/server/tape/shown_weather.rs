@@ -1,8 +1,8 @@
 //! The recorded weather at the aircraft, looked up by what had been written.
 //!
-//! Clients never write these datarefs, and X-Plane changes them by itself after a command, so a history of values between writes cannot
-//! place them: a replay that sends its commands a little earlier, or leaves a scenario out, would read the weather of another scenario.
-//! Under the same written datarefs the last reading counts: the one that the recorded client ended with.
+//! Clients never write these datarefs, and X-Plane changes them after a command without any write, so a history of values between writes
+//! cannot place them: a replay that sends its commands a little earlier, or leaves a scenario out, would read the weather of another
+//! scenario. Under the same written datarefs the last reading counts: the one that the recorded client ended with.
 
 use std::collections::{BTreeMap, HashMap};
 

@@ -55,7 +55,7 @@ struct Server {
     subscriptions: Subscriptions,
     begin: Instant,
     last_frame_s: f64,
-    /// What is missing on the tape and was reported.
+    /// Missing parts of the tape that were reported.
     warned: BTreeSet<String>,
 }
 
@@ -78,7 +78,7 @@ impl Server {
             }
             Ok(ToSimulator::WriteDataref(write)) => {
                 playback.context.write(&write.path, write.value);
-                // What the stand-in would reject, the recorded simulator rejected as well.
+                // Writes that the stand-in would reject were rejected by the recorded simulator as well.
                 let _ = playback.world.write(&write.path, write.value);
                 if !playback.histories.write(&write.path, write.value) {
                     self.warn(format!(

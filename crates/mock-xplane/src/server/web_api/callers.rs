@@ -35,7 +35,7 @@ fn refused(name: &HeaderName, found: &str) -> Refusal {
     )
 }
 
-/// Whether a host, with or without a port, always means this computer, whoever resolves it.
+/// True if a host, with or without a port, always means this computer, however it is resolved.
 fn is_this_computer(host: &str) -> bool {
     let (name, port) = match host.strip_prefix('[') {
         Some(rest) => match rest.split_once(']') {

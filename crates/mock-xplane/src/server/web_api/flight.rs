@@ -34,7 +34,7 @@ const SECONDS_PER_HOUR: f64 = 3_600.0;
 const PASCAL_PER_HECTOPASCAL: f64 = 100.0;
 const METERS_PER_KILOMETER: f64 = 1_000.0;
 
-/// Whether a flight starts or continues.
+/// Start or change of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Occasion {
     New,

@@ -24,7 +24,7 @@ pub(super) struct Flight {
     pub(super) local_time: Option<TimeOfYear>,
     pub(super) gmt_time: Option<TimeOfYear>,
     pub(super) weather: Option<WeatherChoice>,
-    // What the stand-in's aircraft does not have.
+    // Properties that the stand-in's aircraft does not have.
     #[serde(rename = "time_enum")]
     pub(super) _time_enum: Option<Value>,
     #[serde(rename = "weight")]

@@ -1,4 +1,4 @@
-//! Why a request is rejected, in X-Plane's terms.
+//! Reasons why a request is rejected, in X-Plane's terms.
 
 use axum::Json;
 use axum::http::StatusCode;
@@ -52,7 +52,7 @@ impl Refusal {
         }
     }
 
-    /// Whatever is asked.
+    /// The answer to any request.
     pub(super) fn incoming_traffic_is_off() -> Self {
         Self::forbidden(
             "incoming_traffic_disabled",

@@ -20,12 +20,12 @@ pub(super) const FILE: &str = "sim/aircraft/view/acf_relative_path";
 const DESCRIPTION: &str = "sim/aircraft/view/acf_descrip";
 /// The airliner that flies without anything being loaded.
 pub(super) const STAND_IN: &str = "Aircraft/Stand-in/airliner.acf";
-/// What X-Plane loads by default.
+/// X-Plane's default aircraft.
 pub(super) const C172: &str = "Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf";
 /// Wing span and length, metres.
 const SIZE_C172_M: (f64, f64) = (11.0, 8.3);
 const SIZE_AIRLINER_M: (f64, f64) = (35.8, 39.5);
-/// How far the origin of local coordinates is moved while scenery loads, degrees.
+/// Displacement of the origin of local coordinates while scenery loads, degrees.
 const ORIGIN_OFF_DEG: f64 = 1.0;
 /// Names of the gear's handle.
 const GEAR_HANDLES: [&str; 2] = [
@@ -34,7 +34,7 @@ const GEAR_HANDLES: [&str; 2] = [
 ];
 /// A flight that has just started stands still for this long, seconds, whatever speed was requested.
 const STANDSTILL_S: f64 = 0.5;
-/// How far the squared length of a quaternion may be from 1.
+/// Accepted deviation of the squared length of a quaternion from 1.
 const NEARLY_UNIT: f64 = 1e-3;
 
 /// The user's aircraft.
@@ -194,7 +194,7 @@ impl Aircraft {
         true
     }
 
-    /// What `RPOS` says.
+    /// The position in `RPOS`.
     pub(super) fn position(&self) -> Position {
         let FlightState { pose, .. } = &self.state;
         Position {
@@ -319,7 +319,7 @@ fn designator(file: &str) -> &'static str {
     }
 }
 
-/// How much larger than the airliner the loaded aircraft is drawn.
+/// Size of the drawn aircraft relative to the airliner.
 pub(super) fn scale(datarefs: &Datarefs) -> f64 {
     datarefs.get(names::AIRCRAFT_WIDTH_M) / SIZE_AIRLINER_M.0
 }

@@ -104,7 +104,7 @@ fn follows_landing_system(datarefs: &Datarefs) -> bool {
 }
 
 impl World {
-    /// Whether the autopilot follows localizer and glide slope.
+    /// True if the autopilot follows localizer and glide slope.
     pub(in crate::server) fn flies_approach(&self) -> bool {
         let datarefs = self.datarefs();
         datarefs.get(names::AUTOPILOT_MODE) == 2.0 && follows_landing_system(datarefs)

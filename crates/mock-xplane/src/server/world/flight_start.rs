@@ -13,7 +13,7 @@ const AT_POSITION: i32 = 6;
 const RAMP: i32 = 10;
 const TAKEOFF: i32 = 11;
 const INSTRUMENT_APPROACH: i32 = 13;
-/// Where an instrument approach starts, nautical miles before the threshold.
+/// Start of an instrument approach, nautical miles before the threshold.
 const INSTRUMENT_APPROACH_NM: f64 = 10.0;
 
 /// A new flight.
@@ -70,7 +70,7 @@ impl World {
     /// Starts or changes a flight.
     ///
     /// # Errors
-    /// The dataref of the weather that could not be set; nothing has changed then.
+    /// The dataref of the weather that could not be set; the flight is unchanged then.
     pub(in crate::server) fn begin(
         &mut self,
         start: &FlightStart,

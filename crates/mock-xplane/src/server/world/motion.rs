@@ -1,4 +1,4 @@
-//! How an aircraft continues between placements: a calm one that turns with its bank, levels out, and is never completely still.
+//! Motion of an aircraft between placements: calm, turning with the bank, levelling out, and never completely still.
 //!
 //! This is not a flight model: approaches are flown by [`flight_model`]. It makes the values that clients read over UDP move as in
 //! a simulator, with rates consistent with the attitudes.
@@ -26,7 +26,7 @@ pub(super) struct Rates {
     pub(super) yaw_deg_s: f64,
 }
 
-/// Whether a state is flying.
+/// True if a state is flying.
 pub(super) fn is_flying(state: &FlightState) -> bool {
     !state.on_ground && state.velocity_north_mps.hypot(state.velocity_east_mps) > FLYING_MPS
 }

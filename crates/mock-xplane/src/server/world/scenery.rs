@@ -19,7 +19,7 @@ const STEP_M: f64 = 4.0;
 pub(super) struct Scenery {
     quirks: Quirks,
     middle: LatLon,
-    /// When the flag falls, by the simulator's running time.
+    /// Time at which the flag falls, by the simulator's running time.
     loaded_at_s: f64,
     now_s: f64,
 }
@@ -54,12 +54,12 @@ impl Scenery {
         };
     }
 
-    /// Whether the flag says that it is loading.
+    /// True if the flag reports that it is loading.
     pub(super) fn is_loading(&self) -> bool {
         self.now_s < self.loaded_at_s
     }
 
-    /// How much higher the ground is than its final height, metres; `None` where none is loaded.
+    /// Height of the ground above its final height, metres; `None` where none is loaded.
     pub(super) fn ground_off_m(&self, at: LatLon) -> Option<f64> {
         let quirks = self.quirks;
         let knows_places = quirks.has(Quirk::SlowScenery) || quirks.has(Quirk::FarAway);

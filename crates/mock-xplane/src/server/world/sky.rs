@@ -1,4 +1,4 @@
-//! The weather that is flown and drawn, which may differ from that of the datarefs.
+//! The weather that is flown and drawn, which may differ from the weather in the datarefs.
 //!
 //! X-Plane 11 shows written weather at once. X-Plane 12 does so only while `update_immediately` is set, and never for the clouds:
 //! they need the command `regen_weather`, and must then be written again while the weather settles. A client that omits one of
@@ -18,17 +18,17 @@ use self::late_clouds::LateClouds;
 use crate::datarefs::Datarefs;
 use crate::quirks::{Quirk, Quirks};
 
-/// How long after `regen_weather` written clouds are accepted, seconds: clouds were seen to take about a minute.
+/// Time after `regen_weather` during which written clouds are accepted, seconds: clouds were seen to take about a minute.
 const SETTLING_S: f64 = 60.0;
-/// How long `regen_weather` freezes the simulator, seconds.
+/// Duration of the freeze by `regen_weather`, seconds.
 const REGENERATION_FREEZE_S: f64 = 3.0;
-/// How long the temperature drifts after the start, or after real weather, seconds.
+/// Duration of the temperature's drift after the start, or after real weather, seconds.
 const SLIDING_S: f64 = 150.0;
-/// How fast it does.
+/// Speed of that drift.
 const SLIDING_C_PER_S: f64 = 0.7;
 /// Maximum temperature.
 const WARMEST_C: f64 = 45.0;
-/// How far above the requested base a cloud settles, metres.
+/// Height above the requested base at which a cloud settles, metres.
 const BASE_OFF_M: f64 = 3.5;
 
 /// [`names::WEATHER_PRESET`] without clouds.
@@ -43,13 +43,13 @@ pub(super) struct Sky {
     /// The weather's own time, which may stand still in a pause.
     now_s: f64,
     stands_still: bool,
-    /// What clients did while it stood still.
+    /// Actions of clients while it stood still.
     waiting: Vec<Deed>,
     clouds_open_until_s: f64,
     late_clouds: LateClouds,
     real: bool,
     slides_until_s: f64,
-    /// How long the simulator freezes because of a request, seconds.
+    /// Duration for which the simulator freezes because of a request, seconds.
     freeze_s: f64,
 }
 
@@ -186,7 +186,7 @@ impl Sky {
         self.publish(datarefs);
     }
 
-    /// How long the simulator freezes now, seconds, if it does; can be queried once.
+    /// Duration for which the simulator freezes now, seconds, if it does; can be queried once.
     pub(super) fn take_freeze_s(&mut self) -> Option<f64> {
         let freeze_s = std::mem::take(&mut self.freeze_s);
         (freeze_s > 0.0).then_some(freeze_s)
@@ -250,7 +250,7 @@ impl Sky {
         self.publish(datarefs);
     }
 
-    /// Whether clouds that are written now will be drawn.
+    /// True if clouds that are written now will be drawn.
     fn clouds_show(&self) -> bool {
         self.now_s <= self.clouds_open_until_s || self.quirks.has(Quirk::RegenerationNotNeeded)
     }
@@ -275,7 +275,7 @@ impl Sky {
     }
 }
 
-/// Where the weather is written.
+/// Prefix of the datarefs to which the weather is written.
 fn region(generation: Generation) -> &'static str {
     match generation {
         Generation::XPlane11 => "sim/weather/",

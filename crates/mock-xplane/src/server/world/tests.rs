@@ -375,7 +375,7 @@ fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
             for path in &paths {
                 if random.random_bool(0.7) {
                     let value = *EXTREMES.choose(&mut random).unwrap();
-                    // A rejected write changes nothing.
+                    // A rejected write has no effect.
                     let _ = world.write_exact(path, value);
                 }
             }

@@ -1,11 +1,11 @@
-//! What is between the scene and the eye: the selected view, pop-up windows, other aircraft.
+//! Everything between the scene and the eye: the selected view, pop-up windows, other aircraft.
 //!
 //! All of it belongs to the user until a plugin or a tool changes it, and a new flight resets it.
 
 use crate::datarefs::Datarefs;
 use crate::quirks::{Quirk, Quirks};
 
-/// Whether the view is one from outside.
+/// Dataref that is 1 if the view is from outside.
 pub(super) const IS_EXTERNAL: &str = "sim/graphics/view/view_is_external";
 /// Number of the view.
 const TYPE: &str = "sim/graphics/view/view_type";
@@ -13,7 +13,7 @@ const TYPE: &str = "sim/graphics/view/view_type";
 const POP_UPS: &str = "sim/cockpit2/radios/indicators/show_popup";
 /// The cockpit in three dimensions.
 const COCKPIT: f64 = 1_026.0;
-/// The one that opens by itself.
+/// The pop-up that opens automatically.
 const POP_UP: usize = 1;
 
 /// Commands that select a view, its number, and whether it is from outside.
@@ -81,12 +81,12 @@ pub(super) fn lose_camera(quirks: Quirks, datarefs: &mut Datarefs) {
     }
 }
 
-/// Whether the view is from inside an aircraft that has a panel.
+/// True if the view is from inside an aircraft that has a panel.
 pub(super) fn shows_panel(datarefs: &Datarefs) -> bool {
     datarefs.get(IS_EXTERNAL) == 0.0
 }
 
-/// Whether a pop-up covers the picture.
+/// True if a pop-up covers the image.
 pub(super) fn shows_pop_up(datarefs: &Datarefs) -> bool {
     let open = datarefs.find(POP_UPS);
     open.is_some_and(|(_, numbers)| numbers.iter().any(|&open| open != 0.0))

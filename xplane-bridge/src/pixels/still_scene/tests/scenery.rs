@@ -1,12 +1,12 @@
-//! Made-up pictures of a resting camera: ground, sky, clouds, rain, ripples, an aircraft, and four forms of covers.
+//! Made-up images of a resting camera: ground, sky, clouds, rain, ripples, an aircraft, and four forms of covers.
 
 use super::super::WorldTime;
 use crate::pixels::Rectangle;
 
-/// What changes from picture to picture.
+/// Changes from image to image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sky {
-    /// Nothing.
+    /// No changes.
     Clear,
     /// One level everywhere.
     Grainy,
@@ -95,7 +95,7 @@ impl Scenery {
             }
         }
         let clouds = (0..CLOUDS * CLOUDS).map(|_| random.unit()).collect();
-        // Up to 1.5 pixels a picture, 90 a second.
+        // Up to 1.5 pixels an image, 90 per second.
         let drift_px = (3.0 * random.unit() - 1.5, random.unit() - 0.5);
         Self {
             size,
@@ -112,7 +112,7 @@ impl Scenery {
         }
     }
 
-    /// Draws the next picture; the aircraft's rectangle.
+    /// Draws the next image; the aircraft's rectangle.
     pub(super) fn draw(&mut self, picture: u32, rgb: &mut Vec<u8>) -> Rectangle {
         rgb.clone_from(&self.ground);
         match self.sky {
@@ -197,7 +197,7 @@ impl Scenery {
         rectangle
     }
 
-    /// As dense, long and strong as the stand-in's, other streaks in every picture.
+    /// As dense, long and strong as the stand-in's, other streaks in every image.
     fn draw_rain(&mut self, rgb: &mut [u8]) {
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
         let count = 260.0 * self.sky.rain_ratio() * width * height / 1e6;
@@ -241,7 +241,7 @@ impl CoverForm {
         Self::Pointer,
     ];
 
-    /// Draws it somewhere; it covers a share of the picture.
+    /// Draws it somewhere; it covers a share of the image.
     pub(super) fn draw(self, rgb: &mut [u8], size: (u32, u32), share: f64, random: &mut Random) {
         let area = share * f64::from(size.0) * f64::from(size.1);
         let height = (area / 3.0).sqrt().round();
@@ -315,7 +315,7 @@ fn text(rgb: &mut [u8], width_px: u32, place: Rectangle, colour: [u8; 3]) {
     }
 }
 
-/// Fills a rectangle of a picture of this width, more or less opaque.
+/// Fills a rectangle of an image of this width, more or less opaque.
 pub(super) fn fill(rgb: &mut [u8], width_px: u32, place: Rectangle, colour: [u8; 3], opacity: f64) {
     for y in place.y_px..place.bottom_px() {
         for x in place.x_px..place.right_px() {

@@ -3,7 +3,7 @@ use rand_chacha::ChaCha12Rng;
 
 use super::*;
 
-/// A picture that knows what it shows.
+/// An image with a record of its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Fake {
     show: Show,
@@ -22,7 +22,7 @@ impl Scene for Fake {
     }
 }
 
-/// What goes wrong on the way from a drawn frame to the sequence.
+/// Faults on the way from a drawn frame to the sequence.
 #[derive(Debug, Clone, Copy)]
 struct World {
     /// The scene's lag, and the one from a frame on.
@@ -35,7 +35,7 @@ struct World {
     /// Answers come this many frames late.
     late_answers: usize,
     aircraft_is_visible: bool,
-    /// Ticks at which the aircraft is in the picture.
+    /// Ticks at which the aircraft is in the image.
     in_picture: (u32, u32),
 }
 
@@ -97,7 +97,7 @@ fn record_from(
         while let Some(show) = sequence.next_show() {
             waiting.push_back(show);
         }
-        // The plugin: one request a frame, or the last one again; a frame without the camera shows it, too, and has no number.
+        // The plugin: one request per frame, or the last one again; a frame without the camera shows it as well, and has no number.
         let is_broken = random.random_bool(world.broken);
         let next = (!is_broken).then(|| waiting.pop_front()).flatten();
         let Some(now) = next.or(written.last().copied()) else {
@@ -128,7 +128,7 @@ fn record_from(
             aircraft_is_visible: world.aircraft_is_visible,
             brightness: (30 - frame.min(30)) as u8,
         };
-        // A client that expects nothing grabs nothing.
+        // A client that expects no grabs makes none.
         let rests = !sequence.expects_grabs();
         if !is_broken && !rests && !random.random_bool(world.lost) {
             sequence.grabbed(number, steady as u32, picture);

@@ -297,7 +297,7 @@ async fn a_pause_may_keep_the_pose_water_may_move_and_an_exposure_be_slow() {
         assert_eq!(before[2], 1, "{quirk}: near");
         hosted.frame();
         assert_eq!(bytes(&hosted).await != before, moves, "{quirk}");
-        // Two kilometres up nothing is near the camera.
+        // Two kilometres up no ground is near the camera.
         hosted.ask("set", json!([LOCAL_XYZ[1], 0, y + 2_000.0]));
         hosted.frame();
         assert_eq!(bytes(&hosted).await[2] == 1, kept, "{quirk}");
@@ -339,7 +339,7 @@ async fn the_scene_is_as_many_frames_behind_as_the_options_say_or_else_the_quirk
         let [x, y, z] = hosted.scene.vector(LOCAL_XYZ).to_array();
         hosted.ask("place_camera", json!([x, y, z, 0.0, 0.0, 0.0]));
         (0..9).for_each(|_| hosted.frame());
-        // Two kilometres up nothing is near the camera.
+        // Two kilometres up no ground is near the camera.
         hosted.ask("set", json!([LOCAL_XYZ[1], 0, y + 2_000.0]));
         let mut old = 0;
         for _ in 0..9 {

@@ -21,12 +21,12 @@ pub(super) struct LateClouds {
 pub(super) struct Snapped {
     /// The datarefs that changed, without index.
     pub(super) names: Vec<String>,
-    /// Whether the picture follows.
+    /// True if the image follows.
     pub(super) show: bool,
 }
 
 impl LateClouds {
-    /// Holds back what a client has just written. `before` is the element's value until then; `show`: the picture will follow.
+    /// Holds back what a client has just written. `before` is the element's value until then; `show`: the image will follow.
     pub(super) fn hold_back(
         &mut self,
         path: &str,
@@ -41,7 +41,7 @@ impl LateClouds {
         self.show |= show;
     }
 
-    /// The picture will follow them.
+    /// The image will follow them.
     pub(super) fn will_show(&mut self) {
         self.show = !self.coming.is_empty();
     }

@@ -50,7 +50,7 @@ pub(super) fn switch(generation: Generation) -> &'static str {
     }
 }
 
-/// Whether the switch is on.
+/// True if the switch is on.
 pub(super) fn is_on(generation: Generation, datarefs: &Datarefs) -> bool {
     let position = datarefs.get(switch(generation));
     match generation {

@@ -77,7 +77,7 @@ fn clouds_of_twelve_want_the_command_or_to_be_told_soon_after_it() {
     assert_eq!(outdoors.cover(), 0.75);
     outdoors.write(COVER_0, 0.5);
     assert_eq!(outdoors.cover(), 0.5);
-    // Long after the command nothing is accepted any more.
+    // Long after the command no writes are accepted any more.
     outdoors.wait(70.0);
     outdoors.write(COVER_0, 0.25);
     assert_eq!(outdoors.cover(), 0.5);
@@ -139,7 +139,7 @@ fn late_clouds_read_and_show_the_old_ones_in_all_slots_and_then_come_at_once() {
     );
     assert_eq!(outdoors.reads("sim/weather/region/cloud_type[2]"), 3.0);
     assert_eq!(outdoors.cover(), 0.75);
-    // Nothing else is delayed.
+    // Other quantities are not delayed.
     outdoors.write(names::RAIN, 0.5);
     assert_eq!(outdoors.reads(names::RAIN), 0.5);
 }
