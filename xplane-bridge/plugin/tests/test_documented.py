@@ -1,5 +1,5 @@
-"""The table of ``docs/x-plane.md`` lists exactly the datarefs and commands of X-Plane that the client or the plugin uses, each with the
-versions of X-Plane in which it is touched, and with its successor where X-Plane 12 has replaced it."""
+"""The tables of ``docs/x-plane-evidence.md`` list exactly the datarefs and commands of X-Plane that the client or the plugin uses,
+each with the versions of X-Plane in which it is touched, and with its successor where X-Plane 12 has replaced it."""
 
 import paths
 
@@ -7,7 +7,7 @@ import re
 import unittest
 
 BRIDGE = paths.PLUGIN.parent
-TABLE = BRIDGE.parent / "docs" / "x-plane.md"
+TABLE = BRIDGE.parent / "docs" / "x-plane-evidence.md"
 NAME = re.compile(r"sim/[a-zA-Z0-9_/]+")
 
 
@@ -51,8 +51,8 @@ def documented(version=None):
 
 class Documented(unittest.TestCase):
     def test_the_table_has_every_name_that_is_used_and_no_other(self):
-        self.assertEqual(sorted(used() - documented()), [], "used, but not in docs/x-plane.md")
-        self.assertEqual(sorted(documented() - used()), [], "in docs/x-plane.md, but not used")
+        self.assertEqual(sorted(used() - documented()), [], "used, but not in docs/x-plane-evidence.md")
+        self.assertEqual(sorted(documented() - used()), [], "in docs/x-plane-evidence.md, but not used")
 
     def test_the_plugin_touches_each_name_in_the_versions_that_the_table_says(self):
         from dtd_bridge import datarefs

@@ -1,7 +1,7 @@
 //! Tolerances for reading back a written dataref, in the unit of the dataref: the one table, for setting and for watching.
 //!
 //! X-Plane stores weather in its own units and grids, smooths it, and settles on values near the requested ones. The tolerances are
-//! those that clients of a live X-Plane 12.4 use (`docs/x-plane.md` names them); none uses one in 10,000, which is rounding, for
+//! those that clients of a live X-Plane 12.4 use (`docs/x-plane-evidence.md` names them); none uses one in 10,000, which is rounding, for
 //! weather.
 
 use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};

@@ -1,7 +1,7 @@
 //! Conversion of the weather to the datarefs of X-Plane 11 and 12, and back.
 //!
 //! Weather outlives flights in the simulator, so every parameter is always written, in the order that X-Plane 12 handles best
-//! (`docs/x-plane.md`): unused cloud layers as empty, the same wind at every height, since leftovers would remain as shear.
+//! (`docs/x-plane-evidence.md`): unused cloud layers as empty, the same wind at every height, since leftovers would remain as shear.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use dataset::numbers::units::MPS_PER_KNOT;

@@ -4,7 +4,7 @@
 //! all together, temperatures drift for minutes after real weather. Writing them in the meantime only prolongs it. So everything is
 //! written, regenerated once (which resets clouds and temperatures to a preset's), those are written once more, and then only read,
 //! with tolerances, until it is there. Values that read right may not show yet: so the weather at the aircraft is read as well
-//! ([`super::effective_weather`]), and if its clouds still differ it is regenerated once more. Sources: `docs/x-plane.md`.
+//! ([`super::effective_weather`]), and if its clouds still differ it is regenerated once more. Sources: `docs/x-plane-evidence.md`.
 
 use std::time::Duration;
 
