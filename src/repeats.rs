@@ -101,7 +101,7 @@ struct Written {
     at: Instant,
     level: Level,
     text: String,
-    /// How often it was left out since then.
+    /// Number of times that it was left out since then.
     left_out: u64,
 }
 
@@ -109,7 +109,7 @@ struct Written {
 #[derive(Debug)]
 struct Place {
     since: Instant,
-    /// How many there were since then.
+    /// Number of them since then.
     different: u64,
     level: Level,
     /// The first that was left out since a count was written.

@@ -288,6 +288,7 @@ fn after_one_fault_of_the_disk_the_same_command_ends_with_the_files_of_an_undist
     let only = setting("DTD_DISK_FAULTS_VERBS");
     let mut random = ChaCha12Rng::seed_from_u64(seed);
     let (struck, broken) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let mut tried = 0;
     for (verb, line) in VERBS {
         if only
             .as_ref()
@@ -307,6 +308,7 @@ fn after_one_fault_of_the_disk_the_same_command_ends_with_the_files_of_an_undist
             undisturbed.faults.len(),
             undisturbed.varying
         );
+        tried += chosen.len();
         let chosen = Mutex::new(chosen.into_iter());
         let next = || chosen.lock().unwrap().next();
         let try_faults = || {
@@ -332,5 +334,9 @@ fn after_one_fault_of_the_disk_the_same_command_ends_with_the_files_of_an_undist
     }
     let (struck, broken) = (struck.into_inner(), broken.into_inner());
     println!("{struck} faults, {broken} broken");
+    assert!(
+        struck > 0 && 2 * struck >= tried,
+        "{struck} of {tried} faults happened"
+    );
     assert_eq!(broken, 0, "of {struck} faults, see above");
 }

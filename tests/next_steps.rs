@@ -36,7 +36,7 @@ impl Bench {
         Self { tiny }
     }
 
-    /// What a verb that succeeds prints as its next command, if any.
+    /// Next command that a successful verb prints, if any.
     fn next_of(&self, verb: &[&str]) -> Option<String> {
         next_in(&self.tiny.dtd(verb).output().unwrap(), &verb.join(" "))
     }

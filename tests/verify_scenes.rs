@@ -65,7 +65,7 @@ fn recorded(id: &str, view: &str) -> Vec<Picture> {
     if view == "left" { left } else { right }
 }
 
-/// What is found after the pictures of some views were changed and the scenario was sealed again.
+/// Findings after the pictures of some views were changed and the scenario was sealed again.
 fn found(id: &str, views: &[&str], change: impl Fn(usize, &[u8]) -> Picture) -> Vec<Finding> {
     let folder = tempfile::tempdir().unwrap();
     copy_folder(sound(), folder.path());

@@ -252,7 +252,7 @@ fn recording_bytes(picture: Picture, views: u64, may_use_screen: bool) -> u64 {
     simulator + encoders * rgb_bytes
 }
 
-/// Whether pictures may be taken from a screen, in blocks: not from stand-ins and tapes of this run, unless that is asked for.
+/// True if pictures may be taken from a screen, in blocks: not from stand-ins and tapes of this run, unless that is asked for.
 fn may_use_screen(pixels: PixelChoice, simulators: &[SimulatorTarget]) -> bool {
     match pixels {
         PixelChoice::Only(kind) => kind == PixelKind::Screen,

@@ -102,6 +102,8 @@ class TickDataset(_Dataset):
         if not ids:
             raise CorpusError(f"{corpus.path} has no scenario with side {side!r} among {scenarios or 'all'}")
         self.views = list(views if views is not None else corpus.views_of(ids[0]))
+        if not self.views:
+            raise ValueError("views is empty: name at least one, or leave it out for all")
         self.crop_px = crop_px
         self.transform = transform
         self._open_videos = open_videos

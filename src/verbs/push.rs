@@ -331,16 +331,21 @@ async fn send_corpus_files(
 /// cannot replace it where the store's plan is not ours.
 async fn check_together(store: &CorpusStore, sent: &mut Sent) -> Result<(), Failure> {
     let there = files_of(store).await.map_err(failure_of)?;
-    if let Err((name, fault)) = there.and_then(|files| files.check_together()) {
-        sent.refused.push(Refused {
-            what: name.into(),
-            reason: format!(
-                "{}/{name} does not belong to the plan.json beside it, which is not ours: {fault}. `dtd push` from the folder of that plan, or \
-                 `dtd generate` with its sweep to this URL, replaces it",
-                store.name()
-            ),
-        });
-    }
+    let (name, reason) = match there.map(|files| files.check_together()) {
+        Ok(Ok(())) => return Ok(()),
+        Ok(Err((name, fault))) => (
+            name,
+            format!("does not belong to the plan.json beside it, which is not ours: {fault}"),
+        ),
+        Err((name, fault)) => (name, format!("is damaged: {fault}")),
+    };
+    sent.refused.push(Refused {
+        what: name.into(),
+        reason: format!(
+            "{}/{name} {reason}. `dtd push` from the folder of that plan, or `dtd generate` with its sweep to this URL, replaces it",
+            store.name()
+        ),
+    });
     Ok(())
 }
 

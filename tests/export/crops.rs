@@ -32,7 +32,7 @@ fn export(more: &[&'static str]) -> Vec<&'static str> {
     [&EXPORT[..], more].concat()
 }
 
-/// What the judge read: by shard, its samples.
+/// Samples that the judge read, by shard.
 fn read(tiny: &Tiny) -> BTreeMap<String, Vec<Value>> {
     let output = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges/crops.py"))

@@ -180,7 +180,7 @@ impl Error {
         matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::NotFound)
     }
 
-    /// Whether a file or folder exists where a new one was to be.
+    /// True if a file or folder already exists at the path of the new one.
     pub fn is_taken(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::AlreadyExists)
     }

@@ -302,7 +302,6 @@ fn differing(one: &[u8], other: &[u8], levels: u8, is_part: impl Fn(DVec2) -> bo
 }
 
 #[tokio::test(flavor = "multi_thread")]
-#[ignore = "its flight of the aircraft is too short to move it in the picture; run on demand"]
 async fn where_time_runs_a_block_shows_aircraft_and_ground_as_settled_pictures_do_but_for_the_rain()
 {
     let Shown {
@@ -313,7 +312,7 @@ async fn where_time_runs_a_block_shows_aircraft_and_ground_as_settled_pictures_d
     simulator.set_conditions(&rainy()).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     assert!(simulator.time_runs());
-    let states = down_the_glide_path(1_200.0, 50, RATE);
+    let states = down_the_glide_path(400.0, 50, RATE);
     let mut of_another_tick = 0;
     for view in 0..2 {
         let (frames, _) = block(&mut simulator, &states, view).await;

@@ -71,10 +71,12 @@ pub fn axes<'a, 'b, 'c, Y: Ranged<ValueType = f64> + ValueFormatter<f64>>(
 /// Ends of an axis that covers some numbers. Drawing an axis of zero or infinite length would never end.
 pub fn axis(from: f64, to: f64) -> Range<f64> {
     let least = 1e-6 * from.abs().max(to.abs());
-    match from.is_finite() && to.is_finite() {
-        true if to - from > least => from..to,
-        true => from..from + least.max(1.0),
-        false => 0.0..1.0,
+    if !(from.is_finite() && to.is_finite()) {
+        0.0..1.0
+    } else if to - from > least {
+        from..to
+    } else {
+        from..from + least.max(1.0)
     }
 }
 

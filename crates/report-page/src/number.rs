@@ -2,17 +2,26 @@
 
 /// A number with this many decimals.
 pub fn decimal(number: f64, decimals: usize) -> String {
-    format!("{number:.decimals$}").replace('-', "\u{2212}")
+    let text = format!("{number:.decimals$}");
+    if is_zero(&text) {
+        return text.replace('-', "");
+    }
+    text.replace('-', "\u{2212}")
 }
 
 /// The same with its sign, unless it rounds to zero.
 pub fn signed(number: f64, decimals: usize) -> String {
-    let text = format!("{number:+.decimals$}").replace('-', "\u{2212}");
-    if text.bytes().any(|digit| matches!(digit, b'1'..=b'9')) {
-        text
-    } else {
-        decimal(0.0, decimals)
+    let text = format!("{number:+.decimals$}");
+    if is_zero(&text) {
+        return decimal(0.0, decimals);
     }
+    text.replace('-', "\u{2212}")
+}
+
+/// True for a text of zeros; infinite numbers and NaN are none.
+fn is_zero(text: &str) -> bool {
+    text.bytes()
+        .all(|letter| matches!(letter, b'0' | b'.' | b'+' | b'-'))
 }
 
 /// A drawing whose texts begin with minus signs where they began with hyphens.
@@ -27,6 +36,7 @@ mod tests {
     #[test]
     fn negative_numbers_have_a_minus_sign_and_zero_has_none() {
         assert_eq!(decimal(-1.25, 1), "−1.2");
+        assert_eq!(decimal(-0.04, 1), "0.0");
         assert_eq!(
             [-1.5, 1.5, -0.04].map(|number| signed(number, 1)),
             ["−1.5", "+1.5", "0.0"]

@@ -308,7 +308,8 @@ export class Scenarios {
   point(id) {
     if (id === this.flown.chosen) return;
     this.flown.chosen = id;
-    this.flown.draw();
+    // Paths may have been read since the last drawing, and have no colour yet.
+    this.drawPaths();
     for (const one of this.list.querySelectorAll('[data-id]')) one.classList.toggle('pointed', one.dataset.id === id);
   }
 

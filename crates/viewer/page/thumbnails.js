@@ -10,7 +10,7 @@ const AHEAD = '300px';
 export class Thumbnails {
   constructor(signal) {
     this.signal = signal;
-    /** Places by scenario: { place, state, isAsked }. */
+    /** Places by scenario: { place, state }. */
     this.places = new Map();
     this.queue = [];
     this.running = 0;

@@ -1,6 +1,6 @@
 //! Allowed callers: this page, and programs of this computer.
 //!
-//! The server listens on the loopback address only. A foreign web page can reach that through the browser of whoever opens it: by a
+//! The server listens on the loopback address only. A foreign web page can reach that through the browser that opens it: by a
 //! direct request, which `Origin` reveals, or by its own host name, made to resolve to this computer (DNS rebinding), which `Host`
 //! reveals.
 

@@ -40,7 +40,7 @@ const QUALITY: u8 = 85;
 
 /// The thumbnails that were made last.
 pub(crate) struct Thumbnails {
-    permits: Semaphore,
+    permits: Arc<Semaphore>,
     kept: Mutex<VecDeque<Kept>>,
 }
 
@@ -63,7 +63,7 @@ struct Moment {
 impl Thumbnails {
     pub(crate) fn new() -> Self {
         Self {
-            permits: Semaphore::new(AT_ONCE),
+            permits: Arc::new(Semaphore::new(AT_ONCE)),
             kept: Mutex::default(),
         }
     }
@@ -93,9 +93,12 @@ impl Thumbnails {
 /// There is no intact scenario of this name, or its picture cannot be read.
 pub(crate) async fn read(library: Arc<Library>, id: String) -> Result<Bytes, Refusal> {
     // A request that is cancelled while waiting here uses no resources.
-    let _permit = library.thumbnails.permits.acquire().await.map_err(failed)?;
+    let permits = library.thumbnails.permits.clone();
+    let permit = permits.acquire_owned().await.map_err(failed)?;
     let shared = library.clone();
     spawn_blocking(move || {
+        // Held to the end of the work, which goes on if the request is cancelled.
+        let _permit = permit;
         let opened = shared.look_into(&id)?;
         let seal = opened.files.seal().clone();
         let models = models_of(opened.files.folder()).unwrap_or_default();

@@ -116,7 +116,7 @@ impl fmt::Display for Meaning {
 }
 
 impl Known<'_> {
-    /// Whether an output of this layout is of RT-DETR, by its head. A row of six may also be of two class scores.
+    /// True if an output of this layout is RT-DETR's, by its head. A row of six may also be of two class scores.
     fn is_rt_detr(&self, layout: Layout, answer: Answer<'_>) -> bool {
         let is_row_of_six = matches!(answer.shape(), [_, _, 6])
             && layout == Layout::Corners
@@ -164,7 +164,7 @@ fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> L
     layout
 }
 
-/// Whether the candidates of cells, in pixels or in parts of the window, are nearer to their cells than to 0.
+/// True if the candidates of cells, in pixels or in parts of the window, are nearer to their cells than to 0.
 fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
     let (mut from_cell, mut from_cell_in_parts, mut from_zero) =
         (Vec::new(), Vec::new(), Vec::new());
@@ -203,7 +203,7 @@ fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
     zero.is_some() && (in_px < zero || in_parts < zero)
 }
 
-/// Whether many scores are outside the range of probabilities.
+/// True if many scores are outside the range of probabilities.
 fn has_logits(answer: Answer<'_>) -> bool {
     let columns = answer.shape().last().copied().unwrap_or(0).max(1);
     let scores = || {

@@ -36,7 +36,7 @@ use crate::samples::ScenarioSummary;
 use crate::samples::rig::{Cameras, Rig};
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 4;
+pub(crate) const RUN_FORMAT: u32 = 5;
 
 /// Version information that shows whether a run can be read.
 #[derive(Deserialize)]

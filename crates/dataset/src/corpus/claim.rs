@@ -43,6 +43,7 @@ pub struct Claim {
     path: PathBuf,
     /// Holds the lock.
     file: File,
+    keeps_folder: bool,
 }
 
 /// The process that holds a claim.
@@ -156,16 +157,26 @@ impl Claim {
             }
             refuse_other_content(&mut file, &path)?;
             // From here on the file is ours: it is deleted if it cannot be written.
-            let mut claim = Self { path, file };
+            let mut claim = Self {
+                path,
+                file,
+                keeps_folder: false,
+            };
             claim.write_holder()?;
             return Ok(Claimed::Mine(claim));
         }
         Ok(Claimed::Theirs(None))
     }
 
+    /// The claim in a folder that existed before it, and stays when it is released.
+    pub(crate) fn in_existing_folder(mut self) -> Self {
+        self.keeps_folder = true;
+        self
+    }
+
     fn write_holder(&mut self) -> Result<()> {
         let text = serde_json::to_vec(&Holder::this_process()).unwrap_or_default();
-        let Self { path, file } = self;
+        let Self { path, file, .. } = self;
         file.set_len(0)
             .and_then(|()| file.rewind())
             .and_then(|()| file.write_all(&text))
@@ -195,7 +206,9 @@ impl Drop for Claim {
         // The file is still locked, so no process can have created another one of this name. A file that cannot be deleted does no harm: it
         // is not locked.
         let _ = fs::remove_file(&self.path);
-        if let Some(folder) = self.path.parent() {
+        if let Some(folder) = self.path.parent()
+            && !self.keeps_folder
+        {
             // Succeeds only for the last claim.
             let _ = fs::remove_dir(folder);
         }

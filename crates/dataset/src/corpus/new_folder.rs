@@ -90,7 +90,7 @@ fn fill(folder: &Path, files: &Files<'_>) -> Result<()> {
     if is_written(folder, files)? {
         return Ok(());
     }
-    let _claim = Claim::wait_in(folder, CLAIM, folder, PATIENCE)?;
+    let _claim = Claim::wait_in(folder, CLAIM, folder, PATIENCE)?.in_existing_folder();
     clear_leftovers(folder);
     refuse_others(folder, files)?;
     for (name, content) in files {

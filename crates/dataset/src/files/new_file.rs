@@ -118,16 +118,27 @@ impl Drop for NewFile {
 /// Renames a file to a name that must be free.
 fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
-        // NFS cannot; a second name is refused by every file system if it is taken.
-        Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
-            fs::hard_link(from, to)?;
-            fs::remove_file(from)
-        }
+        // NFS cannot, but refuses a second name that is taken.
+        Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => match fs::hard_link(from, to) {
+            Ok(()) => fs::remove_file(from),
+            // File systems over object stores have no hard links either. There, a file that appears at this moment is replaced.
+            Err(error) if has_no_links(&error) => match to.symlink_metadata() {
+                Ok(_) => Err(io::ErrorKind::AlreadyExists.into()),
+                Err(_) => fs::rename(from, to),
+            },
+            Err(error) => Err(error),
+        },
         result => Ok(result?),
     }
 }
 
-/// Whether the path names this open file.
+/// True for the errors of file systems without hard links.
+fn has_no_links(error: &io::Error) -> bool {
+    let errors = [Errno::PERM, Errno::NOSYS, Errno::OPNOTSUPP, Errno::MLINK];
+    Errno::from_io_error(error).is_some_and(|error| errors.contains(&error))
+}
+
+/// True if the path names this open file.
 pub(crate) fn is_named_by(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::metadata(path)) {
         (Ok(ours), Ok(named)) => (ours.dev(), ours.ino()) == (named.dev(), named.ino()),

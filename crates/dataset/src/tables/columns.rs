@@ -334,7 +334,7 @@ impl TableParts {
     }
 }
 
-/// Whether pages of this compression can be read.
+/// True if pages of this compression can be read.
 fn is_readable(codec: Compression) -> bool {
     matches!(
         codec,

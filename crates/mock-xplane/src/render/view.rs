@@ -2,7 +2,7 @@
 //! positions in these coordinates, so that two cameras see the same world.
 //!
 //! With refraction, site coordinates are apparent positions, not true ones: rays stay straight, and distant objects are lifted
-//! (`dataset::geometry::refraction`). Heights above the sea account for it; nothing else needs to.
+//! (`dataset::geometry::refraction`). Heights above the sea account for it; no other quantity has to.
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::refraction::lift_m;

@@ -41,7 +41,7 @@ const LEAST_NOISE: f64 = 20.0;
 /// ... and by this part of the standard deviation of all pixels. It is 1.1 in white noise and 0.01 in rendered scenes.
 const NOISE_PART: f64 = 0.5;
 
-/// What is kept of a picture.
+/// A picture as it is kept for comparison.
 #[derive(Debug, Clone)]
 pub(super) struct CoarsePicture {
     /// Mean brightness of the blocks in grey levels; NaN where the aircraft is.
@@ -91,7 +91,7 @@ impl CoarsePicture {
         self.blocks.iter().filter(|block| !block.is_nan()).count() >= LEAST_BLOCKS
     }
 
-    /// How much two comparable pictures differ, grey levels.
+    /// Difference of two comparable pictures, grey levels.
     fn difference(&self, other: &Self) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for (one, other) in self.blocks.iter().zip(&other.blocks) {
@@ -105,7 +105,7 @@ impl CoarsePicture {
     }
 }
 
-/// Whether a block touches a box with its margin.
+/// True if a block touches a box with its margin.
 fn is_near(block: usize, place: &PixelBox, width_px: f64, height_px: f64) -> bool {
     let [left, top] = [
         (block % COLUMNS) as f64 * width_px / COLUMNS as f64,

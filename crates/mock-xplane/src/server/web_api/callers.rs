@@ -1,6 +1,6 @@
 //! Allowed callers: programs and web pages of this computer.
 //!
-//! The Web API listens on the loopback address only. A foreign web page can reach that through the browser of whoever opens it: by
+//! The Web API listens on the loopback address only. A foreign web page can reach that through the browser that opens it: by
 //! a direct request, which `Origin` reveals, or by a host name that resolves to this computer, which `Host` reveals.
 
 use std::net::IpAddr;
