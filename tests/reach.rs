@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use testkit::command::{Dtd, Server, json, said, text};
+use testkit::free_udp_port;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit_simulator::Relay;
 use xplane_tape::TapeReader;
@@ -40,12 +41,6 @@ fn must(command: &mut Command) {
     assert!(output.status.success(), "{}", said(&output));
 }
 
-/// A port that was free a moment ago.
-fn free_port() -> String {
-    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    socket.local_addr().unwrap().port().to_string()
-}
-
 /// The notes of ports in use.
 fn notes(state: &Path) -> usize {
     let Ok(simulators) = fs::read_dir(state.join("dtd/udp-ports")) else {
@@ -62,7 +57,7 @@ fn a_doctor_finds_a_simulator_that_answers_from_another_port() {
     for generation in GENERATIONS {
         let (_simulator, relay) = behind_a_relay(generation);
         let sim = relay.address().to_string();
-        let port = free_port();
+        let port = free_udp_port().to_string();
         let arguments = ["doctor", "--json", "--no-measure", "--sim", &sim];
         let output = dtd(
             &[&arguments[..], &["--udp-port", &port]].concat(),
@@ -93,14 +88,14 @@ fn scenarios_are_generated_and_recorded_from_a_simulator_that_answers_from_anoth
         let sim = relay.address().to_string();
         let direct = folder.path().join("direct");
         let generate = ["generate", SWEEP, "--out", text(&direct), "--sim", &sim];
-        let port = free_port();
+        let port = free_udp_port().to_string();
         must(&mut dtd(
             &[&generate[..], &["--udp-port", &port]].concat(),
             folder.path(),
         ));
 
         let tape = folder.path().join("session.mcap");
-        let port = free_port();
+        let port = free_udp_port().to_string();
         let record = ["tape", "--sim", &sim, "--out", text(&tape)];
         let recorder = Server::start(
             dtd(&record, folder.path())
@@ -127,7 +122,7 @@ fn scenarios_are_generated_and_recorded_from_a_simulator_that_answers_from_anoth
 #[test]
 fn a_port_where_no_program_listens_is_noticed_before_any_timeout_and_a_taken_local_port_is_named() {
     let state = tempfile::tempdir().unwrap();
-    let sim = format!("127.0.0.1:{}", free_port());
+    let sim = format!("127.0.0.1:{}", free_udp_port());
     let doctor = ["doctor", "--no-measure", "--sim", &sim];
     let output = dtd(&doctor, state.path()).output().unwrap();
     let said_by_doctor = said(&output);

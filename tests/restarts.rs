@@ -1,7 +1,6 @@
 //! `dtd generate --restart-simulator`: simulators in separate processes that are ended during a run and started again by its command.
 
 use std::fs;
-use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
@@ -10,6 +9,7 @@ use std::time::{Duration, Instant};
 use tempfile::{TempDir, tempdir};
 use testkit::command::{Dtd, json, said};
 use testkit::files::assert_same_contents;
+use testkit::free_udp_port;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -37,9 +37,7 @@ struct Scripted {
 impl Scripted {
     /// The first one, already started.
     fn start() -> Self {
-        let free = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let port = free.local_addr().unwrap().port();
-        drop(free);
+        let port = free_udp_port();
         let folder = tempdir().unwrap();
         let scripted = Self { folder, port };
         let started = Command::new("sh")
@@ -48,8 +46,12 @@ impl Scripted {
             .status();
         assert!(started.unwrap().success());
         let began = Instant::now();
-        while !fs::read_to_string(scripted.file("log")).is_ok_and(|log| log.contains("\"udp\"")) {
-            assert!(began.elapsed() < TOO_LONG, "it did not start");
+        loop {
+            let log = fs::read_to_string(scripted.file("log")).unwrap_or_default();
+            if log.contains("\"udp\"") {
+                break;
+            }
+            assert!(began.elapsed() < TOO_LONG, "it did not start: {log}");
             sleep(Duration::from_millis(10));
         }
         scripted

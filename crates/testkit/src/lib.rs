@@ -11,6 +11,7 @@ pub mod approach;
 mod chromium;
 pub mod command;
 pub mod files;
+mod free_port;
 pub mod peak;
 pub mod pictures;
 pub mod processor_time;
@@ -25,6 +26,7 @@ pub mod sweep;
 pub mod synthetic;
 
 pub use chromium::judge_in_chromium;
+pub use free_port::free_udp_port;
 pub use repository::{
     onnx_runtime, onnx_runtime_with_openvino, program_of_venv, python_with_torch, repository,
 };
