@@ -38,7 +38,10 @@ small() {
 }
 
 # Three flights from 2 NM, two of them live, as an X-Plane flies them.
-plugin() { cargo run --quiet --release --locked --workspace --example plan_accuracy; }
+plugin() {
+    cargo build --quiet --release --locked --workspace --example plan_accuracy
+    "${CARGO_TARGET_DIR:-target}/release/examples/plan_accuracy"
+}
 
 full() { compare full demo.toml mock; }
 

@@ -1,7 +1,7 @@
 //! Compares the time that a plan expects with the time that recording then takes, for live flights of an X-Plane 11: the stand-in hosts
 //! the plugin and draws 60 frames a second, so that flights take real time.
 //!
-//! `cargo run --release --workspace --example plan_accuracy`, four minutes, mostly of waiting. As on a first evening, `dtd doctor` measures
+//! `scripts/plan-accuracy.sh plugin`, four minutes, mostly of waiting. As on a first evening, `dtd doctor` measures
 //! first, and one scenario is recorded, from which the profile has how long the start of a flight and the weather take.
 
 use std::error::Error;

@@ -31,16 +31,19 @@ impl Simulator {
         self.not_followed = quantities;
     }
 
-    /// Waits until the weather at the aircraft is as planned; returns the last reading in any case. A tape gives its last reading at once.
+    /// Waits until the weather at the aircraft is as planned, but for quantities that are known to differ; returns the last reading in any
+    /// case. A tape gives its last reading at once.
     pub(super) async fn await_effective_weather(
         &mut self,
         planned: &Weather,
+        known_to_differ: &BTreeSet<EffectiveQuantity>,
     ) -> Result<EffectiveWeather, BridgeError> {
         let began = Instant::now();
         let (mut before, mut unchanged) = (None, 0);
         loop {
             let shown = self.read_effective_weather(planned).await?;
-            if self.to_wait_for(&shown, planned).is_empty() || began.elapsed() >= SHOWING {
+            let waits_for = self.to_wait_for(&shown, planned);
+            if waits_for.is_subset(known_to_differ) || began.elapsed() >= SHOWING {
                 return Ok(shown);
             }
             unchanged = if before.as_ref() == Some(&shown) {
@@ -63,7 +66,9 @@ impl Simulator {
         let (Some(before), Some(planned)) = (self.effective_weather.clone(), planned) else {
             return Ok(());
         };
-        let after = self.await_effective_weather(&planned).await?;
+        let after = self
+            .await_effective_weather(&planned, &before.differing)
+            .await?;
         self.refuse_what_should_follow(&after, &planned)?;
         self.effective_weather = Some(before.with_new_differences(&after));
         Ok(())
@@ -92,7 +97,11 @@ impl Simulator {
     }
 
     /// The quantities that may still become as planned.
-    fn to_wait_for(&self, shown: &EffectiveWeather, planned: &Weather) -> Vec<EffectiveQuantity> {
+    fn to_wait_for(
+        &self,
+        shown: &EffectiveWeather,
+        planned: &Weather,
+    ) -> BTreeSet<EffectiveQuantity> {
         let missing = shown.missing(planned).into_iter();
         let missing = missing
             .map(|missing| missing.quantity)

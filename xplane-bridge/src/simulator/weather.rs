@@ -6,6 +6,7 @@
 //! with tolerances, until it is there. Values that read right may not show yet: so the weather at the aircraft is read as well
 //! ([`super::effective_weather`]), and if its clouds still differ it is regenerated once more. Sources: `docs/x-plane-evidence.md`.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use dataset::conditions::Weather;
@@ -77,11 +78,15 @@ impl Simulator {
             // It shows without a regeneration.
             self.await_weather(writes).await?;
         }
-        let mut shown = self.await_effective_weather(planned).await?;
+        let mut shown = self
+            .await_effective_weather(planned, &BTreeSet::new())
+            .await?;
         if self.is_sky_wrong(&shown) {
             tracing::info!("the sky is another than was set: the weather is regenerated once more");
             self.regenerate(writes).await?;
-            shown = self.await_effective_weather(planned).await?;
+            shown = self
+                .await_effective_weather(planned, &BTreeSet::new())
+                .await?;
         }
         self.refuse_what_should_follow(&shown, planned)?;
         Ok(shown)
