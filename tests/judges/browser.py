@@ -8,6 +8,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 # Width of a phone's window.
 PHONE = 400
+# Widths of other windows, with the colours that the system asks for.
+SCREENS = [(width, scheme) for width in (1280, 2560) for scheme in ("light", "dark")]
 
 
 @contextmanager

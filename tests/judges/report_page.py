@@ -6,13 +6,13 @@ Usage: python report_page.py REPORT.html
 import sys
 from pathlib import Path
 
-from browser import PHONE, check_access, check_width, chromium
+from browser import PHONE, SCREENS, check_access, check_width, chromium
 
 
 def main() -> None:
     report = Path(sys.argv[1]).resolve()
     with chromium() as browser:
-        for width, scheme in [(1280, "light"), (2560, "dark"), (PHONE, "light")]:
+        for width, scheme in [*SCREENS, (PHONE, "light")]:
             context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
             page = context.new_page()
             page.goto(report.as_uri())

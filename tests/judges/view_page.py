@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from browser import PHONE, check_access, check_width, chromium
+from browser import PHONE, SCREENS, check_access, check_width, chromium
 
 HOSTILE = "<img src=x onerror=alert(1)>"
 ZOOMS = [None, 1, 2, 4, 8, 16, 32]
@@ -257,7 +257,7 @@ def main() -> None:
     with chromium() as browser:
         check_policy(browser, url)
         check_on_a_phone(browser, url)
-        for width, scheme in [(1280, "light"), (2560, "dark")]:
+        for width, scheme in SCREENS:
             context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)
             page = context.new_page()
             faults: list[str] = []
