@@ -461,7 +461,7 @@ pub(crate) struct RuntimeArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct EvaluateDetectorArgs {
-    /// Folder of a labelled corpus; nothing is written to it
+    /// Folder of a labelled corpus, which is only read
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Folder for evaluation.json and report.html, and for what was found so far
@@ -621,10 +621,10 @@ pub(crate) struct MockXplaneArgs {
     /// --window, whose size the plugin then sees.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) plugin: Option<PathBuf>,
-    /// Imitate an X-Plane without our plugin: no capture link, so nothing can be recorded
+    /// Imitate an X-Plane without our plugin: no capture link, so no recording
     #[arg(long, conflicts_with_all = ["plugin", "window", "tape"])]
     pub(crate) no_plugin: bool,
-    /// Size of the window that the plugin sees: that of the pictures
+    /// Size of the window that the plugin sees: the pictures' size
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1280")]
     pub(crate) plugin_window: WindowSize,
     /// Take the camera from the plugin every this many frames, as a view key does
@@ -661,7 +661,7 @@ pub(crate) struct DoctorArgs {
     /// Measure what reports disagree on, even if this installation has a profile
     #[arg(long)]
     pub(crate) measure: bool,
-    /// Measure nothing
+    /// Skip the measurements
     #[arg(long, conflicts_with = "measure")]
     pub(crate) no_measure: bool,
     /// Print the result as JSON

@@ -12,7 +12,7 @@ use crate::failure::Failure;
 pub(crate) struct ShardArg {
     /// Only shard I, from 0, of N; shards may work on one corpus at the same time
     ///
-    /// Each gets its share of every weather. The default is that of Slurm's job array (SLURM_ARRAY_TASK_ID) or of a Kubernetes Indexed
+    /// Each gets its share of every weather. The default is the shard of Slurm's job array (SLURM_ARRAY_TASK_ID) or of a Kubernetes Indexed
     /// Job (JOB_COMPLETION_INDEX and DTD_SHARDS), else everything.
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,

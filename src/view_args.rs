@@ -9,7 +9,7 @@ use crate::args::folder;
 /// What to show, and where.
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
-    /// Folder of the corpus, finished or in the making; nothing is written to it
+    /// Folder of the corpus, finished or in the making; it is only read
     #[arg(default_value = "corpus", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Run whose errors to show, or a table of `dtd predict`; may be repeated

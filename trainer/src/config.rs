@@ -243,7 +243,7 @@ pub struct EstimatorConfig {
     /// together. 0, as in the paper, drops views from the first step on.
     pub together_first: f64,
     /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
-    /// training cannot remove, ten times that of two views; at equal weights it drowns them out.
+    /// training cannot remove, ten times two views' floor; at equal weights it drowns them out.
     pub alone_weight: f64,
     /// Whether the last linear layer is solved in closed form after the last step; not in the paper.
     pub refit_head: bool,

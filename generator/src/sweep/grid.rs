@@ -56,7 +56,7 @@ pub(super) struct Exclude {
     repeats: Vec<u32>,
 }
 
-/// `[[include]]`: combinations in addition to the grid. Lists that are not given are those of the grid.
+/// `[[include]]`: combinations in addition to the grid. Lists that are not given are the grid's.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("minProperties" = 1))]

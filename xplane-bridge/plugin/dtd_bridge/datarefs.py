@@ -2,7 +2,7 @@
 
 X-Plane 12 keeps most datarefs of 11 as deprecated: looking one up writes a complaint into Log.txt, and for some shows an error over the
 scene. So a name that is not the running version's is not even looked up: :data:`ONLY_11` and :data:`ONLY_12` decide that for the whole
-plugin. The table in ``docs/x-plane-evidence.md`` has the successor of each.
+plugin. ``xplane-bridge/datarefs.csv`` has the successor of each.
 """
 
 from __future__ import annotations

@@ -1,13 +1,15 @@
-"""The tables of ``docs/x-plane-evidence.md`` list exactly the datarefs and commands of X-Plane that the client or the plugin uses,
-each with the versions of X-Plane in which it is touched, and with its successor where X-Plane 12 has replaced it."""
+"""``xplane-bridge/datarefs.csv`` lists exactly the datarefs and commands of X-Plane that the client or the plugin uses, each with the
+versions of X-Plane in which it is touched, and with its successor where X-Plane 12 has replaced it."""
 
 import paths
 
+import csv
 import re
 import unittest
 
 BRIDGE = paths.PLUGIN.parent
-TABLE = BRIDGE.parent / "docs" / "x-plane-evidence.md"
+TABLE = BRIDGE / "datarefs.csv"
+NO_SUCCESSOR = "no successor that can be written"
 NAME = re.compile(r"sim/[a-zA-Z0-9_/]+")
 
 
@@ -31,28 +33,32 @@ def used():
     return found - {"sim/flightmodel/position", "sim/graphics/view", "sim/weather", "sim/weather/region", "sim/time", "sim/autopilot"}
 
 
+def rows():
+    """The rows of the table, checked: names once, known versions, successors that are in the table."""
+    with TABLE.open(encoding="utf-8", newline="") as table:
+        found = list(csv.DictReader(table))
+    names = [row["name"] for row in found]
+    assert len(names) == len(set(names)), f"twice: {sorted(name for name in names if names.count(name) > 1)}"
+    for row in found:
+        assert row["meaning"] and row["source"], f"an empty cell: {row}"
+        assert row["versions"] in ("11", "12", "11 12"), f"which version: {row}"
+        successor = row["successor_in_12"]
+        if row["versions"] == "11":
+            assert successor in names or successor.startswith("none"), f"which successor: {row}"
+        else:
+            assert successor in ("", NO_SUCCESSOR), f"no successor expected: {row}"
+    return found
+
+
 def documented(version=None):
     """The names of the table, or those that are touched in a version of X-Plane: ``"11"`` or ``"12"``."""
-    rows = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if line.startswith("| `sim/")]
-    names = [name for row in rows for name in NAME.findall(row.split("|")[1])]
-    assert len(names) == len(set(names)), f"twice: {sorted(name for name in names if names.count(name) > 1)}"
-    for row in rows:
-        cells = [cell.strip() for cell in row.strip().strip("|").split("|")]
-        assert all(cells), f"an empty cell: {row}"
-        # One version or both, and what is to be said about 12: a successor, or why there is none.
-        assert re.fullmatch(r"11, 12|12|11; 12: .+|11, 12: no successor that can be written", cells[1]), f"which version: {row}"
-    return {
-        name
-        for row in rows
-        if version is None or version in row.split("|")[2].split(";")[0].split(":")[0]
-        for name in NAME.findall(row.split("|")[1])
-    }
+    return {row["name"] for row in rows() if version is None or version in row["versions"].split()}
 
 
 class Documented(unittest.TestCase):
     def test_the_table_has_every_name_that_is_used_and_no_other(self):
-        self.assertEqual(sorted(used() - documented()), [], "used, but not in docs/x-plane-evidence.md")
-        self.assertEqual(sorted(documented() - used()), [], "in docs/x-plane-evidence.md, but not used")
+        self.assertEqual(sorted(used() - documented()), [], "used, but not in datarefs.csv")
+        self.assertEqual(sorted(documented() - used()), [], "in datarefs.csv, but not used")
 
     def test_the_plugin_touches_each_name_in_the_versions_that_the_table_says(self):
         from dtd_bridge import datarefs
@@ -69,8 +75,7 @@ class Documented(unittest.TestCase):
     def test_what_12_has_no_successor_for_is_named_with_that_reason(self):
         from dtd_bridge import datarefs
 
-        rows = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if "no successor that can be written |" in line]
-        named = {name for row in rows for name in NAME.findall(row.split("|")[1])}
+        named = {row["name"] for row in rows() if row["successor_in_12"] == NO_SUCCESSOR}
         self.assertEqual(named, set(datarefs.WITHOUT_SUCCESSOR))
 
     def test_the_client_names_those_of_one_version_as_the_table_does(self):
