@@ -16,8 +16,6 @@ const KILLS: u32 = 24;
 /// What `kill` sends.
 const SIGKILL: i32 = 9;
 const SETTINGS: &str = "
-[augmentation]
-fill_up_to_samples = 500
 [calibration]
 hidden = [16]
 features = 16

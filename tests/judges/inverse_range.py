@@ -1,5 +1,5 @@
 """Judges the estimator inverse_range of a run: the formulas of baselines.json solve their least-squares problem as SciPy solves it, and
-predictions.parquet holds what they and the network on their residual give.
+predictions.parquet holds what they give.
 
 Usage: inverse_range.py CORPUS RUN. The corpus must have no false boxes. Prints JSON.
 """
@@ -111,31 +111,11 @@ def judge(fit, training, views):
     }
 
 
-def corrected(distance, tick, residual):
-    """The distance without the error that the network on the residual tells."""
-    mean, sd = residual["inverse_range_per_m"]
-    t = (1 / (distance + residual["setback_m"]) - mean) / sd
-    inputs = [t]
-    for view, usual in zip(residual["views"], residual["usual"]):
-        shift = tick["shifts"][view]
-        deviation = np.sqrt((shift["sd_x_px"] ** 2 + shift["sd_y_px"] ** 2) / 2)
-        numbers = (np.log(shift["scale"]), np.log(shift["gain"]), shift["correlation"], np.log(deviation))
-        for number, of in zip(numbers, usual):
-            inputs.append((number - np.dot(of["coefficients"], [1, t, t * t])) / of["deviation"])
-    row = np.clip(inputs, -4, 4)
-    for number, layer in enumerate(residual["layers"]):
-        row = row @ np.reshape(layer["weights"], (len(row), -1)) + layer["biases"]
-        if number < len(residual["layers"]) - 1:
-            row = np.where(row < 0, 0.01 * row, row)
-    return distance - row[0] * max(distance, NEAREST_M) * residual["deviation"]
-
-
 def main():
     corpus, run = map(Path, sys.argv[1:])
     baselines = json.loads((run / "baselines.json").read_text())
     config = json.loads((run / "config.json").read_text())
     views, fits = baselines["views"], baselines["inverse_range"]["fits"]
-    residual = baselines["inverse_range"].get("residual")
     assert json.loads((run / "run.json").read_text())["false_training_boxes"] == 0
     farthest = config["max_dtd_nm"] or np.inf
     all_ticks = list(ticks(corpus, views))
@@ -152,13 +132,11 @@ def main():
             if found := places(tick, fit, views):
                 x = terms(found[0][None, :], fit)
                 distance = 1 / (x @ np.array(fit["coefficients_per_m"]))[0] - fit["setback_m"]
-                if residual and fit is fits[residual["fit"]]:
-                    distance = corrected(distance, tick, residual)
                 worst = max(worst, abs(row["inverse_range_dtd_m"] / distance - 1))
                 compared += 1
                 break
     fits = [judge(fit, training, views) for fit in fits]
-    judged = {"fits": fits, "residual": bool(residual), "predictions": compared, "predictions_apart": worst}
+    judged = {"fits": fits, "predictions": compared, "predictions_apart": worst}
     print(json.dumps(judged))
 
 

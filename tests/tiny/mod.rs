@@ -49,9 +49,6 @@ visibility_m = 80000
 
 /// Just enough steps to create every file of a run.
 const TRAINING: &str = r#"
-[augmentation]
-fill_up_to_samples = 64
-
 [calibration]
 hidden = [8]
 features = 8

@@ -18,7 +18,7 @@ pub use paper_deviation::PaperDeviation;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
-    /// Seed of all random choices: initial weights, batches, augmentation. 0 is an ordinary seed.
+    /// Seed of all random choices: initial weights, batches. 0 is an ordinary seed.
     pub seed: u64,
     /// What networks train on.
     pub backend: TrainingBackend,
@@ -42,16 +42,12 @@ pub struct TrainConfig {
     /// Whether the cameras of each scenario are aligned by what stands still in their pictures: for cameras that are misplaced a little
     /// from scenario to scenario. Needs the videos.
     pub align_backgrounds: bool,
-    /// Additional training samples from geometry.
-    pub augmentation: AugmentationConfig,
     /// Stage one: calibration networks and their shared head.
     pub calibration: CalibrationConfig,
     /// Stage two: the distance estimator.
     pub estimator: EstimatorConfig,
     /// The monoscopic baseline networks.
     pub mono: MonoConfig,
-    /// The network that corrects the formula of `inverse_range`.
-    pub residual: ResidualConfig,
     /// How well the cameras are known before `self_calibrated` is fitted.
     pub self_calibration: SelfCalibrationConfig,
 }
@@ -70,11 +66,9 @@ impl Default for TrainConfig {
             loss: Loss::Squared,
             only_true_boxes: false,
             align_backgrounds: false,
-            augmentation: AugmentationConfig::default(),
             calibration: CalibrationConfig::default(),
             estimator: EstimatorConfig::default(),
             mono: MonoConfig::default(),
-            residual: ResidualConfig::default(),
             self_calibration: SelfCalibrationConfig::default(),
         }
     }
@@ -134,36 +128,6 @@ impl Loss {
     }
 }
 
-/// Settings of trajectory mixing: flights made of two others, a training aid that is not in the paper.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct AugmentationConfig {
-    /// Mixed samples, computed with the true cameras, are added up to this number of training samples; 0, as in the paper, for none. A
-    /// corpus with more samples gets none.
-    pub fill_up_to_samples: usize,
-    /// How far a mixture may extrapolate beyond the two trajectories that it mixes, in parts of their separation. A single view
-    /// cannot distinguish range from lateral deviation and has to guess by typical flights, so this should stay small.
-    pub extrapolation: f64,
-    /// The same for the samples that only train all views together, of which there are equally many. Together, views determine the
-    /// position whatever is typical, and a wide corridor teaches them to: in the narrow one, the lateral deviation that must be
-    /// separated from range is so small that gradient descent takes very long to find it.
-    pub extrapolation_together: f64,
-    /// How far those samples may also deviate sideways and vertically from the flown path, metres: about the effect of gusts on an
-    /// approach. However closely an autopilot kept the training flights to the axis, a held-out flight may deviate more.
-    pub deviation_together_m: f64,
-}
-
-impl Default for AugmentationConfig {
-    fn default() -> Self {
-        Self {
-            fill_up_to_samples: 0,
-            extrapolation: 0.3,
-            extrapolation_together: 4.0,
-            deviation_together_m: 30.0,
-        }
-    }
-}
-
 /// Mini-batches and learning rate of one training. The rate rises linearly over the first 2 % of the steps and then falls along
 /// half a cosine to a thousandth (Adam, otherwise with its usual constants).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -187,9 +151,6 @@ pub struct CalibrationConfig {
     pub features: usize,
     /// Hidden layers of the shared auxiliary head.
     pub head_hidden: Vec<usize>,
-    /// Whether each calibration network has a linear path beside its layers, which keeps the positions apart from the sizes; the paper's
-    /// has none.
-    pub linear_path: bool,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
     /// Steps between two entries of the convergence log; each is an evaluation on the validation side.
@@ -211,7 +172,6 @@ impl Default for CalibrationConfig {
             hidden: vec![128, 128],
             features: 256,
             head_hidden: vec![128],
-            linear_path: false,
             optimisation: Optimisation {
                 steps: 10_000,
                 batch_size: 256,
@@ -245,8 +205,6 @@ pub struct EstimatorConfig {
     /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
     /// training cannot remove, ten times two views' floor; at equal weights it drowns them out.
     pub alone_weight: f64,
-    /// Whether the last linear layer is solved in closed form after the last step; not in the paper.
-    pub refit_head: bool,
     /// Log entries in a row without a lower error, after which the training ends; it then keeps the network with the lowest one. Without
     /// it, all steps are made, and the last network is kept.
     pub patience: Option<usize>,
@@ -265,7 +223,6 @@ impl Default for EstimatorConfig {
             log_every: 250,
             together_first: 0.0,
             alone_weight: 1.0,
-            refit_head: false,
             patience: None,
         }
     }
@@ -289,29 +246,6 @@ impl Default for MonoConfig {
                 steps: 2_000,
                 batch_size: 256,
                 learning_rate: 3e-3,
-            },
-        }
-    }
-}
-
-/// Settings of the network on the residual of `inverse_range`: it corrects the formula that answers most ticks.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct ResidualConfig {
-    /// Hidden layers.
-    pub hidden: Vec<usize>,
-    /// Mini-batches and learning rate.
-    pub optimisation: Optimisation,
-}
-
-impl Default for ResidualConfig {
-    fn default() -> Self {
-        Self {
-            hidden: vec![32, 32],
-            optimisation: Optimisation {
-                steps: 3_000,
-                batch_size: 256,
-                learning_rate: 1e-2,
             },
         }
     }
@@ -365,10 +299,6 @@ impl TrainConfig {
             mono: MonoConfig {
                 optimisation: narrow(1_500, 3e-3),
                 ..MonoConfig::default()
-            },
-            residual: ResidualConfig {
-                optimisation: narrow(1_500, 1e-2),
-                ..ResidualConfig::default()
             },
             ..Self::default()
         }

@@ -33,21 +33,6 @@ pub enum Error {
         /// Allowed values.
         expected: String,
     },
-    /// A training that does not fit into this machine's memory.
-    #[error(
-        "training configuration: {most} asks for most of the {} MiB of memory that this training would take; {} MiB are there. Make it \
-         smaller",
-        needed_bytes >> 20,
-        available_bytes >> 20
-    )]
-    Memory {
-        /// The setting that takes the most, with its value.
-        most: String,
-        /// Estimated need, bytes.
-        needed_bytes: u64,
-        /// Available, bytes.
-        available_bytes: u64,
-    },
     /// A run folder that cannot be used.
     #[error("run {}: {fault}", path.display())]
     Run {

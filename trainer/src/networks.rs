@@ -5,7 +5,6 @@ pub(crate) mod dense;
 pub(crate) mod encoded;
 pub(crate) mod estimator_graph;
 pub(crate) mod lstm;
-pub(crate) mod memory;
 pub(crate) mod normalisation;
 pub(crate) mod row_parts;
 pub(crate) mod training_loop;

@@ -22,11 +22,10 @@ use crate::config::TrainConfig;
 use crate::error::Result;
 use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::estimators::geometry::triangulation::CentreOffset;
+use crate::estimators::inverse_range::CrossFitted;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
-use crate::estimators::inverse_range::{CrossFitted, ResidualRecord};
 use crate::estimators::mono::pinhole::Pinhole;
 use crate::networks::checkpoint::{Checkpoints, Origin};
-use crate::networks::memory::{self, SampleCounts};
 use crate::networks::normalisation::Normalisation;
 use crate::networks::training_loop::Watch;
 use crate::run::choice::Choice;
@@ -34,12 +33,10 @@ use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{Baselines, RUN_FORMAT, RunSummary, TrainedRun};
-use crate::samples::Sample;
 use crate::training::encoded_flights::EncodedFlights;
 use crate::training::flights::Flights;
 use crate::training::network_training::train_networks;
 use crate::training::start::Start;
-use crate::training::stream::Stream;
 
 /// The result of a training.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,11 +111,6 @@ pub(crate) fn train_unless(
         Some(start) => start.normalisation(normalisation, samples, self_calibrated.as_ref()),
     };
     let validation = flights.validation(corpus, &normalisation)?;
-    let counts = SampleCounts {
-        training: training.len(),
-        judged: validation.len(),
-    };
-    memory::check(config, samples.views.len(), counts)?;
 
     let origin = Origin {
         dtd: env!("CARGO_PKG_VERSION").into(),
@@ -132,7 +124,7 @@ pub(crate) fn train_unless(
         return Ok(outcome);
     }
     let samples_blake3 = origin.samples_blake3.clone();
-    let encoded = EncodedFlights::new(samples, &training, &validation, &normalisation, config);
+    let encoded = EncodedFlights::new(&training, &validation, &normalisation);
     let mut checkpoints = Checkpoints::open(&place.checkpoint(), origin, started, progress);
     let watch = &mut Watch {
         checkpoints: &mut checkpoints,
@@ -140,14 +132,7 @@ pub(crate) fn train_unless(
     };
     let known = start.as_ref().map(|start| &start.run.networks);
     let learned = train_networks(known, &encoded, &samples.views, config, &device, watch)?;
-    let (baselines, residual) = fit_formulas(
-        &flights,
-        &validation,
-        &normalisation,
-        self_calibrated,
-        config,
-        watch,
-    )?;
+    let baselines = fit_formulas(&flights, &normalisation, self_calibrated);
 
     let choice = Choice::of(&baselines, &flights.with_true_boxes());
     let run = TrainedRun {
@@ -170,10 +155,8 @@ pub(crate) fn train_unless(
             samples_blake3,
             training_samples: training.len(),
             false_training_boxes: flights.false_training_boxes(),
-            mixed_samples: encoded.mixed_samples,
             validation_samples: validation.len(),
             validation_mape_pct: learned.validation_mape_pct,
-            residual,
             training_s: checkpoints.spent_s(),
             choice: choice.clone(),
             started_from_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
@@ -195,27 +178,16 @@ pub(crate) fn train_unless(
     })
 }
 
-/// Fits all formulas, with the network on the residual of one and what it is worth.
 fn fit_formulas(
     flights: &Flights,
-    validation: &[Sample],
     normalisation: &Normalisation,
     self_calibrated: Option<SelfCalibrated>,
-    config: &TrainConfig,
-    watch: &mut Watch,
-) -> Result<(Baselines, Option<ResidualRecord>)> {
+) -> Baselines {
     let samples = &flights.samples;
     let true_boxes = &flights.with_true_boxes();
-    let mut cross_fitted = CrossFitted::fit(samples, true_boxes);
-    let residual = cross_fitted.learn_residuals(
-        true_boxes,
-        validation,
-        &config.residual,
-        Stream::Residual.generator(config.seed),
-        watch,
-    )?;
+    let cross_fitted = CrossFitted::fit(samples, true_boxes);
     let views = 0..samples.views.len();
-    let baselines = Baselines {
+    Baselines {
         views: samples.views.clone(),
         pinholes: (views.clone())
             .map(|view| Pinhole::fit(view, true_boxes))
@@ -227,8 +199,7 @@ fn fit_formulas(
         inverse_range: cross_fitted.all,
         self_calibrated,
         backgrounds: flights.backgrounds.as_ref().map(Backgrounds::stored),
-    };
-    Ok((baselines, residual))
+    }
 }
 
 /// The result of the run that is there, if a training of this origin made it.

@@ -25,7 +25,6 @@ fn synthetic(changed: Option<Changed>) -> SyntheticCorpus {
     SyntheticCorpus {
         train: 10,
         shift_noise_px: Some(0.05),
-        shift_by_contrast: Some(1e-4),
         changed,
         ..SyntheticCorpus::tiny()
     }
@@ -106,11 +105,6 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
     let record = refit(&run, &after, &out, &of_left(10), &mut Silent).unwrap();
     assert_eq!(record.frozen_before_blake3, record.frozen_after_blake3);
     assert_eq!(record.scenarios.len(), 10);
-    let residual = record.residual.unwrap();
-    let network_pct = residual
-        .as_it_was_mape_pct
-        .min(residual.trained_on_mape_pct);
-    assert!(network_pct < 0.7 * residual.formula_mape_pct, "{residual}");
 
     let refitted = RunFolder::at(&out);
     let (old, new) = (evaluated(&run, &before), evaluated(&refitted, &after));

@@ -8,9 +8,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::splits::{Side, Splits};
 use dataset::work::progress::{Progress, Silent};
 use testkit::synthetic::SyntheticCorpus;
-use trainer::config::{
-    CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation, ResidualConfig,
-};
+use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{RunFolder, TrainConfig, train};
 
 const STEPS: usize = 24;
@@ -40,25 +38,14 @@ fn config() -> TrainConfig {
             optimisation: optimisation(),
             log_every: 4,
             together_first: 0.3,
-            refit_head: true,
             ..EstimatorConfig::default()
         },
         mono: MonoConfig {
             hidden: vec![16],
             optimisation: optimisation(),
         },
-        // Enough to be kept, and to be killed in between.
-        residual: ResidualConfig {
-            hidden: vec![8],
-            optimisation: Optimisation {
-                steps: 600,
-                batch_size: 32,
-                learning_rate: 1e-2,
-            },
-        },
         ..TrainConfig::default()
     };
-    config.augmentation.fill_up_to_samples = 500;
     config
 }
 
@@ -100,7 +87,6 @@ impl Progress for Killer {
 fn tiny(folder: &Path) -> Corpus {
     let corpus = SyntheticCorpus {
         shift_noise_px: Some(0.02),
-        shift_by_contrast: Some(1e-4),
         ..SyntheticCorpus::tiny()
     };
     corpus.write(&folder.join("corpus")).unwrap()
@@ -145,11 +131,6 @@ fn a_training_that_is_killed_again_and_again_comes_to_the_same_numbers() {
         (config.calibration.patience, config.estimator.patience) = (patience, patience);
         let straight = folder.path().join("straight");
         let outcome = train(&corpus, &straight, &config, &mut Silent).unwrap();
-        let baselines = fs::read_to_string(straight.join("baselines.json")).unwrap();
-        assert!(
-            baselines.contains("\"layers\""),
-            "no network on the residual"
-        );
         let run = folder.path().join("killed");
         let mut kills = 0_usize;
         // Each process gets a little further than the last.
@@ -207,7 +188,6 @@ fn with_patience_a_training_stops_early_and_keeps_its_best_weights() {
     let corpus = tiny(folder.path());
     let run = folder.path().join("run");
     let mut config = config();
-    config.estimator.refit_head = false;
     // Too high a rate gets worse sooner or later.
     config.estimator.optimisation.learning_rate = 0.3;
     config.estimator.patience = Some(2);

@@ -18,7 +18,6 @@ fn config(seed: u64) -> TrainConfig {
         seed,
         ..TrainConfig::demo()
     };
-    config.augmentation.fill_up_to_samples = 500;
     config.calibration.optimisation.steps = 20;
     config.estimator.optimisation.steps = 20;
     config.mono.optimisation.steps = 20;

@@ -80,9 +80,6 @@ pub struct SyntheticCorpus {
     pub size_noise_px: f64,
     /// Standard deviation of the shifts between the views, pixels; `None` for views that are not registered.
     pub shift_noise_px: Option<f64>,
-    /// Part by which a shift is longer at every other tick, at which the view shows more contrast than the reference, and shorter at the
-    /// ticks between, at which it shows less; `None` for equal contrast. Of a third view it is every other pair of ticks.
-    pub shift_by_contrast: Option<f64>,
     /// Chance that a view misses the aircraft at a tick.
     pub miss_ratio: f64,
     /// Every scenario's cameras are turned by up to this much to either side, degrees.
@@ -111,7 +108,6 @@ impl SyntheticCorpus {
             centre_noise_px: 0.4,
             size_noise_px: 0.8,
             shift_noise_px: None,
-            shift_by_contrast: None,
             miss_ratio: 0.08,
             turned_deg: 0.0,
             third_camera: false,
@@ -195,16 +191,9 @@ impl SyntheticCorpus {
             .write(&folder.record_path())?;
         seal_folder(folder.root(), "synthetic")?;
         let detections = self.detect(&frames, &calibration, &mut random);
-        let registrations = self.shift_noise_px.map(|noise_px| {
-            let by_contrast = self.shift_by_contrast;
-            register(
-                &frames,
-                &calibration,
-                &detections,
-                (noise_px, by_contrast),
-                &mut random,
-            )
-        });
+        let registrations = self
+            .shift_noise_px
+            .map(|noise_px| register(&frames, &calibration, &detections, noise_px, &mut random));
         let source = folder.open()?;
         detections::replace(
             &folder.claim()?,
@@ -386,7 +375,7 @@ fn register(
     frames: &Frames,
     calibration: &Calibration,
     detections: &Detections,
-    (noise_px, by_contrast): (f64, Option<f64>),
+    noise_px: f64,
     random: &mut ChaCha12Rng,
 ) -> Vec<Registration> {
     let mut found = Vec::new();
@@ -397,7 +386,7 @@ fn register(
     let mut views = calibration.cameras.iter();
     let (reference, first) = views.next().expect("a rig has cameras");
     let first = first.camera();
-    for (number, (view, entry)) in views.enumerate() {
+    for (view, entry) in views {
         let camera = entry.camera();
         for row in &frames.rows {
             let seen = |view: &String| {
@@ -409,21 +398,15 @@ fn register(
                 let ecef_m = row.pose.position().to_ecef();
                 let exact = camera.project(ecef_m)? - first.project(ecef_m)?;
                 let size = |camera: &Camera| camera.focal_px / camera.to_camera(ecef_m).z;
-                let high = if (row.tick >> number).is_multiple_of(2) {
-                    1.0
-                } else {
-                    -1.0
-                };
-                let longer = 1.0 + by_contrast.unwrap_or(0.0) * high;
                 Some(Shift {
                     x_px: in_reference.pixel_box.cx_px,
                     y_px: in_reference.pixel_box.cy_px,
-                    dx_px: longer * exact.x + noise_px * normal(random),
+                    dx_px: exact.x + noise_px * normal(random),
                     dy_px: exact.y + noise_px * normal(random),
                     sd_x_px: noise_px.max(0.01),
                     sd_y_px: noise_px.max(0.01),
                     scale: size(&camera) / size(&first),
-                    gain: by_contrast.map_or(1.0, |_| 1.0 + 0.2 * high),
+                    gain: 1.0,
                     correlation: 0.9,
                 })
             };

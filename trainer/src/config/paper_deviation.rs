@@ -18,18 +18,12 @@ pub enum PaperDeviation {
     Start,
     /// `loss` is not `squared`.
     Loss,
-    /// `augmentation.fill_up_to_samples` is not 0: training samples are computed with the true cameras.
-    MixedSamples,
     /// `only_true_boxes`: false boxes are removed from the training side by the labels.
     OnlyTrueBoxes,
-    /// `calibration.linear_path`.
-    LinearPath,
     /// `calibration.min_steps` or a threshold of Algorithm 1.
     AlgorithmThresholds,
     /// `estimator.together_first` or `.alone_weight`: views are not dropped in equal shares of equal weight.
     ViewDropout,
-    /// `estimator.refit_head`.
-    RefitHead,
     /// Widths of the calibration networks, the LSTM or their heads.
     LayerWidths,
     /// `calibration.patience` or `estimator.patience`: the networks with the lowest validation error are kept, not the last ones.
@@ -45,12 +39,9 @@ impl fmt::Display for PaperDeviation {
         f.write_str(match self {
             Self::Start => "weights of another run as the start",
             Self::Loss => "loss",
-            Self::MixedSamples => "training samples mixed with the true cameras",
             Self::OnlyTrueBoxes => "false training boxes removed by the labels",
-            Self::LinearPath => "linear path in the calibration networks",
             Self::AlgorithmThresholds => "thresholds of Algorithm 1",
             Self::ViewDropout => "view dropout in unequal shares",
-            Self::RefitHead => "last layer in closed form",
             Self::LayerWidths => "layer widths",
             Self::Patience => "networks of the lowest validation error",
             Self::AlignedBackgrounds => "boxes aligned by backgrounds",
@@ -73,12 +64,7 @@ impl TrainConfig {
         let found = [
             (PaperDeviation::Start, self.start_from.is_some()),
             (PaperDeviation::Loss, self.loss != Loss::Squared),
-            (
-                PaperDeviation::MixedSamples,
-                self.augmentation.fill_up_to_samples > 0,
-            ),
             (PaperDeviation::OnlyTrueBoxes, self.only_true_boxes),
-            (PaperDeviation::LinearPath, c.linear_path),
             (
                 PaperDeviation::AlgorithmThresholds,
                 algorithm(c) != algorithm(&paper_c),
@@ -87,7 +73,6 @@ impl TrainConfig {
                 PaperDeviation::ViewDropout,
                 e.together_first > 0.0 || e.alone_weight != 1.0,
             ),
-            (PaperDeviation::RefitHead, e.refit_head),
             (
                 PaperDeviation::LayerWidths,
                 widths(c, e) != widths(&paper_c, &paper_e),
@@ -130,16 +115,8 @@ mod tests {
             (r#"{"start_from": "run"}"#, PaperDeviation::Start),
             (r#"{"loss": "logarithmic"}"#, PaperDeviation::Loss),
             (
-                r#"{"augmentation": {"fill_up_to_samples": 9}}"#,
-                PaperDeviation::MixedSamples,
-            ),
-            (
                 r#"{"only_true_boxes": true}"#,
                 PaperDeviation::OnlyTrueBoxes,
-            ),
-            (
-                r#"{"calibration": {"linear_path": true}}"#,
-                PaperDeviation::LinearPath,
             ),
             (
                 r#"{"calibration": {"gap_threshold_pct": 0.25}}"#,
@@ -156,10 +133,6 @@ mod tests {
             (
                 r#"{"estimator": {"alone_weight": 0.02}}"#,
                 PaperDeviation::ViewDropout,
-            ),
-            (
-                r#"{"estimator": {"refit_head": true}}"#,
-                PaperDeviation::RefitHead,
             ),
             (
                 r#"{"estimator": {"lstm": [96, 96]}}"#,

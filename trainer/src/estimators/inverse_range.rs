@@ -12,14 +12,10 @@
 
 pub(crate) mod flight_filter;
 
-#[cfg(test)]
-mod contrast_samples;
 mod cross_fitted;
 mod measurement;
 mod new_camera;
 mod onnx;
-mod residual;
-mod residual_training;
 mod robust_fit;
 
 use std::collections::BTreeSet;
@@ -32,10 +28,6 @@ use crate::samples::{FARTHEST_M, Observation, Sample};
 
 pub(crate) use cross_fitted::CrossFitted;
 pub(crate) use measurement::{Measurement, scale_m};
-pub(crate) use new_camera::NewCamera;
-pub use new_camera::{Outcome, RefittedResidual};
-use residual::Residual;
-pub(crate) use residual_training::ResidualRecord;
 use robust_fit::{
     Rows, Scales, Solution, coordinates, dot, normalise, sensitivity_m, terms_of, write_terms,
 };
@@ -58,9 +50,6 @@ const TICKS_OF_SEARCH: usize = 2_000;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct InverseRange {
     fits: Vec<Fit>,
-    /// Network on the residual of one of the fits.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    residual: Option<Residual>,
 }
 
 /// Views whose places a formula is about.
@@ -100,30 +89,6 @@ impl InverseRange {
         Self::fit_sets(sets_of_views(views, training), training)
     }
 
-    /// The network on the residual of a fit.
-    fn residual_of(&self, fit: usize) -> Option<&Residual> {
-        self.residual.as_ref().filter(|of| of.fit() == fit)
-    }
-
-    /// The network on the residual of a fit that contains this view.
-    fn residual_of_view(&self, view: usize) -> Option<&Residual> {
-        let residual = self.residual.as_ref();
-        residual.filter(|of| self.fits[of.fit()].set.views.contains(&view))
-    }
-
-    /// The registered fit that answers most of these ticks, the more precise of two that answer as many; `None` if none does.
-    fn most_asked(&self, ticks: &[&Sample]) -> Option<usize> {
-        let mut asked = vec![0; self.fits.len()];
-        for tick in ticks {
-            if let Some(fit) = self.asked(tick) {
-                asked[fit] += 1;
-            }
-        }
-        let registered = (0..self.fits.len()).filter(|&fit| self.fits[fit].set.registered);
-        let best = registered.rev().max_by_key(|&fit| asked[fit])?;
-        (asked[best] > 0).then_some(best)
-    }
-
     /// The first fit whose views all saw the aircraft.
     fn asked(&self, observed: &Observation) -> Option<usize> {
         let applies = |fit: &Fit| fit.set.places(observed).is_some();
@@ -137,8 +102,7 @@ impl InverseRange {
             .map(move |fit| fit.set.views.contains(&view))
     }
 
-    /// Copy without the parts that a new camera of this view changes: the fits that contain the view, and the network if it is on the
-    /// residual of one of them.
+    /// Copy without the fits that a new camera of this view changes.
     pub(crate) fn without(&self, view: usize) -> Self {
         let others = self
             .fits
@@ -146,10 +110,6 @@ impl InverseRange {
             .filter(|fit| !fit.set.views.contains(&view));
         Self {
             fits: others.cloned().collect(),
-            residual: match self.residual_of_view(view) {
-                Some(_) => None,
-                None => self.residual.clone(),
-            },
         }
     }
 
@@ -162,10 +122,7 @@ impl InverseRange {
         });
         let mut fits: Vec<Fit> = sets.filter_map(|set| Fit::of(set, training)).collect();
         fits.sort_by(|a, b| a.deviation.total_cmp(&b.deviation));
-        Self {
-            fits,
-            residual: None,
-        }
+        Self { fits }
     }
 
     /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the first such has no distance for such
@@ -177,22 +134,16 @@ impl InverseRange {
 
     /// True if every fit refers to some of this many views and has as many numbers as they need.
     pub(crate) fn is_of(&self, views: usize) -> bool {
-        let residual = self.residual.as_ref();
-        let completes = |residual: &Residual| {
-            let fit = self.fits.get(residual.fit());
-            fit.is_some_and(|fit| residual.is_of(fit))
-        };
-        residual.is_none_or(completes)
-            && self.fits.iter().all(|fit| {
-                let set = &fit.set.views;
-                let coordinates = 2 * set.len();
-                set.last().is_some_and(|&last| last < views)
-                    && set.windows(2).all(|pair| pair[0] < pair[1])
-                    && fit.offset_px.len() == coordinates
-                    && fit.scale_px.len() == coordinates
-                    && fit.coefficients_per_m.len() == terms_of(coordinates)
-                    && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
-            })
+        self.fits.iter().all(|fit| {
+            let set = &fit.set.views;
+            let coordinates = 2 * set.len();
+            set.last().is_some_and(|&last| last < views)
+                && set.windows(2).all(|pair| pair[0] < pair[1])
+                && fit.offset_px.len() == coordinates
+                && fit.scale_px.len() == coordinates
+                && fit.coefficients_per_m.len() == terms_of(coordinates)
+                && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
+        })
     }
 
     /// Means of places, pixels.
@@ -211,15 +162,13 @@ impl InverseRange {
 
     /// The other numbers of the formulas.
     pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
-        let residual = self.residual.iter().flat_map(Residual::constants);
-        let of_fits = self.fits.iter().flat_map(|fit| {
+        self.fits.iter().flat_map(|fit| {
             let others = [fit.setback_m, fit.deviation];
             others
                 .into_iter()
                 .chain(fit.coefficients_per_m.iter().copied())
                 .chain(fit.covariance_per_m2.iter().copied())
-        });
-        of_fits.chain(residual)
+        })
     }
 }
 

@@ -5,8 +5,6 @@
 
 pub(crate) mod calibration_training;
 pub(crate) mod gap_balance;
-pub(crate) mod head_refit;
-pub(crate) mod trajectory_mixing;
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
@@ -17,7 +15,6 @@ use serde::{Deserialize, Serialize};
 use crate::config::{EstimatorConfig, Loss, Optimisation};
 use crate::error::Result;
 use crate::estimators::paper_lstm::calibration_training::CalibrationNetworks;
-use crate::estimators::paper_lstm::head_refit::HeadRefit;
 use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
@@ -84,10 +81,8 @@ pub(crate) struct EstimatorLogEntry {
 
 /// The samples of the estimator.
 pub(crate) struct EstimatorSamples<'a> {
-    /// For training batches of one view.
-    pub alone: &'a Encoded,
-    /// For training batches of all views.
-    pub together: &'a Encoded,
+    /// To learn from.
+    pub training: &'a Encoded,
     /// To be judged by.
     pub validation: &'a Encoded,
 }
@@ -106,7 +101,8 @@ pub(crate) fn train_estimator(
     let estimator = start.map_or(random, |start| start.clone().train());
     let mut task = EstimatorTask {
         calibration,
-        dropout: ViewDropout::new(samples.alone, samples.together),
+        dropout: ViewDropout::new(samples.training),
+        training: samples.training,
         validation: samples.validation,
         config,
         log: Vec::new(),
@@ -118,7 +114,8 @@ pub(crate) fn train_estimator(
 
 struct EstimatorTask<'a> {
     calibration: &'a CalibrationNetworks,
-    dropout: ViewDropout<'a>,
+    dropout: ViewDropout,
+    training: &'a Encoded,
     validation: &'a Encoded,
     config: &'a EstimatorConfig,
     log: Vec<EstimatorLogEntry>,
@@ -163,11 +160,8 @@ impl Task for EstimatorTask<'_> {
             steps, batch_size, ..
         } = self.config.optimisation;
         let only_together = (step as f64) < self.config.together_first * steps as f64;
-        let BatchKind {
-            selection,
-            samples,
-            from,
-        } = (self.dropout.together())
+        let samples = self.training;
+        let BatchKind { selection, from } = (self.dropout.together())
             .filter(|_| only_together)
             .unwrap_or_else(|| self.dropout.draw(random));
         let batch = draw(from, batch_size, random);
@@ -190,13 +184,6 @@ impl Task for EstimatorTask<'_> {
             traced.add_gradients(of_last, &mut gradients);
         }
         gradients
-    }
-
-    fn finish(&mut self, estimator: PaperLstm) -> PaperLstm {
-        match self.config.refit_head {
-            true => self.refit_head(estimator.valid()),
-            false => estimator,
-        }
     }
 
     fn errors_pct(&self, estimator: &PaperLstm) -> Vec<Option<f64>> {
@@ -223,50 +210,6 @@ impl Task for EstimatorTask<'_> {
         self.log.extend(entries);
         let error = self.log.last().map(|entry| entry.validation_mape_pct);
         error.map_or_else(String::new, |error| format!("MAPE {error:.3} %"))
-    }
-}
-
-impl EstimatorTask<'_> {
-    /// Solves the last layer over all kinds of batches that training draws, each with the same total weight as there.
-    fn refit_head(&self, estimator: PaperLstm) -> PaperLstm {
-        let (loss, device) = (self.setup.loss, self.setup.plain_device());
-        let mut refit = HeadRefit::new(estimator.head.last_inputs());
-        for BatchKind {
-            selection,
-            samples,
-            from,
-        } in self.dropout.kinds()
-        {
-            let weight = kind_weight(*selection, self.config) / from.len() as f32;
-            for batch in from.chunks(CHUNK) {
-                let last = estimator.lstm.forward(&features_of(
-                    self.calibration,
-                    samples,
-                    batch,
-                    *selection,
-                    &device,
-                ));
-                let hidden = numbers(estimator.head.hidden(last));
-                let of = |f: &dyn Fn(f32) -> f32| {
-                    batch
-                        .iter()
-                        .map(|&s| f(samples.distance(s)))
-                        .collect::<Vec<_>>()
-                };
-                refit.add(
-                    &hidden,
-                    &of(&|d| loss.target(d)),
-                    &of(&|d| loss.weight(d) * weight),
-                );
-            }
-        }
-        match refit.solve(&device) {
-            Some(layer) => PaperLstm {
-                head: estimator.head.with_last(layer),
-                ..estimator
-            },
-            None => estimator,
-        }
     }
 }
 

@@ -65,49 +65,6 @@ pub(crate) fn linear_to_onnx(layer: &Linear, graph: &mut Graph, input: &str) -> 
     }
 }
 
-/// A linear layer whose output is always 0.
-pub(crate) fn zeros(inputs: usize, outputs: usize, device: &Device) -> Linear {
-    linear_of(vec![0.0; inputs * outputs], vec![0.0; outputs], device)
-}
-
-/// The numbers of a linear layer, for networks so small that they are stored with formulas.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Layer {
-    /// Input by input.
-    pub(crate) weights: Vec<f32>,
-    /// One for each output.
-    pub(crate) biases: Vec<f32>,
-}
-
-impl Layer {
-    fn forward(&self, input: &[f32]) -> Vec<f32> {
-        let mut output = self.biases.clone();
-        for (value, weights) in input.iter().zip(self.weights.chunks_exact(output.len())) {
-            for (sum, weight) in output.iter_mut().zip(weights) {
-                *sum += value * weight;
-            }
-        }
-        output
-    }
-}
-
-/// The same as [`Dense::forward`] of the stack with these layers, for one row.
-pub(crate) fn forward(layers: &[Layer], input: Vec<f32>) -> Vec<f32> {
-    let last = layers.len().saturating_sub(1);
-    layers
-        .iter()
-        .enumerate()
-        .fold(input, |value, (number, layer)| {
-            let mut output = layer.forward(&value);
-            if number < last {
-                for value in output.iter_mut().filter(|value| **value < 0.0) {
-                    *value *= LEAKY_SLOPE as f32;
-                }
-            }
-            output
-        })
-}
-
 /// Linear layers with LeakyReLU between them and none after the last.
 #[derive(Module, Debug)]
 pub(crate) struct Dense {
@@ -139,17 +96,6 @@ impl Dense {
         })
     }
 
-    /// The same stack with another last layer.
-    pub(crate) fn with_last(mut self, layer: Linear) -> Self {
-        *self.layers.last_mut().expect("a stack has a layer") = layer;
-        self
-    }
-
-    /// Number of inputs of the last layer.
-    pub(crate) fn last_inputs(&self) -> usize {
-        self.last().weight.val().dims()[0]
-    }
-
     /// The same as [`Dense::forward`] in an ONNX graph.
     pub(crate) fn to_onnx(&self, graph: &mut Graph, input: &str) -> String {
         let before_last = &self.layers[..self.layers.len() - 1];
@@ -159,29 +105,6 @@ impl Dense {
             graph.node("LeakyRelu", &[&value], vec![slope])
         });
         linear_to_onnx(self.last(), graph, &hidden)
-    }
-
-    /// Its numbers.
-    pub(crate) fn layers(&self) -> Vec<Layer> {
-        let layer = |layer: &Linear| {
-            let biases = layer
-                .bias
-                .as_ref()
-                .map(|bias| numbers(bias.val().unsqueeze()));
-            Layer {
-                weights: numbers(layer.weight.val()),
-                biases: biases.unwrap_or_default(),
-            }
-        };
-        self.layers.iter().map(layer).collect()
-    }
-
-    /// The stack with such numbers.
-    pub(crate) fn of_layers(layers: &[Layer], device: &Device) -> Self {
-        let linear = |of: &Layer| linear_of(of.weights.clone(), of.biases.clone(), device);
-        Self {
-            layers: layers.iter().map(linear).collect(),
-        }
     }
 
     fn last(&self) -> &Linear {

@@ -90,10 +90,6 @@ pub(crate) trait Task {
     fn restore(&mut self, state: Self::State);
     /// Gradients of the loss of the next batch.
     fn gradients(&mut self, network: &Self::Network, step: usize) -> GradientsParams;
-    /// Completes the network that is kept.
-    fn finish(&mut self, network: Self::Network) -> Self::Network {
-        network
-    }
     /// The errors that it is judged by, percent; `None` for what cannot be measured.
     fn errors_pct(&self, network: &Self::Network) -> Vec<Option<f64>>;
     /// Takes note of the errors after `done` steps, and returns a few words about them.
@@ -208,13 +204,12 @@ impl<N: Module> Position<N> {
         }
     }
 
-    /// The network that is kept, complete, and a few words about its error.
+    /// The network that is kept, and a few words about its error.
     fn end<T: Task<Network = N>>(self, task: &mut T) -> Result<(Kept<N>, String)> {
         let (network, step) = match self.best {
             Some(best) => (best.network, best.step),
             None => (self.network, self.step),
         };
-        let network = task.finish(network);
         let errors_pct = judge(task, &network, step)?;
         let error_pct = mean(&errors_pct);
         let note = match task.patience() {
@@ -375,11 +370,6 @@ mod tests {
             GradientsParams::from_grads(output.backward(), network)
         }
 
-        fn finish(&mut self, network: Dense) -> Dense {
-            self.entries.push("finish".into());
-            network
-        }
-
         fn errors_pct(&self, _network: &Dense) -> Vec<Option<f64>> {
             let steps = self
                 .entries
@@ -434,10 +424,10 @@ mod tests {
     }
 
     #[test]
-    fn the_last_step_is_judged_too_and_after_the_network_is_complete() {
+    fn the_last_step_is_judged_too() {
         let mut diary = Diary::of(&[9.0, 8.0, 7.0, 6.0], None);
         let (kept, reported) = learn_steps(&mut diary, 3).unwrap();
-        assert_eq!(diary.entries, ["step 0", "step 1", "step 2", "finish"]);
+        assert_eq!(diary.entries, ["step 0", "step 1", "step 2"]);
         assert_eq!(reported, ["diary of 3", "2: 7 after 2", "3: 6 after 3"]);
         assert_eq!((kept.step, kept.error_pct), (3, 6.0));
     }

@@ -17,38 +17,34 @@ pub(crate) enum ViewSelection {
 }
 
 /// One kind of mini-batch.
-pub(crate) struct BatchKind<'a> {
+pub(crate) struct BatchKind {
     /// The views that it uses.
     pub selection: ViewSelection,
-    /// Source of its samples.
-    pub samples: &'a Encoded,
-    /// Views that it may draw.
+    /// Samples that it may draw.
     pub from: Vec<usize>,
 }
 
 /// The kinds of mini-batches.
-pub(crate) struct ViewDropout<'a> {
-    kinds: Vec<BatchKind<'a>>,
+pub(crate) struct ViewDropout {
+    kinds: Vec<BatchKind>,
 }
 
-impl<'a> ViewDropout<'a> {
-    /// Single views draw from the samples of `alone` that they saw, all views together from the samples of `together` that two or
-    /// more saw. Kinds without samples are left out.
-    pub(crate) fn new(alone: &'a Encoded, together: &'a Encoded) -> Self {
+impl ViewDropout {
+    /// Single views draw from the samples that they saw, all views together from those that two or more saw. Kinds without samples are
+    /// left out.
+    pub(crate) fn new(samples: &Encoded) -> Self {
         let one = |view| BatchKind {
             selection: ViewSelection::Only(view),
-            samples: alone,
-            from: alone.seen_by(view),
+            from: samples.seen_by(view),
         };
-        let from = (0..together.len())
-            .filter(|&sample| together.detections(sample) >= 2)
+        let from = (0..samples.len())
+            .filter(|&sample| samples.detections(sample) >= 2)
             .collect();
         let all = BatchKind {
             selection: ViewSelection::All,
-            samples: together,
             from,
         };
-        let kinds = (0..alone.views())
+        let kinds = (0..samples.views())
             .map(one)
             .chain([all])
             .filter(|kind| !kind.from.is_empty())
@@ -56,20 +52,15 @@ impl<'a> ViewDropout<'a> {
         Self { kinds }
     }
 
-    /// All kinds.
-    pub(crate) fn kinds(&self) -> &[BatchKind<'a>] {
-        &self.kinds
-    }
-
     /// The kind that uses all views, if any sample was seen by two or more.
-    pub(crate) fn together(&self) -> Option<&BatchKind<'a>> {
+    pub(crate) fn together(&self) -> Option<&BatchKind> {
         self.kinds
             .iter()
             .find(|kind| kind.selection == ViewSelection::All)
     }
 
     /// Draws the kind of the next batch. There must be samples.
-    pub(crate) fn draw(&self, random: &mut ChaCha12Rng) -> &BatchKind<'a> {
+    pub(crate) fn draw(&self, random: &mut ChaCha12Rng) -> &BatchKind {
         &self.kinds[random.random_range(0..self.kinds.len())]
     }
 }
@@ -105,13 +96,11 @@ mod tests {
             all.iter().copied(),
             &Normalisation::fit(&samples.views, &all, &all),
         );
-        let dropout = ViewDropout::new(&encoded, &encoded);
+        let dropout = ViewDropout::new(&encoded);
         let mut random = ChaCha12Rng::seed_from_u64(0);
         let mut counts = [0_usize; 3];
         for _ in 0..3_000 {
-            let BatchKind {
-                selection, from, ..
-            } = dropout.draw(&mut random);
+            let BatchKind { selection, from } = dropout.draw(&mut random);
             match *selection {
                 ViewSelection::Only(view) => {
                     counts[view] += 1;

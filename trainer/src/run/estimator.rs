@@ -22,7 +22,7 @@ use crate::samples::{Observation, ScenarioSummary};
 pub(crate) enum Estimator {
     /// Calibration networks, then an LSTM over the views.
     PaperLstm,
-    /// Least squares of the inverse range, and a network on their residual.
+    /// Least squares of the inverse range.
     InverseRange,
     /// The same over the ticks so far.
     InverseRangeFiltered,

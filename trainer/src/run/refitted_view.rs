@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::estimators::inverse_range::RefittedResidual;
-
 /// Record of a refit (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refit {
@@ -15,9 +13,6 @@ pub struct Refit {
     pub frozen_before_blake3: String,
     /// The same after.
     pub frozen_after_blake3: String,
-    /// Errors with and without the network on the residual of `inverse_range`, if a fit of the view had one and there are several flights.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub residual: Option<RefittedResidual>,
     /// Wall-clock time, seconds.
     pub refit_s: f64,
 }

@@ -17,15 +17,14 @@ use crate::config::{PaperDeviation, TrainConfig};
 use crate::error::{Error, Result, RunFault};
 use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::estimators::geometry::triangulation::CentreOffset;
+use crate::estimators::inverse_range::InverseRange;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
-use crate::estimators::inverse_range::{InverseRange, ResidualRecord};
 use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
 use crate::estimators::mono::pinhole::Pinhole;
 use crate::estimators::paper_lstm::calibration_training::{
     CalibrationLogEntry, CalibrationNetworks,
 };
 use crate::estimators::paper_lstm::{EstimatorLogEntry, PaperLstm};
-use crate::networks::memory::{self, SampleCounts};
 use crate::networks::normalisation::Normalisation;
 use crate::run::choice::Choice;
 use crate::run::folder::RunFolder;
@@ -36,7 +35,7 @@ use crate::samples::ScenarioSummary;
 use crate::samples::rig::{Cameras, Rig};
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 5;
+pub(crate) const RUN_FORMAT: u32 = 6;
 
 /// Version information that shows whether a run can be read.
 #[derive(Deserialize)]
@@ -84,17 +83,12 @@ pub(crate) struct RunSummary {
     /// Boxes of the training side that do not contain the aircraft. Formulas are fitted without them; networks learn from them unless the
     /// settings remove them.
     pub false_training_boxes: usize,
-    /// Samples that were mixed from them.
-    pub mixed_samples: usize,
     /// Samples on the validation side.
     pub validation_samples: usize,
     /// BLAKE3 of all that networks and formulas learned from and were judged by.
     pub samples_blake3: String,
     /// Error of `paper_lstm` on the validation side, percent.
     pub validation_mape_pct: f64,
-    /// Errors with and without the network on the residual of `inverse_range`; missing if it could not be trained.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub residual: Option<ResidualRecord>,
     /// The recommended estimator.
     pub choice: Choice,
     /// BLAKE3 of the weights that the training started from, if they were not random.
@@ -390,7 +384,6 @@ impl TrainedRun {
             sealed.json(RunFolder::NORMALISATION, "normalisation")?;
         let baselines: Baselines = sealed.json(RunFolder::BASELINES, "set of baselines")?;
         let views = normalisation.views.len();
-        memory::check(&config, views, SampleCounts::default())?;
         let lengths = [
             normalisation.offset_px.len(),
             normalisation.scale_px.len(),

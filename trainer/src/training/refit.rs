@@ -1,9 +1,9 @@
 //! Refit for a new, moved or turned camera: everything that depends on it is fitted again to a few labelled approaches, and the rest stays
 //! untouched.
 //!
-//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the network
-//! on the residual of one of them, the errors that the filter expects of them, its pinhole and centre offset, its calibration network (the
-//! paper's way), and the offset and scale of its features. Offset and scale follow from the old and the new fitted camera: they map a box
+//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the errors
+//! that the filter expects of them, its pinhole and centre offset, its calibration network (the paper's way), and the offset and scale of
+//! its features. Offset and scale follow from the old and the new fitted camera: they map a box
 //! in the new image to the features that the old camera would have given, so that the networks start where they were. The fingerprint of
 //! everything else ([`frozen`]) is compared and recorded.
 //!
@@ -28,13 +28,11 @@ use crate::config::TrainConfig;
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::estimators::geometry::self_calibration::LEAST_TICKS;
 use crate::estimators::geometry::triangulation::CentreOffset;
-use crate::estimators::inverse_range::{NewCamera, RefittedResidual};
 use crate::estimators::mono::pinhole::Pinhole;
 use crate::evaluation::split_again;
-use crate::networks::checkpoint::Checkpoints;
 use crate::networks::encoded::Encoded;
 use crate::networks::normalisation::Normalisation;
-use crate::networks::training_loop::{Setup, Watch};
+use crate::networks::training_loop::Setup;
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::refitted_view::Refit;
@@ -107,7 +105,7 @@ pub fn refit(
     check_others(run, corpus, &before, &samples, &config.view)?;
     let approaches = approaches(corpus, &samples, view, config)?;
     let mut after = before.clone();
-    let residual = fit_formulas(corpus, &mut after, view, &samples, &approaches, progress)?;
+    fit_formulas(corpus, &mut after, view, &samples, &approaches, progress)?;
     fit_network(&mut after, view, &samples, &approaches, progress)?;
     adopt(&mut after, &samples, &approaches, &config.view);
 
@@ -117,7 +115,6 @@ pub fn refit(
         scenarios: ids(&samples, &approaches),
         frozen_before_blake3: frozen::fingerprint(&before, view, run)?,
         frozen_after_blake3: frozen::fingerprint(&after, view, &new)?,
-        residual,
         refit_s: started.elapsed().as_secs_f64(),
     };
     if record.frozen_before_blake3 != record.frozen_after_blake3 {
@@ -204,7 +201,7 @@ fn ids(samples: &Samples, scenarios: &[usize]) -> Vec<String> {
     scenarios.iter().map(id).collect()
 }
 
-/// Fits camera, formulas and features of the view, and returns the errors with and without the network on the residual, if it was judged.
+/// Fits camera, formulas and features of the view.
 fn fit_formulas(
     corpus: &Corpus,
     run: &mut TrainedRun,
@@ -254,21 +251,9 @@ fn fit_formulas(
              use up to ten"
         ));
     }
-    let new_camera = NewCamera {
-        view,
-        cameras: camera_pair.map(|(old, new)| [old, new]),
-    };
-    let refitted = baselines.inverse_range.for_new_camera(
-        new_camera,
-        parts,
-        &trusted,
-        &run.config.residual,
-        random(&run.config),
-        &mut Watch {
-            checkpoints: &mut Checkpoints::none(),
-            progress,
-        },
-    )?;
+    let refitted = baselines
+        .inverse_range
+        .for_new_camera(view, parts, &trusted);
     let Some(refitted) = refitted else {
         return Err(refused(CorpusFault::TooFewTogether {
             view: name.clone(),
@@ -281,14 +266,12 @@ fn fit_formulas(
         run.normalisation
             .with_view_of(view, &Normalisation::fit(views, &trusted, &trusted))
     });
-    baselines.flight_filter = baselines.flight_filter.with_camera_refitted(
-        view,
-        &refitted.fits,
-        &ticks,
-        &run.normalisation,
-    );
-    baselines.inverse_range = refitted.fits.all;
-    Ok(refitted.residual)
+    baselines.flight_filter =
+        baselines
+            .flight_filter
+            .with_camera_refitted(view, &refitted, &ticks, &run.normalisation);
+    baselines.inverse_range = refitted.all;
+    Ok(())
 }
 
 /// Random numbers for the batches of a network.

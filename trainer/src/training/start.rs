@@ -96,7 +96,6 @@ fn networks(config: &TrainConfig) -> Value {
             "hidden": c.hidden,
             "features": c.features,
             "head_hidden": c.head_hidden,
-            "linear_path": c.linear_path,
         },
         "estimator": { "lstm": e.lstm, "head_hidden": e.head_hidden },
         "mono": { "hidden": config.mono.hidden },

@@ -6,18 +6,14 @@ use rand_chacha::ChaCha12Rng;
 /// Independent random streams, so that changing one part of a training leaves the others' draws alone.
 #[derive(Clone, Copy)]
 pub(crate) enum Stream {
-    /// Mixtures of flights.
-    Mixing,
     /// The calibration networks of `paper_lstm`.
-    Calibration,
+    Calibration = 1,
     /// Its LSTM.
     Estimator,
     /// `mono_network`.
     MonoSize,
     /// `mono_network_box`.
     MonoBox,
-    /// The network on the residual of `inverse_range`.
-    Residual,
 }
 
 impl Stream {

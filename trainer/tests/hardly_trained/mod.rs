@@ -19,7 +19,5 @@ pub(crate) fn hardly_trained() -> TrainConfig {
     config.estimator.optimisation = steps.clone();
     config.mono.hidden = vec![8];
     config.mono.optimisation = steps.clone();
-    config.residual.hidden = vec![8];
-    config.residual.optimisation = steps;
     config
 }

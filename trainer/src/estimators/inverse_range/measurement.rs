@@ -40,19 +40,7 @@ impl InverseRange {
     }
 
     /// Measurement of one fit; `None` if one of its views is empty, or its formula gives no distance at these positions.
-    pub(super) fn measurement(&self, fit: usize, observed: &Observation) -> Option<Measurement> {
-        let formula = self.formula(fit, observed)?;
-        Some(
-            self.residual_of(fit)
-                .map_or(formula, |residual| Measurement {
-                    distance_m: residual.corrected_m(observed, formula.distance_m),
-                    ..formula
-                }),
-        )
-    }
-
-    /// The same without the network on the residual.
-    pub(super) fn formula(&self, number: usize, observed: &Observation) -> Option<Measurement> {
+    pub(super) fn measurement(&self, number: usize, observed: &Observation) -> Option<Measurement> {
         let fit = &self.fits[number];
         let places = fit.set.places(observed)?;
         let terms = fit.terms(&places);
@@ -72,8 +60,7 @@ impl InverseRange {
         self.fits.iter().map(|fit| fit.deviation)
     }
 
-    /// The same fits in the same order with coefficients from other samples, and without a network on their residual. A fit that these
-    /// samples do not determine stays as it is.
+    /// The same fits in the same order with coefficients from other samples. A fit that these samples do not determine stays as it is.
     pub(crate) fn refitted(&self, training: &[&Sample]) -> Self {
         let refitted = |fit: &Fit| {
             let (rows, scales) = fit.set.rows(training);
@@ -82,7 +69,6 @@ impl InverseRange {
         };
         Self {
             fits: self.fits.iter().map(refitted).collect(),
-            residual: None,
         }
     }
 }

@@ -10,13 +10,10 @@ impl InverseRange {
     /// The distance in metres: of the first fit whose places are all there.
     pub(crate) fn to_onnx(&self, graph: &mut EstimatorGraph) -> String {
         let mut answer = graph.graph.double(f64::NAN);
-        for (number, fit) in self.fits.iter().enumerate().rev() {
+        for fit in self.fits.iter().rev() {
             let applies = fit.set.applies_to_onnx(graph);
             let places = fit.set.places_to_onnx(graph);
-            let mut distance = fit.distance_to_onnx(graph, &places);
-            if let Some(residual) = self.residual_of(number) {
-                distance = residual.corrected_to_onnx(graph, &distance);
-            }
+            let distance = fit.distance_to_onnx(graph, &places);
             answer = graph.graph.plain("Where", &[&applies, &distance, &answer]);
         }
         answer

@@ -1,15 +1,9 @@
 //! Fits to boxes from geometry.
 
 use dataset::corpus::splits::Side;
-use dataset::work::progress::Silent;
-use rand::SeedableRng;
-use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
-use crate::config::ResidualConfig;
-use crate::networks::checkpoint::Checkpoints;
-use crate::networks::training_loop::Watch;
 use crate::samples::flight_parts::FlightParts;
 use crate::samples::{DistanceRange, Samples};
 
@@ -183,19 +177,9 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
         .filter(|sample| sample.scenario > 0)
         .collect();
     let refitted = |approaches: &[&Sample]| {
-        let new = NewCamera {
-            view: 1,
-            cameras: None,
-        };
         let parts = FlightParts::of(&samples, approaches.iter().copied());
-        let watch = &mut Watch {
-            checkpoints: &mut Checkpoints::none(),
-            progress: &mut Silent,
-        };
-        let random = ChaCha12Rng::seed_from_u64(0);
-        let config = ResidualConfig::default();
-        let refitted = fitted.for_new_camera(new, parts, approaches, &config, random, watch);
-        refitted.unwrap().map(|refitted| refitted.fits.all)
+        let refitted = fitted.for_new_camera(1, parts, approaches);
+        refitted.map(|refitted| refitted.all)
     };
     let of_few = refitted(&other_flights[..20]);
     let refitted = refitted(&other_flights).unwrap();

@@ -8,7 +8,6 @@
 mod gradients;
 
 use burn::module::Module;
-use burn::nn::Linear;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Gradients, Tensor};
 use onnx_graph::Graph;
@@ -18,74 +17,16 @@ use serde::{Deserialize, Serialize};
 use crate::config::{CalibrationConfig, Loss};
 use crate::error::Result;
 use crate::estimators::paper_lstm::gap_balance::GapBalance;
-use crate::networks::dense::{Dense, linear, linear_to_onnx, widths};
+use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::networks::normalisation::BOX_FEATURES;
 use crate::networks::training_loop::{Kept, Setup, Task, Watch, learn};
-
-/// The calibration network of one camera: the paper's layers, and if the settings say so, in parallel a linear path from box to feature
-/// vector, which the paper has not.
-///
-/// Trained alone, a view's network discards what does not help a single view, down to a mixture of position and size; the estimator then
-/// has to unmix it to compare the views' positions to a fraction of a pixel. The linear path preserves the positions: in a trial on boxes
-/// from geometry, with mixed samples and a logarithmic loss, a plain network on the frozen features of two views had an error of 0.97 %
-/// without and of 0.2 to 0.3 % with it.
-#[derive(Module, Debug)]
-struct CalibrationNetwork {
-    layers: Dense,
-    direct: Option<Linear>,
-}
-
-impl CalibrationNetwork {
-    /// Initial gain of the linear path: large enough not to be drowned out by the layers' output during training.
-    const DIRECT_GAIN: f64 = 3.0;
-
-    fn new(config: &CalibrationConfig, random: &mut ChaCha12Rng, device: &Device) -> Self {
-        let layers = Dense::new(
-            &widths(BOX_FEATURES, &config.hidden, config.features),
-            random,
-            device,
-        );
-        let direct = config.linear_path.then(|| Linear {
-            bias: None,
-            ..linear(
-                BOX_FEATURES,
-                config.features,
-                Self::DIRECT_GAIN,
-                random,
-                device,
-            )
-        });
-        Self { layers, direct }
-    }
-
-    fn forward(&self, boxes: Tensor<2>) -> Tensor<2> {
-        let features = self.layers.forward(boxes.clone());
-        match &self.direct {
-            Some(direct) => features + direct.forward(boxes),
-            None => features,
-        }
-    }
-}
-
-impl CalibrationNetwork {
-    fn to_onnx(&self, graph: &mut Graph, boxes: &str) -> String {
-        let features = self.layers.to_onnx(graph, boxes);
-        match &self.direct {
-            Some(direct) => {
-                let direct = linear_to_onnx(direct, graph, boxes);
-                graph.plain("Add", &[&features, &direct])
-            }
-            None => features,
-        }
-    }
-}
 
 /// The networks of stage one.
 #[derive(Module, Debug)]
 pub(crate) struct CalibrationNetworks {
     /// One network per view, box features to feature vector.
-    views: Vec<CalibrationNetwork>,
+    views: Vec<Dense>,
     /// The shared auxiliary head, feature vector to distance.
     head: Dense,
 }
@@ -100,7 +41,13 @@ impl CalibrationNetworks {
     ) -> Self {
         Self {
             views: (0..views)
-                .map(|_| CalibrationNetwork::new(config, random, device))
+                .map(|_| {
+                    Dense::new(
+                        &widths(BOX_FEATURES, &config.hidden, config.features),
+                        random,
+                        device,
+                    )
+                })
                 .collect(),
             head: Dense::new(
                 &widths(config.features, &config.head_hidden, 1),

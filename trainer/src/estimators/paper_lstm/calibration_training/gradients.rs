@@ -9,7 +9,7 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use rayon::prelude::*;
 
-use super::{CalibrationNetwork, CalibrationNetworks};
+use super::CalibrationNetworks;
 use crate::networks::dense::{DenseTrace, LinearGradients};
 use crate::networks::encoded::Encoded;
 use crate::networks::row_parts::row_parts;
@@ -33,16 +33,13 @@ struct TracedView<'a> {
 }
 
 struct WayBack<'a> {
-    network: &'a CalibrationNetwork,
-    boxes: Tensor<2>,
     layers: DenseTrace<'a>,
     head: DenseTrace<'a>,
 }
 
-/// Gradients of the networks of one view: of its layers and the linear path, if there is one, and of the head.
+/// Gradients of the networks of one view: of its layers, and of the head.
 struct ViewGradients {
     layers: Vec<LinearGradients>,
-    direct: Option<LinearGradients>,
     head: Vec<LinearGradients>,
 }
 
@@ -78,21 +75,11 @@ impl CalibrationNetworks {
     }
 
     fn trace_view(&self, view: usize, boxes: Tensor<2>) -> TracedView<'_> {
-        let network = &self.views[view];
-        let (features, layers) = network.layers.trace(boxes.clone());
-        let features = match &network.direct {
-            Some(direct) => features + direct.forward(boxes.clone()),
-            None => features,
-        };
+        let (features, layers) = self.views[view].trace(boxes);
         let (prediction, head) = self.head.trace(features);
         TracedView {
             prediction,
-            back: Some(WayBack {
-                network,
-                boxes,
-                layers,
-                head,
-            }),
+            back: Some(WayBack { layers, head }),
         }
     }
 }
@@ -130,10 +117,7 @@ impl Traced<'_> {
             let Some(of_view) = of_view else {
                 continue;
             };
-            network.layers.register(of_view.layers, &mut gradients);
-            if let (Some(direct), Some(of_direct)) = (&network.direct, of_view.direct) {
-                of_direct.register(direct, &mut gradients);
-            }
+            network.register(of_view.layers, &mut gradients);
             of_head = Some(match of_head {
                 Some(others) => sum(others, of_view.head),
                 None => of_view.head,
@@ -154,14 +138,8 @@ impl Part<'_> {
             .map(|(view, prediction)| {
                 let (back, prediction) = view.back.zip(prediction.clone())?;
                 let (head, features) = back.head.back(prediction.slice([rows.clone()]));
-                let direct = back.network.direct.as_ref();
-                let direct = direct.map(|_| LinearGradients::of(&back.boxes, &features));
                 let (layers, _) = back.layers.back(features);
-                Some(ViewGradients {
-                    layers,
-                    direct,
-                    head,
-                })
+                Some(ViewGradients { layers, head })
             })
             .collect()
     }
@@ -171,7 +149,6 @@ impl ViewGradients {
     fn plus(self, other: Self) -> Self {
         Self {
             layers: sum(self.layers, other.layers),
-            direct: self.direct.zip(other.direct).map(|(a, b)| a.plus(b)),
             head: sum(self.head, other.head),
         }
     }
@@ -242,16 +219,15 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_those_of_autodiff_with_boxes_missing_a_linear_path_and_a_view_that_lags() {
+    fn gradients_are_those_of_autodiff_with_boxes_missing_and_a_view_that_lags() {
         let samples = encoded();
         let batch: Vec<usize> = (0..samples.len()).cycle().take(600).collect();
         let device = Device::flex().autodiff();
-        for linear_path in [false, true] {
+        {
             let config = CalibrationConfig {
                 hidden: vec![12, 9],
                 features: 7,
                 head_hidden: vec![5],
-                linear_path,
                 ..CalibrationConfig::default()
             };
             let random = &mut ChaCha12Rng::seed_from_u64(0);
@@ -274,7 +250,7 @@ mod tests {
                         trained: 0,
                     };
                     networks.visit(&mut compared);
-                    let of_view = 6 + usize::from(linear_path);
+                    let of_view = 6;
                     let trained = if lags { of_view } else { 2 * of_view + 4 };
                     assert_eq!(compared.trained, trained);
                 }
