@@ -87,14 +87,15 @@ if [ -n "$with_ffmpeg" ]; then
     cat >>"$root/README.md" <<END
 | FFmpeg and the libraries that it needs, \`lib/dtd\` | as listed in \`debian/\` by package, with texts in \`common-licenses/\` |
 
-FFmpeg's libraries and their dependencies are copies of the packages of $(. /etc/os-release && echo "$PRETTY_NAME"), unmodified
-but for search paths. FFmpeg was built with its parts under the GPL and loads x264 and x265 (GPL, version 2 or later) and libcdio (GPL,
-version 3 or later), so the archive as a whole is distributed under the GPL; each part keeps its own licence. \`sources.txt\` names Debian's source
-packages: \`apt-get source NAME=VERSION\` fetches one, and Debian's archive of snapshots keeps replaced versions.
+FFmpeg's libraries and their dependencies are copies of packages of $distribution, unmodified but for search paths. FFmpeg was built with
+its parts under the GPL and loads x264 and x265 (GPL, version 2 or later) and libcdio (GPL, version 3 or later), so the archive as a whole is
+distributed under the GPL; each part keeps its own licence. \`sources.txt\` names Debian's source packages: \`apt-get source NAME=VERSION\`
+fetches one, and Debian's archive of snapshots keeps replaced versions.
 END
     glibc='^(ld-linux.*|lib(c|m|mvec|dl|pthread|rt|resolv|util|anl))\.so'
     if outside=$(env -i ldd "$root/bin/dtd" | awk '$2 == "=>"' | grep -vF "$root/" | awk '{ print $1 }' | grep -vE "$glibc"); then
-        echo "package: $program would load libraries from outside the archive (is its rpath \$ORIGIN/../lib/dtd?):" $outside >&2
+        echo "package: $program would load libraries from outside the archive, expected the rpath \$ORIGIN/../lib/dtd:" >&2
+        echo "$outside" >&2
         exit 1
     fi
 fi
