@@ -1,10 +1,9 @@
 #!/usr/bin/env bash
-# Installs `dtd` with all that it needs to run: the program, ONNX Runtime, manual pages and bash completions. Usage:
+# Installs `dtd` with what it needs to run: the program, ONNX Runtime, manual pages and shell completions. Usage:
 #
 #   bash scripts/install.sh [PREFIX]      default: ~/.local
 #
-# Needs what scripts/setup.sh installs for building (its Python environment provides ONNX Runtime), and runs it. Afterwards `dtd` works
-# without this checkout.
+# Afterwards `dtd` works without this checkout. DTD=PROGRAM installs a program that is already built, with the ONNX Runtime beside it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -12,16 +11,23 @@ prefix=${1:-$HOME/.local}
 mkdir -p "$prefix"
 prefix=$(cd "$prefix" && pwd)
 
-bash scripts/setup.sh
-cargo install --path . --locked --force --no-track --root "$prefix"
-mkdir -p "$prefix/lib/dtd"
+program=${DTD:-}
+if [ -z "$program" ]; then
+    bash scripts/setup-build.sh
+    cargo build --release --locked
+    program=${CARGO_TARGET_DIR:-target}/release/dtd
+fi
+install -D "$program" "$prefix/bin/dtd"
 # A copy: the environment in .venv may go away.
-cp -L "${CARGO_TARGET_DIR:-target}/lib/dtd/libonnxruntime.so" "$prefix/lib/dtd/libonnxruntime.so.new"
-mv "$prefix/lib/dtd/libonnxruntime.so.new" "$prefix/lib/dtd/libonnxruntime.so"
+install -D -m 644 "$(dirname "$program")/../lib/dtd/libonnxruntime.so" "$prefix/lib/dtd/libonnxruntime.so"
 "$prefix/bin/dtd" man "$prefix/share/man/man1"
-completions="$prefix/share/bash-completion/completions"
-mkdir -p "$completions"
-"$prefix/bin/dtd" completions bash >"$completions/dtd"
+completions() {
+    mkdir -p "$(dirname "$prefix/share/$2")"
+    "$prefix/bin/dtd" completions "$1" >"$prefix/share/$2"
+}
+completions bash bash-completion/completions/dtd
+completions zsh zsh/site-functions/_dtd
+completions fish fish/vendor_completions.d/dtd.fish
 
 echo "installed $("$prefix/bin/dtd" --version) in $prefix/bin"
 case ":$PATH:" in

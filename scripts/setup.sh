@@ -1,24 +1,16 @@
 #!/usr/bin/env bash
-# Installs what the project needs and this machine lacks. Safe to run again; the second time it only checks.
+# Installs what the tests need and this machine lacks, after scripts/setup-build.sh, which installs what building needs.
 #
-# Needs: Debian 12 (or a relative with apt), a Rust toolchain, Python 3, and root or sudo if packages are missing.
-# Installs: the development packages of FFmpeg, Xvfb (an X server without a screen, for the tests of screen capture), the programs
-# b3sum, ffmpeg, strace and chromium, Debian's torch, a virtual environment in .venv with ONNX Runtime (see requirements.txt), one in
-# .venv-torch with what needs torch, one in .venv-clients with other authors' X-Plane clients, and another build of ONNX Runtime in
-# .venv-openvino.
+# Installs: Xvfb (an X server without a screen, for the tests of screen capture), the programs b3sum, ffmpeg, strace and chromium,
+# Debian's torch, and four Python environments: .venv (requirements.txt), .venv-torch with what needs torch, .venv-clients with other
+# authors' X-Plane clients, and .venv-openvino with another build of ONNX Runtime.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 
-command -v cargo >/dev/null || {
-    say "cargo is not on the PATH. Install a Rust toolchain (1.95 or newer) and run this again."
-    exit 1
-}
-
 packages=(
-    build-essential pkg-config libclang-dev python3-venv xvfb
-    libavutil-dev libavcodec-dev libavformat-dev libavfilter-dev libavdevice-dev libswscale-dev libswresample-dev
+    xvfb
     # Independent tools that tests and benches compare our files with.
     b3sum ffmpeg
     # Which addresses a verb tries (tests/no_connections.rs).
@@ -28,29 +20,11 @@ packages=(
     # Loads what `dtd export --to lerobot` writes, and the Dataset of python/ (requirements-torch.txt).
     python3-torch python3-torchvision
 )
-missing=()
-for package in "${packages[@]}"; do
-    dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")
-done
-if ((${#missing[@]})); then
-    as_root=()
-    if [ "$(id -u)" -ne 0 ]; then
-        command -v sudo >/dev/null || {
-            say "these packages are missing and there is no sudo: ${missing[*]}. Install them as root and run this again."
-            exit 1
-        }
-        as_root=(sudo)
-    fi
-    say "installing ${missing[*]}"
-    "${as_root[@]}" apt-get -o DPkg::Lock::Timeout=300 -qq update >&2
-    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-        apt-get -o DPkg::Lock::Timeout=300 -qq install -y --no-install-recommends "${missing[@]}" >&2
-fi
+bash scripts/setup-build.sh "${packages[@]}"
 
 stamp=.venv/requirements.installed
 if ! cat scripts/requirements.txt scripts/requirements-alone.txt | cmp -s - "$stamp"; then
     say "installing Python packages into .venv"
-    python3 -m venv .venv
     .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements.txt >&2
     .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/requirements-alone.txt >&2
     cat scripts/requirements.txt scripts/requirements-alone.txt >"$stamp"
@@ -77,12 +51,6 @@ if ! cmp -s scripts/requirements-openvino.txt "$stamp"; then
     mkdir -p .venv-openvino
     cp scripts/requirements-openvino.txt "$stamp"
 fi
-
-# Where `target/release/dtd` looks for ONNX Runtime: ../lib/dtd relative to the program's folder.
-library=$(find "$PWD"/.venv/lib/python3*/site-packages/onnxruntime/capi -name 'libonnxruntime.so.*' | sort | head -n 1)
-lib=${CARGO_TARGET_DIR:-target}/lib/dtd
-mkdir -p "$lib"
-ln -sfn "$library" "$lib/libonnxruntime.so"
 
 # Other authors' X-Plane clients, for testing the stand-in. Some need Python 3.12: the newest installed one is used, and
 # clients that it is too old for are excluded by requirements-clients.txt and skipped by the tests.

@@ -1,4 +1,5 @@
-//! The jobs of docs/ci.md: valid for GitHub Actions and GitLab, and their commands replay the tape of the tests.
+//! The jobs of docs/ci.md: valid for GitHub Actions and GitLab, and their commands replay the tape of the tests. The repository's own
+//! workflows are valid as well.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,6 +11,12 @@ use testkit::{program_of_venv, repository};
 const EXAMPLES: [(&str, &str); 2] = [
     ("deploy/ci/github.yml", "vendor.github-workflows"),
     ("deploy/ci/gitlab.yml", "vendor.gitlab-ci"),
+];
+
+/// The repository's own workflows, and their schema.
+const OWN: [(&str, &str); 2] = [
+    (".github/workflows/ci.yml", "vendor.github-workflows"),
+    (".github/workflows/release.yml", "vendor.github-workflows"),
 ];
 
 /// The lines of a job that run `dtd`.
@@ -50,7 +57,7 @@ fn repository_of_a_user() -> tempfile::TempDir {
 
 #[test]
 fn the_jobs_are_valid_for_github_and_gitlab() {
-    for (file, schema) in EXAMPLES {
+    for (file, schema) in EXAMPLES.into_iter().chain(OWN) {
         let output = Command::new(program_of_venv("check-jsonschema"))
             .args(["--builtin-schema", schema])
             .arg(repository().join(file))

@@ -36,7 +36,7 @@ pub enum LibraryError {
         path: PathBuf,
     },
     /// There is no file.
-    #[error("no library at {} ({place}): {source}; run `bash scripts/setup.sh` in the repository, or name the library with --onnx-runtime or {PATH_VARIABLE}", path.display())]
+    #[error("no library at {} ({place}): {source}; run `bash scripts/setup-build.sh` in the repository, or name the library with --onnx-runtime or {PATH_VARIABLE}", path.display())]
     Missing {
         /// Who said so.
         place: &'static str,
@@ -235,7 +235,7 @@ mod tests {
                 Path::new("lib/libonnxruntime.so"),
                 "expected an absolute path",
             ),
-            (&gone, "scripts/setup.sh"),
+            (&gone, "scripts/setup-build.sh"),
             (root.path(), "is not a regular file"),
         ] {
             let said = said(path);
