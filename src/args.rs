@@ -627,12 +627,6 @@ pub(crate) struct MockXplaneArgs {
     /// Size of the window that the plugin sees: the pictures' size
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1280")]
     pub(crate) plugin_window: WindowSize,
-    /// Take the camera from the plugin every this many frames, as a view key does
-    #[arg(long, value_name = "FRAMES", requires = "plugin")]
-    pub(crate) steal_camera_every: Option<u32>,
-    /// Move the origin of local coordinates every this many frames, as loading scenery does
-    #[arg(long, value_name = "FRAMES", requires = "plugin")]
-    pub(crate) move_origin_every: Option<u32>,
     /// Let the scene be this many frames behind the pose and the camera that the plugin writes [default: as the quirks say]
     #[arg(long, value_name = "FRAMES", requires = "plugin", value_parser = clap::value_parser!(u8).range(..=4))]
     pub(crate) scene_behind: Option<u8>,

@@ -320,7 +320,7 @@ fn a_mistake_in_training_settings_is_shown_in_its_line() {
         (
             "seed = 1\n[estimator]\nlstm = [0, 8]\n",
             [
-                "odd.toml:3:8: configuration: estimator.lstm is 0, expected a whole number from 1 to 16384",
+                "odd.toml:3:8: configuration: estimator.lstm is 0, expected a whole number from 1 to 1024",
                 "3 | lstm = [0, 8]\n    |        ^^^^^^",
             ],
         ),

@@ -94,8 +94,6 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     Ok(LinkServer::Plugin(PluginOptions {
         window_px: (width_px, height_px),
         frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(LONGEST_FRAME_S),
-        steal_camera_every_frames: args.steal_camera_every,
-        move_origin_every_frames: args.move_origin_every,
         scene_behind: args
             .scene_behind
             .map(|frames| SceneBehind::Constant(frames.into())),

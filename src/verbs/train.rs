@@ -98,7 +98,6 @@ pub(crate) fn train(
 pub(crate) fn failure_of(error: trainer::Error) -> Failure {
     match error {
         trainer::Error::Setting { .. }
-        | trainer::Error::Memory { .. }
         | trainer::Error::Corpus { .. }
         | trainer::Error::Run { .. }
         | trainer::Error::Exists { .. }

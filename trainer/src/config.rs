@@ -18,7 +18,7 @@ pub use paper_deviation::PaperDeviation;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
-    /// Seed of all random choices: initial weights, batches. 0 is an ordinary seed.
+    /// Seed of all random choices: initial weights and batches. 0 is an ordinary seed.
     pub seed: u64,
     /// What networks train on.
     pub backend: TrainingBackend,

@@ -35,7 +35,6 @@ pub use background::Alignment;
 pub use config::backend::TrainingBackend;
 pub use config::{TrainConfig, schema};
 pub use error::{CorpusFault, Error, Result, RunFault};
-pub use estimators::inverse_range::{Outcome, RefittedResidual};
 pub use evaluation::judged::JudgedSide;
 pub use evaluation::metrics::Metrics;
 pub use evaluation::prediction::{Predicted, predict};

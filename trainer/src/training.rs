@@ -178,6 +178,7 @@ pub(crate) fn train_unless(
     })
 }
 
+/// Fits all formulas.
 fn fit_formulas(
     flights: &Flights,
     normalisation: &Normalisation,

@@ -20,7 +20,7 @@ fn config() -> TrainConfig {
         batch_size: 32,
         learning_rate: 3e-3,
     };
-    let mut config = TrainConfig {
+    TrainConfig {
         calibration: CalibrationConfig {
             hidden: vec![16],
             features: 16,
@@ -45,8 +45,7 @@ fn config() -> TrainConfig {
             optimisation: optimisation(),
         },
         ..TrainConfig::default()
-    };
-    config
+    }
 }
 
 /// Ends the training at a report of progress, as a kill would, and writes down what it heard.

@@ -288,7 +288,7 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
     assert_eq!(deviations, expected);
     for words in [
         "deviates from the paper in: loss, false training boxes removed by the labels",
-        "with the true cameras. Networks minimise the <em>logarithmic</em> loss",
+        "for the figures above. Networks minimise the <em>logarithmic</em> loss",
     ] {
         assert!(report.contains(words), "no {words:?} in the report");
     }

@@ -13,7 +13,6 @@ use onnx_graph::Graph;
 use onnx_graph::proto::AttributeProto;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
-use serde::{Deserialize, Serialize};
 
 use crate::networks::encoded::numbers;
 

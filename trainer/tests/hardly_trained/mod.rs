@@ -18,6 +18,6 @@ pub(crate) fn hardly_trained() -> TrainConfig {
     config.estimator.head_hidden = vec![8];
     config.estimator.optimisation = steps.clone();
     config.mono.hidden = vec![8];
-    config.mono.optimisation = steps.clone();
+    config.mono.optimisation = steps;
     config
 }

@@ -1,7 +1,7 @@
 //! `detections/<model>.parquet`: the boxes that a model found, and why pictures without a box have none.
 //!
 //! Input: what `dtd detect` found in each picture, one view at one tick. Output: a typed row for each box, and one with a reason for each
-//! picture without one. Tables of earlier versions have boxes only: these read as found in the whole picture, confirmed and of no track.
+//! picture without one.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use crate::work::memory;
 pub struct Detections {
     /// The boxes, by tick.
     pub boxes: Vec<Detection>,
-    /// Pictures without a box, by tick; none in tables of earlier versions.
+    /// Pictures without a box, by tick.
     pub misses: Vec<Miss>,
 }
 
@@ -265,38 +265,6 @@ fn most_rows(pictures: u64) -> u64 {
     pictures.saturating_mul(limits::MOST_DETECTIONS_PER_PICTURE)
 }
 
-/// Columns that tables of earlier versions lack.
-struct LaterColumns {
-    track: Vec<Option<u32>>,
-    mode: Vec<SearchMode>,
-    confirmed: Vec<bool>,
-    reason: Vec<Option<MissReason>>,
-}
-
-impl LaterColumns {
-    fn of(table: &Table) -> Result<Self> {
-        let rows = table.rows();
-        Ok(Self {
-            track: match table.has("track") {
-                true => table.optional_u32("track")?,
-                false => vec![None; rows],
-            },
-            mode: match table.has("mode") {
-                true => modes_of(table)?,
-                false => vec![SearchMode::Full; rows],
-            },
-            confirmed: match table.has("confirmed") {
-                true => table.bool("confirmed")?,
-                false => vec![true; rows],
-            },
-            reason: match table.has("reason") {
-                true => reasons_of(table)?,
-                false => vec![None; rows],
-            },
-        })
-    }
-}
-
 fn modes_of(table: &Table) -> Result<Vec<SearchMode>> {
     let words = table.text("mode")?.into_iter().enumerate();
     words
@@ -344,12 +312,15 @@ fn rows_of(table: &mut Table) -> Result<Vec<Row>> {
     }
     columns.push(table.optional_f64_within("score", limits::SCORE)?);
     let tiles = table.optional_u32("tile")?;
-    let later = LaterColumns::of(table)?;
+    let tracks = table.optional_u32("track")?;
+    let modes = modes_of(table)?;
+    let confirmed = table.bool("confirmed")?;
+    let reasons = reasons_of(table)?;
     let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
     keys.map(|(row, (tick, view))| {
         let numbers: Vec<_> = columns.iter().filter_map(|column| column[row]).collect();
-        let mode = later.mode[row];
-        match (numbers.as_slice(), tiles[row], later.reason[row]) {
+        let mode = modes[row];
+        match (numbers.as_slice(), tiles[row], reasons[row]) {
             (&[cx_px, cy_px, width_px, height_px, score], Some(tile), None) => {
                 Ok(Row::Box(Detection {
                     tick,
@@ -362,9 +333,9 @@ fn rows_of(table: &mut Table) -> Result<Vec<Row>> {
                     },
                     score,
                     tile,
-                    track: later.track[row],
+                    track: tracks[row],
                     mode,
-                    confirmed: later.confirmed[row],
+                    confirmed: confirmed[row],
                 }))
             }
             (&[], None, Some(reason)) => Ok(Row::Miss(Miss {
@@ -446,8 +417,8 @@ mod tests {
         assert_eq!(ticks, [0, 1, 2, 3, 4, 5, 6]);
     }
 
-    /// The columns that every version has written.
-    fn early_columns(numbers: [Option<f64>; 5], tile: Option<u32>) -> TableWriter {
+    /// A table of one row, without its mode and reason.
+    fn row_of(numbers: [Option<f64>; 5], tile: Option<u32>) -> TableWriter {
         let table = TableWriter::new().u32("tick", [0]).text("view", ["left"]);
         ["cx_px", "cy_px", "width_px", "height_px", "score"]
             .into_iter()
@@ -456,17 +427,11 @@ mod tests {
                 table.optional_f64(name, [number])
             })
             .optional_u32("tile", [tile])
+            .optional_u32("track", [None])
+            .bool("confirmed", [true])
     }
 
     const WHOLE: [Option<f64>; 5] = [Some(20.0), Some(23.0), Some(20.0), Some(6.0), Some(0.75)];
-
-    #[test]
-    fn a_table_of_an_earlier_version_has_confirmed_boxes_of_whole_pictures_and_no_misses() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("abc.parquet");
-        early_columns(WHOLE, Some(2)).write(&path).unwrap();
-        assert_eq!(read(&path).unwrap(), vec![found(0, None)].into());
-    }
 
     #[test]
     fn a_row_with_half_a_box_an_unknown_word_or_neither_box_nor_reason_is_refused() {
@@ -518,7 +483,7 @@ mod tests {
                 "mode is \"half\", expected one of full, tracked",
             ),
         ] {
-            early_columns(numbers, tile)
+            row_of(numbers, tile)
                 .text("mode", [mode])
                 .optional_text("reason", [reason])
                 .write(&path)

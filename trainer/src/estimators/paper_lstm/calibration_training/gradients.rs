@@ -223,37 +223,34 @@ mod tests {
         let samples = encoded();
         let batch: Vec<usize> = (0..samples.len()).cycle().take(600).collect();
         let device = Device::flex().autodiff();
-        {
-            let config = CalibrationConfig {
-                hidden: vec![12, 9],
-                features: 7,
-                head_hidden: vec![5],
-                ..CalibrationConfig::default()
-            };
-            let random = &mut ChaCha12Rng::seed_from_u64(0);
-            let networks = CalibrationNetworks::new(2, &config, random, &device);
-            let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
-            for lags in [false, true] {
-                if lags {
-                    (0..20).for_each(|_| balance.observe(100, &[Some(1.0), Some(3.0)]));
-                }
-                assert_eq!(balance.all_optimised(), !lags);
-                for loss in [Loss::Squared, Loss::Relative] {
-                    let optimised = balance.optimised();
-                    let total = batch_loss(&networks, &samples, &batch, optimised, loss, &device);
-                    let expected = networks.gradients(total.backward(), &balance);
-                    let plain = networks.valid();
-                    let found = traced_gradients(&plain, &samples, &batch, &balance, loss, &device);
-                    let mut compared = Compared {
-                        found: &found,
-                        expected: &expected,
-                        trained: 0,
-                    };
-                    networks.visit(&mut compared);
-                    let of_view = 6;
-                    let trained = if lags { of_view } else { 2 * of_view + 4 };
-                    assert_eq!(compared.trained, trained);
-                }
+        let config = CalibrationConfig {
+            hidden: vec![12, 9],
+            features: 7,
+            head_hidden: vec![5],
+            ..CalibrationConfig::default()
+        };
+        let random = &mut ChaCha12Rng::seed_from_u64(0);
+        let networks = CalibrationNetworks::new(2, &config, random, &device);
+        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
+        for lags in [false, true] {
+            if lags {
+                (0..20).for_each(|_| balance.observe(100, &[Some(1.0), Some(3.0)]));
+            }
+            assert_eq!(balance.all_optimised(), !lags);
+            for loss in [Loss::Squared, Loss::Relative] {
+                let optimised = balance.optimised();
+                let total = batch_loss(&networks, &samples, &batch, optimised, loss, &device);
+                let expected = networks.gradients(total.backward(), &balance);
+                let plain = networks.valid();
+                let found = traced_gradients(&plain, &samples, &batch, &balance, loss, &device);
+                let mut compared = Compared {
+                    found: &found,
+                    expected: &expected,
+                    trained: 0,
+                };
+                networks.visit(&mut compared);
+                let trained = if lags { 6 } else { 2 * 6 + 4 };
+                assert_eq!(compared.trained, trained);
             }
         }
     }
