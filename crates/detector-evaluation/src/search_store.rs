@@ -94,7 +94,7 @@ impl SearchStore {
             }),
             Claimed::Theirs(holder) => Err(Error::Held {
                 path: root.to_owned(),
-                holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+                holder: holder.to_string(),
             }),
         }
     }

@@ -152,7 +152,7 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
         Ok(Claimed::Mine(claim)) => Ok(claim),
         Ok(Claimed::Theirs(holder)) => Err(Error::Held {
             out: out.to_owned(),
-            holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+            holder: holder.to_string(),
         }),
         Err(error) if error.is_of_disk() => Err(error.into()),
         Err(dataset::Error::Io { source, .. }) => Err(refused(OutputFault::NotMade(source))),

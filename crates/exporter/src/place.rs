@@ -85,7 +85,7 @@ impl Place {
             Claimed::Theirs(holder) => {
                 return Err(Error::Held {
                     out: out.to_owned(),
-                    holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+                    holder: holder.to_string(),
                 });
             }
         };

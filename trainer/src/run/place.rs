@@ -101,7 +101,7 @@ impl RunPlace {
             Ok(Claimed::Theirs(holder)) => {
                 return Err(Error::Held {
                     run,
-                    holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+                    holder: holder.to_string(),
                 });
             }
             Err(error) if error.is_of_disk() => return Err(error.into()),
