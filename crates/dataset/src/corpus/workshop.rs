@@ -134,8 +134,8 @@ pub fn rename(from: &Path, to: &Path) -> Result<()> {
     sync(parent_of(to))
 }
 
-/// Locks a folder for work on `place`; waits up to `patience` for another process. The folder is created, and removed with the lock if it is
-/// empty.
+/// Locks a folder for work on `place`; waits up to `patience` for another process. The folder is created, and removed
+/// with the lock if it is empty.
 ///
 /// # Errors
 /// Another process has the lock ([`Error::Held`]), or the folder cannot be made.
