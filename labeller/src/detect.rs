@@ -291,7 +291,7 @@ fn wait_for_other(folder: &ScenarioFolder, watch: Watch<'_>) -> Result<()> {
     while !(watch.is_stopped)()
         && let Claimed::Theirs(holder) = folder.claim_search()?
     {
-        if !said && let Some(holder) = holder {
+        if !said {
             tracing::warn!("{}: {holder} searches it; waiting", folder.id());
             said = true;
         }

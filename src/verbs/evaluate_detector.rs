@@ -95,8 +95,7 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
 fn failure_of(error: Error) -> Failure {
     match error {
         Error::Dataset(cause) => Failure::of_corpus(cause),
-        Error::Held { .. } => Failure::TryAgain(error.into()),
-        Error::Out { .. } | Error::NoMode | Error::Unlabelled(_) | Error::Projection { .. } => {
+        Error::NoMode | Error::Unlabelled(_) | Error::Projection { .. } => {
             Failure::bad_input(error)
         }
         Error::Search(ref cause) if cause.is_bad_input() => Failure::bad_input(error),

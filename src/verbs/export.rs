@@ -83,7 +83,6 @@ struct Described<'a> {
 fn failure(error: Error) -> Failure {
     match error {
         Error::Dataset(error) => Failure::of_corpus(error),
-        Error::Held { .. } => Failure::TryAgain(error.into()),
         error if error.is_bad_request() => Failure::bad_input(error),
         error => error.into(),
     }

@@ -102,7 +102,6 @@ pub(crate) fn failure_of(error: trainer::Error) -> Failure {
         | trainer::Error::Run { .. }
         | trainer::Error::Exists { .. }
         | trainer::Error::Leak { .. } => Failure::bad_input(error),
-        trainer::Error::Held { .. } => Failure::TryAgain(error.into()),
         trainer::Error::Dataset(cause) => Failure::of_corpus(cause),
         _ => error.into(),
     }

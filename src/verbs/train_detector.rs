@@ -79,7 +79,6 @@ fn failure_of(error: Error) -> Failure {
         | Error::Output { .. }
         | Error::Setting { .. }
         | Error::Start { .. } => Failure::bad_input(error),
-        Error::Held { .. } => Failure::TryAgain(error.into()),
         Error::Dataset(cause) => Failure::of_corpus(cause),
         Error::Diverged { .. } => error.into(),
     }

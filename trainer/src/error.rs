@@ -41,14 +41,6 @@ pub enum Error {
         /// Fault of the run.
         fault: Box<RunFault>,
     },
-    /// Another process trains or evaluates there.
-    #[error("{}: {holder} is at work on it; try again when that has ended", run.display())]
-    Held {
-        /// Folder of the run.
-        run: PathBuf,
-        /// Process that holds the lock.
-        holder: String,
-    },
     /// A test trajectory was used for training, so its errors would be meaningless.
     #[error(
         "run {} was trained on trajectory {trajectory}, which corpus {} holds as a test trajectory (scenario {scenario}); \

@@ -6,10 +6,11 @@ use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::{Side, Splits};
+use dataset::corpus::workshop::Workshop;
 use dataset::work::progress::{Progress, Silent};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
-use trainer::{RunFolder, TrainConfig, train};
+use trainer::{TrainConfig, train};
 
 const STEPS: usize = 24;
 
@@ -142,7 +143,7 @@ fn a_training_that_is_killed_again_and_again_comes_to_the_same_numbers() {
         }
         assert!(kills > 5, "only {kills} kills");
         assert_eq!(learned(&run), learned(&straight), "patience {patience:?}");
-        assert!(!RunFolder::place_beside(&run).exists());
+        assert!(!Workshop::beside(&run).exists());
         let again = train(&corpus, &straight, &config, &mut Silent).unwrap();
         assert_eq!(again.validation_mape_pct, outcome.validation_mape_pct);
         fs::remove_dir_all(&run).unwrap();
@@ -158,7 +159,7 @@ fn a_checkpoint_of_another_training_is_replaced() {
         seed: 1,
         ..config()
     };
-    let checkpoint = RunFolder::place_beside(&run).join("training/checkpoint.json");
+    let checkpoint = Workshop::beside(&run).join("training/checkpoint.json");
     killed(&corpus, &run, &config(), 3).unwrap();
     let heard = killed(&corpus, &run, &other, 3).unwrap();
     assert!(!is_resuming(&heard), "other settings: {heard:?}");

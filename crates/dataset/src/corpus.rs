@@ -24,6 +24,7 @@ pub mod seal;
 pub mod sealed;
 pub mod set_aside;
 pub mod splits;
+pub mod workshop;
 
 use std::collections::BTreeSet;
 use std::fs;

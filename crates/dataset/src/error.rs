@@ -87,18 +87,23 @@ pub enum Error {
         /// The operation and the failure.
         message: String,
     },
-    /// Another process is writing the scenario, or the files of the whole corpus.
-    #[error(
-        "{}: {holder} has been writing it for {waited:?}; if that hangs, end it and run the same command again",
-        shown(path)
-    )]
+    /// Another process works on a scenario, on the files of the whole corpus, or on a folder in the making.
+    #[error("{} {}", shown(path), in_use_by(holder, *waited))]
     Held {
-        /// Its folder.
+        /// Its path.
         path: PathBuf,
-        /// The holder.
+        /// The other process.
         holder: String,
         /// Time waited.
         waited: Duration,
+    },
+    /// No folder can be made or changed at a path.
+    #[error("{}: {fault}", shown(path))]
+    Folder {
+        /// The path.
+        path: PathBuf,
+        /// Fault and remedy.
+        fault: FolderFault,
     },
     /// Another process kept changing a scenario while it was read.
     #[error(
@@ -126,6 +131,54 @@ pub enum Error {
         /// Expectation, finding and remedy.
         message: String,
     },
+}
+
+/// Reasons why no folder can be made or changed at a path.
+#[derive(Debug, thiserror::Error)]
+#[expect(
+    missing_docs,
+    reason = "the fields are described by the messages that show them"
+)]
+pub enum FolderFault {
+    /// A place among the files of a corpus.
+    #[error(
+        "lies in {}, which is reserved for files of the corpus; name a folder outside",
+        shown(own)
+    )]
+    InCorpus { own: PathBuf },
+    /// A path without a last part.
+    #[error("has no name that a folder can be made under; name a new folder in it")]
+    NoName,
+    /// Something other than a folder.
+    #[error("is {found}, not a folder; expected a folder, or the name of a new one")]
+    NotAFolder { found: &'static str },
+    /// A folder that cannot be replaced.
+    #[error(
+        "is the top of a file system, which cannot be replaced as a whole; name a folder in it"
+    )]
+    MountPoint,
+    /// A folder with foreign content.
+    #[error("{what} it holds {}; move that away, or name another folder", names.join(", "))]
+    Strangers {
+        what: &'static str,
+        names: Vec<String>,
+    },
+    /// Something appeared in the place of a folder in the making.
+    #[error("was made by something else meanwhile and is not replaced; name another folder")]
+    Taken,
+    /// The operating system does not allow it.
+    #[error("cannot be made there: {0}")]
+    NotMade(std::io::Error),
+}
+
+fn in_use_by(holder: &str, waited: Duration) -> String {
+    if waited.is_zero() {
+        format!("is in use by {holder}; try again when it has finished")
+    } else {
+        format!(
+            "has been in use by {holder} for {waited:?}; if that hangs, end it and run the same command again"
+        )
+    }
 }
 
 fn in_row(row: Option<usize>) -> String {
@@ -209,6 +262,7 @@ impl Error {
             Self::Json { .. }
                 | Self::NotACorpus { .. }
                 | Self::Corpus { .. }
+                | Self::Folder { .. }
                 | Self::NotRegular { .. }
                 | Self::TooLarge { .. }
                 | Self::Table { .. }
@@ -230,6 +284,14 @@ impl Error {
         Self::Table {
             path: path.to_owned(),
             message: message.to_string(),
+        }
+    }
+
+    /// A path at which no folder can be made or changed.
+    pub fn folder(path: &Path, fault: FolderFault) -> Self {
+        Self::Folder {
+            path: path.to_owned(),
+            fault,
         }
     }
 

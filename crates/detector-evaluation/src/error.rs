@@ -1,7 +1,5 @@
 //! Errors of an evaluation.
 
-use std::path::PathBuf;
-
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -32,22 +30,6 @@ pub enum Error {
         view: String,
         /// The tick.
         tick: u32,
-    },
-    /// The folder for the results cannot be used.
-    #[error("{}: {message}", path.display())]
-    Out {
-        /// The folder.
-        path: PathBuf,
-        /// Fault and remedy.
-        message: String,
-    },
-    /// Another process writes there.
-    #[error("{}: {holder} evaluates into it; try again when that has ended", path.display())]
-    Held {
-        /// The folder.
-        path: PathBuf,
-        /// Process that holds the lock.
-        holder: String,
     },
 }
 

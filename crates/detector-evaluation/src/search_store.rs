@@ -12,31 +12,29 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::claim::Claim;
 use dataset::corpus::detections::{parse_detections, write_detections};
 use dataset::corpus::open_scenario::OpenScenario;
-use dataset::corpus::own_folder_around;
+use dataset::corpus::workshop;
+use dataset::error::FolderFault;
 use dataset::files::json_file::{read_json, write_json};
 use dataset::files::outside_file::{self, FileKind};
-use dataset::files::own_path::own_path;
+use dataset::files::own_path::{own_path, resolved};
 use dataset::tables::registrations::{parse_registrations, write_registrations};
 use labeller::{CpuTime, Findings};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::mode::EvaluatedMode;
 
 const SEARCHED: &str = "searched";
-const CLAIM: &str = "claim";
 /// All figures.
 pub(crate) const EVALUATION: &str = "evaluation.json";
 /// The page.
 pub const REPORT: &str = "report.html";
-/// Foreign files that a message names.
-const MOST_NAMED: usize = 3;
 
 /// The folder of an evaluation, held until this is dropped.
 pub(crate) struct SearchStore {
@@ -59,44 +57,27 @@ struct Record {
 impl SearchStore {
     /// Takes a folder for an evaluation: a new or empty one, or one that has held an evaluation.
     pub(crate) fn take(root: &Path, corpus: &Path) -> Result<Self> {
-        let refused = |message: String| Error::Out {
-            path: root.to_owned(),
-            message,
+        let (place, judged) = (workshop::resolve(root)?, resolved(corpus)?);
+        if place.starts_with(&judged) {
+            let fault = FolderFault::InCorpus { own: judged };
+            return Err(dataset::Error::folder(root, fault).into());
+        }
+        // The report is written last but one: alone, it is another's.
+        let has_own = [SEARCHED, EVALUATION].map(|own| root.join(own).exists());
+        let is_own = |name: &str| match name {
+            SEARCHED | EVALUATION => true,
+            REPORT => has_own.contains(&true),
+            other => other.starts_with('.'),
         };
-        let place = std::path::absolute(root).map_err(dataset::Error::io("find", root))?;
-        // Without links and `..`; of a new folder, the part of its path that exists.
-        let real = place
-            .ancestors()
-            .find_map(|part| fs::canonicalize(part).ok());
-        let judged = fs::canonicalize(corpus).ok();
-        let judged = judged.filter(|judged| real.is_some_and(|real| real.starts_with(judged)));
-        if let Some(own) = judged.as_deref().or_else(|| own_folder_around(&place)) {
-            return Err(refused(format!(
-                "is inside {}, where only the corpus' own files belong; name another folder",
-                own.display()
-            )));
-        }
-        if let Some(strangers) = strangers(root)? {
-            return Err(refused(format!(
-                "is no folder of an evaluation: it contains {strangers}; name a new folder"
-            )));
-        }
+        workshop::refuse_strangers(root, "is no folder of an evaluation:", is_own)?;
         let searched = own_path(root, SEARCHED)?;
         for mode in EvaluatedMode::ALL {
             own_path(&searched, mode.key())?;
         }
-        fs::create_dir_all(&searched)
-            .map_err(|error| refused(format!("cannot be made: {error}; name another folder")))?;
-        match Claim::take_in(&searched, CLAIM)? {
-            Claimed::Mine(claim) => Ok(Self {
-                root: root.to_owned(),
-                _claim: claim,
-            }),
-            Claimed::Theirs(holder) => Err(Error::Held {
-                path: root.to_owned(),
-                holder: holder.map_or("another process".into(), |holder| holder.to_string()),
-            }),
-        }
+        Ok(Self {
+            root: root.to_owned(),
+            _claim: workshop::lock(&searched, root, Duration::ZERO)?,
+        })
     }
 
     /// Earlier findings of this search in a scenario.
@@ -171,39 +152,10 @@ impl SearchStore {
     }
 }
 
-/// Names of what does not belong into the folder of an evaluation.
-fn strangers(root: &Path) -> Result<Option<String>> {
-    let entries = match fs::read_dir(root) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(dataset::Error::io("list", root)(error).into()),
-    };
-    let mut names = Vec::new();
-    for entry in entries {
-        let name = entry.map_err(dataset::Error::io("list", root))?.file_name();
-        let name = name.to_string_lossy().into_owned();
-        // The report is written last but one: alone, it is another's.
-        let is_own = [SEARCHED, EVALUATION].contains(&name.as_str())
-            || name == REPORT
-                && [SEARCHED, EVALUATION]
-                    .iter()
-                    .any(|own| root.join(own).exists());
-        if !is_own && !name.starts_with('.') {
-            names.push(name);
-        }
-    }
-    names.sort();
-    let more = names.len().saturating_sub(MOST_NAMED);
-    names.truncate(MOST_NAMED);
-    if more > 0 {
-        names.push(format!("and {more} more"));
-    }
-    Ok((!names.is_empty()).then(|| names.join(", ")))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
 
     fn take(root: &Path) -> Result<SearchStore> {
         SearchStore::take(root, Path::new("judged-corpus"))
@@ -218,13 +170,13 @@ mod tests {
         drop(take(&out).unwrap());
         fs::write(out.join("thesis.tex"), "").unwrap();
         let error = take(&out).err().unwrap().to_string();
-        assert!(error.contains("contains thesis.tex"), "{error}");
+        assert!(error.contains("holds thesis.tex"), "{error}");
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
         assert!(take(&file).is_err());
         let inside = SearchStore::take(&out, folder.path()).err().unwrap();
         assert!(
-            inside.to_string().contains("name another folder"),
+            inside.to_string().contains("name a folder outside"),
             "{inside}"
         );
     }
@@ -234,7 +186,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let held = take(folder.path()).unwrap();
         let error = take(folder.path()).err().unwrap();
-        assert!(matches!(error, Error::Held { .. }), "{error}");
+        assert!(
+            matches!(&error, Error::Dataset(error) if error.is_passing()),
+            "{error}"
+        );
         drop(held);
         take(folder.path()).unwrap();
     }

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleRecord, RecordError};
+use dataset::corpus::workshop::{self, CLAIM};
 use dataset::files::json_file::{read_json, write_atomically, write_json};
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +18,6 @@ use super::samples::HardPlaces;
 use super::training_config::TrainingConfig;
 use crate::error::{Error, OutputFault, Result};
 
-/// Locked by the training process.
-pub(super) const CLAIM: &str = "claim";
 const STATE: &str = "checkpoint.json";
 /// Hash of the model that the training is about to write.
 const MODEL: &str = "model.b3";
@@ -26,18 +25,9 @@ const PARTS: [&str; 2] = ["network", "optimizer"];
 
 /// Rejects a folder that contains anything but a checkpoint: it is deleted when the training is done.
 pub(super) fn refuse_strangers(folder: &Path) -> Result<()> {
-    for path in content(folder)? {
-        if !is_own(&path) {
-            let stranger = path.file_name().unwrap_or_default().to_string_lossy();
-            return Err(Error::Output {
-                path: folder.to_owned(),
-                fault: OutputFault::NotOnlyCheckpoint {
-                    stranger: stranger.into_owned(),
-                },
-            });
-        }
-    }
-    Ok(())
+    let what = "is where the training keeps its checkpoint, but";
+    let is_own = |name: &str| is_own(&folder.join(name));
+    Ok(workshop::refuse_strangers(folder, what, is_own)?)
 }
 
 /// Notes the hash of the model before it is written, so that a training that is killed before its report knows it again.

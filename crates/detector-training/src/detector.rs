@@ -1,12 +1,14 @@
 //! A training from corpus to model.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use burn::tensor::Device;
 use dataset::corpus::Corpus;
-use dataset::corpus::claim::{Claim, Claimed};
+use dataset::corpus::claim::Claim;
 use dataset::corpus::seal::{hash_bytes, hash_file};
 use dataset::corpus::splits::Side;
+use dataset::corpus::workshop::lock;
 use dataset::files::json_file::{read_json, write_atomically, write_json};
 use dataset::work::progress::Progress;
 use serde::{Deserialize, Serialize};
@@ -148,16 +150,7 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     if !is_own(out, &report, checkpoint)? {
         return Err(refused(OutputFault::Taken));
     }
-    match Claim::take_in(checkpoint, checkpoint::CLAIM) {
-        Ok(Claimed::Mine(claim)) => Ok(claim),
-        Ok(Claimed::Theirs(holder)) => Err(Error::Held {
-            out: out.to_owned(),
-            holder: holder.map_or("another process".into(), |holder| holder.to_string()),
-        }),
-        Err(error) if error.is_of_disk() => Err(error.into()),
-        Err(dataset::Error::Io { source, .. }) => Err(refused(OutputFault::NotMade(source))),
-        Err(error) => Err(error.into()),
-    }
+    Ok(lock(checkpoint, out, Duration::ZERO)?)
 }
 
 /// True if the model may be replaced: it does not exist, it is the model of the report, or it was written by this training, which was

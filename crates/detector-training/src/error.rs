@@ -48,14 +48,6 @@ pub enum Error {
         /// The model's file.
         path: PathBuf,
     },
-    /// Another process trains there.
-    #[error("{}: {holder} is at work on it; try again when that has ended", out.display())]
-    Held {
-        /// The model's file.
-        out: PathBuf,
-        /// Process that holds the lock.
-        holder: String,
-    },
     /// The network's numbers are no longer finite.
     #[error(
         "training of detector diverged at step {step}: the loss is not finite; lower its learning_rate"
@@ -104,14 +96,6 @@ pub enum OutputFault {
         /// Path of the report.
         report: PathBuf,
     },
-    /// The folder of the checkpoint, which is deleted after the training, contains something else.
-    #[error(
-        "is where the training keeps its checkpoint, but holds {stranger}; move that away, or give another --out"
-    )]
-    NotOnlyCheckpoint {
-        /// Name of a foreign file.
-        stranger: String,
-    },
     /// The checkpoint is one of another training.
     #[error(
         "holds an unfinished training with other settings ({found}); repeat those to resume it, or delete the folder"
@@ -120,9 +104,6 @@ pub enum OutputFault {
         /// The settings.
         found: String,
     },
-    /// The folder of the checkpoint cannot be created or locked.
-    #[error("cannot be made there: {0}")]
-    NotMade(std::io::Error),
     /// The numbers of the checkpoint cannot be read or written.
     #[error("cannot read or write the checkpoint: {0}; delete the folder to train from the start")]
     Checkpoint(RecordError),

@@ -186,22 +186,6 @@ pub enum Error {
         /// The corpus.
         corpus: PathBuf,
     },
-    /// The destination contains something else.
-    #[error("{} contains something else, for example {found}; choose an empty or new folder", out.display())]
-    Occupied {
-        /// The destination.
-        out: PathBuf,
-        /// A file in it.
-        found: String,
-    },
-    /// The destination, or where it is made, is no folder.
-    #[error("{} is {found}, not a folder; choose an empty or new folder", path.display())]
-    NoFolder {
-        /// The path in the way.
-        path: PathBuf,
-        /// Its type.
-        found: &'static str,
-    },
     /// A finished export of which files were changed or lost.
     #[error("{} was exported, but then changed: {fault}; remove it to export again", out.display())]
     Changed {
@@ -221,14 +205,6 @@ pub enum Error {
     OtherFinished {
         /// The finished export.
         out: PathBuf,
-    },
-    /// Another process makes the same export.
-    #[error("{} is being made by {holder}", out.display())]
-    Held {
-        /// The destination.
-        out: PathBuf,
-        /// The holder.
-        holder: String,
     },
     /// The caller stopped it.
     #[error("stopped")]
@@ -269,8 +245,6 @@ impl Error {
                 | Self::NoDetections
                 | Self::SeveralModels { .. }
                 | Self::InCorpus { .. }
-                | Self::Occupied { .. }
-                | Self::NoFolder { .. }
                 | Self::Changed { .. }
                 | Self::OtherExport { .. }
                 | Self::OtherFinished { .. }

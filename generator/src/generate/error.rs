@@ -78,19 +78,6 @@ pub enum GenerateError {
         /// The path.
         path: PathBuf,
     },
-    /// Another run holds the files of the whole corpus.
-    #[error(
-        "{}: {holder} has been writing plan.json and splits.json for {waited:?}; if it hangs, end it and run the same command again",
-        corpus.display()
-    )]
-    Held {
-        /// The corpus.
-        corpus: PathBuf,
-        /// Process that holds it.
-        holder: String,
-        /// Time waited so far.
-        waited: Duration,
-    },
     /// A command to restart simulators that are no X-Plane.
     #[error(
         "--restart-simulator: {simulator} {why}; the command is for an X-Plane that is named by HOST:PORT or `auto`"
@@ -195,7 +182,7 @@ impl GenerateError {
     /// True if the same call may succeed later.
     pub fn is_passing(&self) -> bool {
         match self {
-            Self::Held { .. } | Self::Cancelled => true,
+            Self::Cancelled => true,
             Self::Corpus(error) => error.is_passing(),
             _ => false,
         }

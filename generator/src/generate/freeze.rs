@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use dataset::corpus::claim::{Claim, Claimed, WHOLE_CORPUS};
+use dataset::corpus::claim::{Claim, WHOLE_CORPUS};
 use dataset::corpus::seal;
 use dataset::corpus::{Corpus, check_place};
 use dataset::files::json_file::write_atomically;
@@ -86,16 +86,10 @@ pub(super) async fn freeze(
 ) -> Result<(), GenerateError> {
     let began = Instant::now();
     let _claim = loop {
-        match Claim::take(corpus, WHOLE_CORPUS)? {
-            Claimed::Mine(claim) => break claim,
-            Claimed::Theirs(holder) if began.elapsed() > HELD_FOR_LONG => {
-                return Err(GenerateError::Held {
-                    corpus: corpus.root().to_owned(),
-                    holder: holder.map_or("another process".into(), |holder| holder.to_string()),
-                    waited: HELD_FOR_LONG,
-                });
-            }
-            Claimed::Theirs(_) => sleep(POLL_INTERVAL).await,
+        match Claim::take(corpus, WHOLE_CORPUS)?.or_held(corpus.root(), HELD_FOR_LONG) {
+            Ok(claim) => break claim,
+            Err(error) if began.elapsed() > HELD_FOR_LONG => return Err(error.into()),
+            Err(_) => sleep(POLL_INTERVAL).await,
         }
     };
     clear_leftovers(corpus.root());

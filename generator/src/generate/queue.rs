@@ -84,16 +84,11 @@ impl<'a> Queue<'a> {
                     return Ok(Next::Make(self.waiting.remove(at), claim));
                 }
                 Claimed::Theirs(holder) => {
-                    let holder = || holder.map_or("another process".into(), |h| h.to_string());
-                    match &mut elsewhere {
-                        Some(elsewhere) => elsewhere.scenarios += 1,
-                        none => {
-                            *none = Some(Elsewhere {
-                                scenarios: 1,
-                                holder: holder(),
-                            });
-                        }
-                    }
+                    let first = || Elsewhere {
+                        scenarios: 0,
+                        holder: holder.to_string(),
+                    };
+                    elsewhere.get_or_insert_with(first).scenarios += 1;
                 }
             }
         }

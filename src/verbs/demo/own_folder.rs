@@ -4,10 +4,13 @@
 //! belong to somebody else: they are never removed, and `--fresh` refuses to start next to them.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use dataset::corpus::claim::Claim;
 use dataset::corpus::seal::{DONE, MANIFEST};
+use dataset::corpus::workshop::{CLAIM, Workshop, lock, refuse_named};
 use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
 use dataset::files::json_file::{read_json, write_json};
 use dataset::plan::PlannedScenarios;
@@ -19,8 +22,6 @@ use crate::failure::Failure;
 const MARKER: &str = "DEMO.json";
 const CORPUS: &str = "corpus";
 const RUN: &str = "run";
-/// Number of foreign files named in an error.
-const MOST_NAMED: usize = 20;
 
 /// Content of the marker.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,29 +42,19 @@ impl Marker {
 /// The folder of a demo, locked until this is dropped.
 pub(super) struct OwnFolder {
     root: PathBuf,
-    /// The locked marker. An existing folder without one is not ours to mark.
-    _marker: Option<File>,
+    _claim: Claim,
 }
 
 impl OwnFolder {
     /// The folder, created and marked if it is new. With `fresh`, the results of an earlier demo are removed.
     pub(super) fn open(root: &Path, fresh: bool) -> Result<Self, Failure> {
-        if root.exists() && !root.is_dir() {
-            return Err(Failure::bad_input_message(format!(
-                "{} is not a folder; --out expects one, or the name of a new one",
-                root.display()
-            )));
-        }
-        fs::create_dir_all(root)
-            .map_err(|error| Failure::bad_input(dataset::Error::io("create", root)(error)))?;
-        let mut folder = Self {
+        let claim = lock(root, root, Duration::ZERO).map_err(Failure::of_corpus)?;
+        let folder = Self {
             root: root.to_owned(),
-            _marker: None,
+            _claim: claim.in_existing_folder(),
         };
         let marked = folder.is_marked();
-        if marked {
-            folder.lock()?;
-        } else if fs::symlink_metadata(folder.marker()).is_ok() {
+        if !marked && fs::symlink_metadata(folder.marker()).is_ok() {
             return Err(Failure::bad_input_message(format!(
                 "{} is not what `dtd demo` writes there; move it away, or give another --out",
                 folder.marker().display()
@@ -74,9 +65,9 @@ impl OwnFolder {
             folder.refuse(&found.of_others)?;
             folder.remove(&found)?;
         }
+        // An existing folder without a marker is not ours to mark.
         if !marked && !folder.corpus().exists() && !folder.run().exists() {
             write_json(&folder.marker(), &Marker::ours()).map_err(Failure::bad_input)?;
-            folder.lock()?;
         }
         Ok(folder)
     }
@@ -101,43 +92,10 @@ impl OwnFolder {
         is_file && read_json::<Marker>(&marker, "marker").is_ok_and(|found| found == Marker::ours())
     }
 
-    fn lock(&mut self) -> Result<(), Failure> {
-        let path = self.marker();
-        let marker = File::open(&path).map_err(dataset::Error::io("read", &path))?;
-        match marker.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(Failure::TryAgain(anyhow::anyhow!(
-                    "another `dtd demo` is at work in {}",
-                    self.root.display()
-                )));
-            }
-            Err(TryLockError::Error(error)) => {
-                return Err(dataset::Error::io("lock", &path)(error).into());
-            }
-        }
-        self._marker = Some(marker);
-        Ok(())
-    }
-
     fn refuse(&self, others: &[PathBuf]) -> Result<(), Failure> {
-        if others.is_empty() {
-            return Ok(());
-        }
-        let mut names: Vec<String> = others
-            .iter()
-            .take(MOST_NAMED)
-            .map(|path| format!("  {}", path.display()))
-            .collect();
-        if others.len() > MOST_NAMED {
-            names.push(format!("  and {} more", others.len() - MOST_NAMED));
-        }
-        Err(Failure::bad_input_message(format!(
-            "--fresh removes only what a demo made, and {} holds something else:\n{}\nmove it away, or give another --out; nothing was \
-             removed",
-            self.root.display(),
-            names.join("\n")
-        )))
+        let what = "--fresh removes only what a demo made, and nothing was removed:";
+        let names = others.iter().map(|path| path.display().to_string());
+        refuse_named(&self.root, what, names.collect()).map_err(Failure::of_corpus)
     }
 
     /// Sorts files into the demo's and others; in a folder without a marker, none is the demo's.
@@ -153,14 +111,17 @@ impl OwnFolder {
                 let kind = entry
                     .file_type()
                     .map_err(dataset::Error::io("look at", &path))?;
-                match marked && is_own(&name, kind.is_dir(), kind.is_file(), &planned) {
-                    true if kind.is_dir() => {
-                        found.folders.push(name.clone());
-                        folders.push(name);
-                    }
-                    true if name == Path::new(MARKER) => {}
-                    true => found.files.push(name),
-                    false => found.of_others.push(name),
+                let is_in_use = name == Path::new(CLAIM) || marked && name == Path::new(MARKER);
+                if is_in_use {
+                    continue;
+                }
+                if !marked || !is_own(&name, kind.is_dir(), kind.is_file(), &planned) {
+                    found.of_others.push(name);
+                } else if kind.is_dir() {
+                    found.folders.push(name.clone());
+                    folders.push(name);
+                } else {
+                    found.files.push(name);
                 }
             }
         }
@@ -213,7 +174,7 @@ fn is_own(name: &Path, is_folder: bool, is_file: bool, planned: &BTreeSet<String
     let Some(parts) = parts else {
         return false;
     };
-    let beside = RunFolder::place_beside(Path::new(RUN));
+    let beside = Workshop::beside(Path::new(RUN));
     let [place, inside @ ..] = parts.as_slice() else {
         return false;
     };

@@ -1,6 +1,5 @@
 //! Reasons why a run cannot be created at a path, or cannot be used.
 
-use std::io;
 use std::path::PathBuf;
 
 use burn::store::{RecordError, SafetensorsStoreError};
@@ -14,27 +13,6 @@ use dataset::numbers::limits::FieldOutOfLimits;
     reason = "the fields are described by the messages that show them"
 )]
 pub enum RunFault {
-    /// Its folder would be among the files of a corpus.
-    #[error("lies in {}, which is reserved for files of the corpus; name a folder outside", own.display())]
-    InCorpus { own: PathBuf },
-    /// A path without a last part.
-    #[error("is not a valid folder name")]
-    NoName,
-    /// Something else than a folder.
-    #[error("is {found}; expected a folder, or the name of a new one")]
-    NotAFolder { found: &'static str },
-    /// A folder that cannot be replaced.
-    #[error("is the top of a file system, and a run is replaced as a whole; name a folder in it, e.g. {}", inside.display())]
-    TopOfFileSystem { inside: PathBuf },
-    /// A folder with foreign content.
-    #[error("{what} it holds {}; move that away, or name another folder", names.join(", "))]
-    Strangers {
-        what: &'static str,
-        names: Vec<String>,
-    },
-    /// Results would replace something.
-    #[error("is not empty, and the results of an evaluation replace nothing; name a new folder")]
-    Occupied,
     /// Results would be foreign files in a run.
     #[error("lies in a run, which holds nothing but its own files; name a place outside")]
     InRun,
@@ -44,9 +22,6 @@ pub enum RunFault {
          --out DIR"
     )]
     OtherEvaluation,
-    /// The operating system does not let us.
-    #[error("cannot be made there: {0}")]
-    NotMade(io::Error),
     /// A third run is where two of a replacement belong.
     #[error(
         "was made while {} waits to take this place, and {} is what it replaces; move one of the three away",

@@ -62,11 +62,11 @@ impl RunFolder {
     /// A file of a training that is only there if the settings ask for it.
     pub(crate) const OPTIONAL: &str = Self::BACKGROUNDS;
 
-    /// All files that a run may contain.
+    /// All files that a run may contain, in the order in which they are removed: without its summary it is none.
     pub const FILES: [&str; 14] = [
+        Self::SUMMARY,
         Self::BACKGROUNDS,
         Self::CONFIG,
-        Self::SUMMARY,
         Self::NORMALISATION,
         Self::BASELINES,
         Self::WEIGHTS,
@@ -85,13 +85,6 @@ impl RunFolder {
         [Self::SUMMARY, Self::CONFIG]
             .iter()
             .all(|name| root.join(name).is_file())
-    }
-
-    /// The folder next to a run in which it is built and replaced.
-    pub fn place_beside(run: &Path) -> PathBuf {
-        let mut name = run.file_name().unwrap_or_default().to_owned();
-        name.push(".partial");
-        run.with_file_name(name)
     }
 
     /// The folder itself.

@@ -46,16 +46,23 @@ pub struct Claim {
     keeps_folder: bool,
 }
 
-/// The process that holds a claim.
+/// The process that holds a claim, as far as its file names it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Holder(Option<Process>);
+
+/// Content of a claim's file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Holder {
+struct Process {
     host: String,
     pid: u32,
 }
 
 impl fmt::Display for Holder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "process {} on {}", self.pid, self.host)
+        match &self.0 {
+            Some(Process { host, pid }) => write!(f, "process {pid} on {host}"),
+            None => f.write_str("another process"),
+        }
     }
 }
 
@@ -64,8 +71,25 @@ impl fmt::Display for Holder {
 pub enum Claimed {
     /// It is ours.
     Mine(Claim),
-    /// Another process has it; its name, if that can be read.
-    Theirs(Option<Holder>),
+    /// Another process has it.
+    Theirs(Holder),
+}
+
+impl Claimed {
+    /// The claim, or an error that names its holder. `held` is what it protects.
+    ///
+    /// # Errors
+    /// [`Error::Held`].
+    pub fn or_held(self, held: &Path, waited: Duration) -> Result<Claim> {
+        match self {
+            Self::Mine(claim) => Ok(claim),
+            Self::Theirs(holder) => Err(Error::Held {
+                path: held.to_owned(),
+                holder: holder.to_string(),
+                waited,
+            }),
+        }
+    }
 }
 
 impl Claim {
@@ -93,19 +117,14 @@ impl Claim {
         let began = Instant::now();
         let mut said = false;
         loop {
-            let holder = match Self::take_in(folder, name)? {
-                Claimed::Mine(claim) => return Ok(claim),
-                Claimed::Theirs(holder) => {
-                    holder.map_or_else(|| "another process".into(), |holder| holder.to_string())
-                }
-            };
+            let claimed = Self::take_in(folder, name)?;
             if began.elapsed() >= patience {
-                return Err(Error::Held {
-                    path: held.to_owned(),
-                    holder,
-                    waited: patience,
-                });
+                return claimed.or_held(held, patience);
             }
+            let holder = match claimed {
+                Claimed::Mine(claim) => return Ok(claim),
+                Claimed::Theirs(holder) => holder,
+            };
             if !said && began.elapsed() >= SAID_AFTER {
                 said = true;
                 tracing::warn!(
@@ -148,7 +167,7 @@ impl Claim {
             match file.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
-                    return Ok(Claimed::Theirs(read_json(&path, "claim").ok()));
+                    return Ok(Claimed::Theirs(Holder(read_json(&path, "claim").ok())));
                 }
                 Err(TryLockError::Error(error)) => return Err(Error::io("lock", &path)(error)),
             }
@@ -165,17 +184,18 @@ impl Claim {
             claim.write_holder()?;
             return Ok(Claimed::Mine(claim));
         }
-        Ok(Claimed::Theirs(None))
+        Ok(Claimed::Theirs(Holder(None)))
     }
 
     /// The claim in a folder that existed before it, and stays when it is released.
-    pub(crate) fn in_existing_folder(mut self) -> Self {
+    #[must_use]
+    pub fn in_existing_folder(mut self) -> Self {
         self.keeps_folder = true;
         self
     }
 
     fn write_holder(&mut self) -> Result<()> {
-        let text = serde_json::to_vec(&Holder::this_process()).unwrap_or_default();
+        let text = serde_json::to_vec(&Process::this()).unwrap_or_default();
         let Self { path, file, .. } = self;
         file.set_len(0)
             .and_then(|()| file.rewind())
@@ -215,8 +235,8 @@ impl Drop for Claim {
     }
 }
 
-impl Holder {
-    fn this_process() -> Self {
+impl Process {
+    fn this() -> Self {
         Self {
             host: rustix::system::uname()
                 .nodename()
@@ -238,7 +258,7 @@ fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
             file.take(MOST_BYTES)
                 .read_to_end(&mut text)
                 .map_err(Error::io("read", path))?;
-            serde_json::from_slice::<Holder>(&text).is_ok()
+            serde_json::from_slice::<Process>(&text).is_ok()
         });
     match is_claim {
         true => Ok(()),
@@ -267,10 +287,10 @@ mod tests {
         let Claimed::Mine(mine) = Claim::take(&corpus, "0001").unwrap() else {
             panic!("nobody else is there");
         };
-        let Claimed::Theirs(Some(holder)) = Claim::take(&corpus, "0001").unwrap() else {
+        let Claimed::Theirs(holder) = Claim::take(&corpus, "0001").unwrap() else {
             panic!("it is taken");
         };
-        assert_eq!(holder, Holder::this_process());
+        assert_eq!(holder, Holder(Some(Process::this())));
         assert!(matches!(
             Claim::take(&corpus, "0002").unwrap(),
             Claimed::Mine(_)
@@ -284,7 +304,7 @@ mod tests {
         let (folder, corpus) = corpus();
         let left = folder.path().join(FOLDER);
         fs::create_dir(&left).unwrap();
-        let killed = serde_json::to_string(&Holder::this_process()).unwrap();
+        let killed = serde_json::to_string(&Process::this()).unwrap();
         fs::write(left.join("0001"), killed).unwrap();
         fs::write(left.join("0002"), "").unwrap();
         assert!(matches!(

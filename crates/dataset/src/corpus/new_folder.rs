@@ -1,29 +1,19 @@
 //! A folder of files that appears as a whole.
 //!
-//! ```text
-//! NAME             complete
-//! NAME.partial/
-//!   claim          locked by the process that makes it
-//!   new/           its files, renamed when all of them are on disk
-//! ```
-//!
-//! If a process is killed or the disk fails, the same command writes them again. An empty folder that is there already, such as `.` or the
-//! root of a volume, cannot be renamed over in every place: it is filled, is complete with the last file, and contains the claim meanwhile.
+//! It is made in its workshop. If a process is killed or the disk fails, the same command writes the files again. An empty folder that is
+//! there already, such as `.` or the root of a volume, cannot be replaced in every place: it is filled, is complete with the last file, and
+//! contains the claim meanwhile.
 
 use std::fs;
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
-use crate::corpus::PARTIAL_SUFFIX;
-use crate::corpus::claim::Claim;
-use crate::error::{Error, Result};
+use crate::corpus::workshop::{CLAIM, NEW, Workshop, lock, refuse_named, resolve};
+use crate::error::{Error, FolderFault, Result};
 use crate::files::json_file::write_atomically;
 use crate::files::new_file::{clear_leftovers, sync};
-use crate::files::own_path::refuse_link;
 
-const CLAIM: &str = "claim";
-const NEW: &str = "new";
 /// Writing some models takes seconds.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -34,55 +24,37 @@ type Files<'a> = [(&'a str, &'a [u8])];
 /// created.
 ///
 /// # Errors
-/// The folder contains something else, another folder is in the place of the unfinished one, another process is writing the folder, or
-/// the disk fails.
+/// The folder or its workshop contains something else, another process is writing the folder, or the disk fails.
 pub fn write(folder: &Path, files: &Files<'_>) -> Result<()> {
-    let folder: PathBuf = folder.components().collect();
+    let folder = resolve(folder)?;
     if !folder.is_dir() {
-        if folder.symlink_metadata().is_ok() {
-            return Err(Error::corpus(&folder, "is no folder; name a new one"));
-        }
-        let mut partial = folder.clone().into_os_string();
-        partial.push(PARTIAL_SUFFIX);
-        let partial = PathBuf::from(partial);
-        refuse_link(&partial)?;
-        let _claim = Claim::wait_in(&partial, CLAIM, &folder, PATIENCE)?;
+        let workshop = Workshop::enter(&folder, &[], PATIENCE)?;
         // Another process may have made it until then.
         if !folder.is_dir() {
-            return make(&folder, &partial, files);
+            return make(&workshop, files);
         }
     }
     fill(&folder, files)
 }
 
-/// Makes the folder in `partial`, which is claimed.
-fn make(folder: &Path, partial: &Path, files: &Files<'_>) -> Result<()> {
-    let new = partial.join(NEW);
-    refuse_strangers(partial, |name| [CLAIM, NEW].contains(&name))?;
-    refuse_link(&new)?;
+fn make(workshop: &Workshop, files: &Files<'_>) -> Result<()> {
+    let new = workshop.path(NEW);
     fs::create_dir_all(&new).map_err(Error::io("create", &new))?;
-    clear_leftovers(&new);
-    refuse_strangers(&new, |name| files.iter().any(|(own, _)| *own == name))?;
+    let names: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
+    workshop.tidy(NEW, &names)?;
     for (name, content) in files {
         write_atomically(&new.join(name), content)?;
     }
-    // Replaces no folder but an empty one.
-    fs::rename(&new, folder).map_err(|error| {
-        let taken = [ErrorKind::DirectoryNotEmpty, ErrorKind::AlreadyExists];
-        if taken.contains(&error.kind()) {
-            let _ = fs::remove_dir_all(&new);
-            Error::corpus(
-                folder,
-                "was made by something else meanwhile and is not replaced; name another folder",
-            )
-        } else {
-            Error::io("rename into place", folder)(error)
+    workshop.put_in_place().inspect_err(|error| {
+        if let Error::Folder {
+            fault: FolderFault::Taken,
+            ..
+        } = error
+        {
+            // If that fails as well, the first error is still the one to report.
+            let _ = workshop.remove(NEW);
         }
-    })?;
-    match folder.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => sync(parent),
-        _ => sync(Path::new(".")),
-    }
+    })
 }
 
 /// Writes the files one by one into an existing folder. Other files in it are an error.
@@ -90,43 +62,23 @@ fn fill(folder: &Path, files: &Files<'_>) -> Result<()> {
     if is_written(folder, files)? {
         return Ok(());
     }
-    let _claim = Claim::wait_in(folder, CLAIM, folder, PATIENCE)?.in_existing_folder();
+    let _claim = lock(folder, folder, PATIENCE)?.in_existing_folder();
     clear_leftovers(folder);
-    refuse_others(folder, files)?;
-    for (name, content) in files {
-        write_atomically(&folder.join(name), content)?;
-    }
-    sync(folder)
-}
-
-/// Refuses a folder with anything but some of these files, unchanged, and the claim.
-fn refuse_others(folder: &Path, files: &Files<'_>) -> Result<()> {
+    let mut others = Vec::new();
     for name in names_in(folder)? {
-        let own = files.iter().find(|(own, _)| *own == name);
-        let is_own = match own {
+        let is_own = match files.iter().find(|(own, _)| *own == name) {
             Some((_, content)) => has_content(&folder.join(&name), content)?,
             None => name == CLAIM,
         };
         if !is_own {
-            return Err(Error::corpus(
-                folder,
-                format!(
-                    "holds {name}, expected a new or an empty folder; remove it, or name another"
-                ),
-            ));
+            others.push(name);
         }
     }
-    Ok(())
-}
-
-fn refuse_strangers(partial: &Path, is_own: impl Fn(&str) -> bool) -> Result<()> {
-    match names_in(partial)?.into_iter().find(|name| !is_own(name)) {
-        Some(name) => Err(Error::corpus(
-            &partial.join(name),
-            "is where a folder is made, and belongs to something else; move it away",
-        )),
-        None => Ok(()),
+    refuse_named(folder, "expected a new or an empty folder, but", others)?;
+    for (name, content) in files {
+        write_atomically(&folder.join(name), content)?;
     }
+    sync(folder)
 }
 
 fn names_in(folder: &Path) -> Result<Vec<String>> {
@@ -250,7 +202,7 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(
-            message.contains("other.partial/notes: is where a folder is made"),
+            message.contains("other.partial: is where a folder is made, but it holds notes"),
             "{message}"
         );
     }

@@ -163,8 +163,11 @@ fn not_regular(path: &Path, kind: FileKind, found: &'static str) -> Error {
     }
 }
 
-fn name_of(file_type: std::fs::FileType) -> &'static str {
-    if file_type.is_dir() {
+/// Type of an entry of a folder, for messages.
+pub(crate) fn name_of(file_type: std::fs::FileType) -> &'static str {
+    if file_type.is_file() {
+        "a file"
+    } else if file_type.is_dir() {
         "a folder"
     } else if file_type.is_symlink() {
         "a symbolic link"

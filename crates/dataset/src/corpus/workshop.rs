@@ -1,0 +1,332 @@
+//! Folders that appear or are replaced as a whole.
+//!
+//! ```text
+//! NAME             what counts
+//! NAME.partial/    its workshop, on the same file system
+//!   claim          locked by the process that works on NAME
+//!   new/           the folder in the making, renamed to NAME when all of it is on disk
+//!   ..             further files of the maker, e.g. a checkpoint
+//! ```
+//!
+//! A killed process leaves its workshop to the next one, which resumes or drops what it finds there. Foreign files are never removed and
+//! never become part of a result: a folder that contains any is rejected.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use crate::corpus::claim::Claim;
+use crate::corpus::{PARTIAL_SUFFIX, own_folder_around};
+use crate::error::{Error, FolderFault, Result};
+use crate::files::new_file::{clear_leftovers, sync};
+use crate::files::outside_file::name_of;
+use crate::files::own_path::resolved;
+
+/// Name of the file that locks a folder.
+pub const CLAIM: &str = "claim";
+/// Name of the folder in the making.
+pub const NEW: &str = "new";
+/// Errors of a rename to a place in which something has appeared.
+const TAKEN: [ErrorKind; 3] = [
+    ErrorKind::DirectoryNotEmpty,
+    ErrorKind::AlreadyExists,
+    ErrorKind::NotADirectory,
+];
+/// Maximum number of foreign files that an error names.
+const MOST_NAMED: usize = 20;
+
+/// The workshop of a place, locked until this is dropped, and then removed if it is empty.
+#[derive(Debug)]
+pub struct Workshop {
+    place: PathBuf,
+    folder: PathBuf,
+    _claim: Claim,
+}
+
+impl Workshop {
+    /// Path of the workshop of a place.
+    pub fn beside(place: &Path) -> PathBuf {
+        let mut name = place.file_name().unwrap_or_default().to_owned();
+        name.push(PARTIAL_SUFFIX);
+        place.with_file_name(name)
+    }
+
+    /// Locks the workshop of a [`resolve`]d place; waits up to `patience` for another process. Missing folders are created. `own` names the
+    /// maker's entries besides [`NEW`].
+    ///
+    /// # Errors
+    /// Another process works there ([`Error::Held`]), the place is a mount point, or its workshop cannot be made or has foreign entries.
+    pub fn enter(place: &Path, own: &[&str], patience: Duration) -> Result<Self> {
+        refuse_mount_point(place)?;
+        let folder = Self::beside(place);
+        refuse_other_than_folder(&folder)?;
+        let claim = lock(&folder, place, patience)?;
+        tidy(&folder, &[&[CLAIM, NEW][..], own].concat())?;
+        Ok(Self {
+            place: place.to_owned(),
+            folder,
+            _claim: claim,
+        })
+    }
+
+    /// The place that the new folder is for.
+    pub fn place(&self) -> &Path {
+        &self.place
+    }
+
+    /// Path of an entry of the workshop.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Removes temporary files of killed processes from a folder of the workshop, and rejects entries with other names than these.
+    pub fn tidy(&self, folder: &str, own: &[&str]) -> Result<()> {
+        tidy(&self.path(folder), own)
+    }
+
+    /// Removes an entry of the workshop with all its content; it may be missing.
+    pub fn remove(&self, name: &str) -> Result<()> {
+        let path = self.path(name);
+        let removed = if path.is_dir() {
+            fs::remove_dir_all(&path)
+        } else {
+            fs::remove_file(&path)
+        };
+        missing_is_fine(removed).map_err(Error::io("remove", &path))
+    }
+
+    /// Removes these files in this order from a folder of the workshop, and then the folder. All may be missing.
+    ///
+    /// # Errors
+    /// Other files are in the folder, or the disk fails.
+    pub fn remove_files(&self, folder: &str, names: &[&str]) -> Result<()> {
+        let folder = self.path(folder);
+        for path in names.iter().map(|name| folder.join(name)) {
+            missing_is_fine(fs::remove_file(&path)).map_err(Error::io("remove", &path))?;
+        }
+        missing_is_fine(fs::remove_dir(&folder)).map_err(Error::io("remove", &folder))
+    }
+
+    /// Moves the new folder, whose files are synced, into its vacant place.
+    ///
+    /// # Errors
+    /// Something else is there by now ([`FolderFault::Taken`]), or the disk fails.
+    pub fn put_in_place(&self) -> Result<()> {
+        // Not every file system renames over an empty folder.
+        missing_is_fine(fs::remove_dir(&self.place))
+            .map_err(Error::io("replace", &self.place))
+            .and_then(|()| rename(&self.path(NEW), &self.place))
+            .map_err(|error| match error {
+                Error::Io { source, .. } if TAKEN.contains(&source.kind()) => {
+                    Error::folder(&self.place, FolderFault::Taken)
+                }
+                error => error,
+            })
+    }
+}
+
+/// Renames a folder durably.
+pub fn rename(from: &Path, to: &Path) -> Result<()> {
+    fs::rename(from, to).map_err(Error::io("rename into place", to))?;
+    sync(parent_of(from))?;
+    sync(parent_of(to))
+}
+
+/// Locks a folder for work on `place`; waits up to `patience` for another process. The folder is created, and removed
+/// with the lock if it is empty.
+///
+/// # Errors
+/// Another process has the lock ([`Error::Held`]), or the folder cannot be made.
+pub fn lock(folder: &Path, place: &Path, patience: Duration) -> Result<Claim> {
+    match Claim::wait_in(folder, CLAIM, place, patience) {
+        Err(error) if error.is_of_disk() => Err(error),
+        Err(Error::Io { source, .. }) => Err(Error::folder(place, FolderFault::NotMade(source))),
+        locked => locked,
+    }
+}
+
+/// The absolute path of a folder to be made, with links resolved: a link to a folder is as good as the folder.
+///
+/// # Errors
+/// Something else than a folder is there, it has no name, or it is reserved for files of a corpus.
+pub fn resolve(path: &Path) -> Result<PathBuf> {
+    // A slash at the end would follow a link, and put the workshop into the folder.
+    let path: PathBuf = path.components().collect();
+    // A link to a folder that is just being replaced is dangling for a moment.
+    let named = match fs::read_link(&path) {
+        Ok(to) if !path.exists() => path.with_file_name("").join(to),
+        _ => path,
+    };
+    let real = resolved(&named)?;
+    refuse_other_than_folder(&real)?;
+    if real.file_name().is_none() {
+        return Err(Error::folder(&real, FolderFault::NoName));
+    }
+    match own_folder_around(&real) {
+        Some(own) => Err(Error::folder(
+            &real,
+            FolderFault::InCorpus {
+                own: own.to_owned(),
+            },
+        )),
+        None => Ok(real),
+    }
+}
+
+/// True if a folder does not exist or is empty.
+pub fn is_vacant(folder: &Path) -> bool {
+    match fs::read_dir(folder) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(error) => error.kind() == ErrorKind::NotFound,
+    }
+}
+
+/// Rejects a folder with anything but entries of the maker's, which may be missing; links are foreign. `what` begins the message: "is not
+/// a run:".
+pub fn refuse_strangers(
+    folder: &Path,
+    what: &'static str,
+    is_own: impl Fn(&str) -> bool,
+) -> Result<()> {
+    refuse_other_than_folder(folder)?;
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        entries => entries.map_err(Error::io("list", folder))?,
+    };
+    let mut strangers = Vec::new();
+    for entry in entries {
+        let entry = entry.map_err(Error::io("list", folder))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if entry.file_type().is_ok_and(|kind| kind.is_symlink()) || !is_own(&name) {
+            strangers.push(name);
+        }
+    }
+    refuse_named(folder, what, strangers)
+}
+
+/// The same for foreign entries that the maker has found itself.
+pub fn refuse_named(folder: &Path, what: &'static str, mut names: Vec<String>) -> Result<()> {
+    if names.is_empty() {
+        return Ok(());
+    }
+    names.sort();
+    if let Some(more) = names.len().checked_sub(MOST_NAMED).filter(|more| *more > 0) {
+        names.truncate(MOST_NAMED);
+        names.push(format!("and {more} more"));
+    }
+    Err(Error::folder(
+        folder,
+        FolderFault::Strangers { what, names },
+    ))
+}
+
+fn tidy(folder: &Path, own: &[&str]) -> Result<()> {
+    clear_leftovers(folder);
+    let what = "is where a folder is made, but";
+    refuse_strangers(folder, what, |name| own.contains(&name))
+}
+
+/// A path that cannot be read is reported where the folder is made.
+fn refuse_other_than_folder(path: &Path) -> Result<()> {
+    match fs::symlink_metadata(path) {
+        Ok(found) if !found.is_dir() => {
+            let found = name_of(found.file_type());
+            Err(Error::folder(path, FolderFault::NotAFolder { found }))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn refuse_mount_point(place: &Path) -> Result<()> {
+    let (found, parent) = (fs::metadata(place), fs::metadata(parent_of(place)));
+    match (found, parent) {
+        (Ok(found), Ok(parent)) if found.dev() != parent.dev() => {
+            Err(Error::folder(place, FolderFault::MountPoint))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn missing_is_fine(removed: std::io::Result<()>) -> std::io::Result<()> {
+    match removed {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        removed => removed,
+    }
+}
+
+fn parent_of(place: &Path) -> &Path {
+    place.parent().unwrap_or(place)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    fn fault_of<T>(result: Result<T>) -> FolderFault {
+        match result.err().unwrap() {
+            Error::Folder { fault, .. } => fault,
+            error => panic!("{error}"),
+        }
+    }
+
+    #[test]
+    fn a_new_folder_takes_a_vacant_place_and_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["missing", "empty", "taken", "file"] {
+            let place = resolve(&folder.path().join(name)).unwrap();
+            let workshop = Workshop::enter(&place, &[], Duration::ZERO).unwrap();
+            fs::create_dir(workshop.path(NEW)).unwrap();
+            fs::write(workshop.path(NEW).join("a"), "").unwrap();
+            match name {
+                "missing" => {}
+                "file" => fs::write(&place, "a user's").unwrap(),
+                _ => fs::create_dir(&place).unwrap(),
+            }
+            if name == "taken" {
+                fs::write(place.join("thesis.tex"), "a user's").unwrap();
+            }
+            let moved = workshop.put_in_place();
+            if ["missing", "empty"].contains(&name) {
+                moved.unwrap();
+                assert!(place.join("a").is_file() && !workshop.path(NEW).exists());
+            } else {
+                assert!(matches!(fault_of(moved), FolderFault::Taken), "{name}");
+                workshop.remove_files(NEW, &["a"]).unwrap();
+            }
+            drop(workshop);
+            assert!(!Workshop::beside(&place).exists(), "{name}");
+        }
+        assert!(folder.path().join("taken/thesis.tex").exists());
+        assert!(folder.path().join("file").is_file());
+    }
+
+    #[test]
+    fn a_workshop_has_one_holder_and_is_neither_a_link_nor_a_mount_point() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("place");
+        let enter = || Workshop::enter(&place, &[], Duration::ZERO);
+        let held = enter().unwrap();
+        let message = enter().unwrap_err().to_string();
+        assert!(message.contains("is in use by process "), "{message}");
+        drop(held);
+        symlink(folder.path(), Workshop::beside(&place)).unwrap();
+        let fault = fault_of(enter());
+        assert!(matches!(fault, FolderFault::NotAFolder { .. }), "{fault}");
+        let fault = fault_of(Workshop::enter(Path::new("/proc"), &[], Duration::ZERO));
+        assert!(matches!(fault, FolderFault::MountPoint), "{fault}");
+    }
+
+    #[test]
+    fn a_link_to_a_folder_that_is_missing_for_a_moment_leads_to_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = fs::canonicalize(folder.path()).unwrap();
+        symlink("place", root.join("link")).unwrap();
+        assert_eq!(resolve(&root.join("link/")).unwrap(), root.join("place"));
+        let fault = fault_of(resolve(Path::new("/")));
+        assert!(matches!(fault, FolderFault::NoName), "{fault}");
+    }
+}
