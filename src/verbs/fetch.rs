@@ -9,18 +9,18 @@ use dataset::files::json_file::write_atomically;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
 use dataset::plan::{Plan, PlannedScenarios};
+use dataset::work::watch::Watch;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
-use store::{CorpusStore, Fetched, Patience, StoreError, StoreUrl};
+use store::{CorpusStore, Fetched, Listing, Patience, StoreError, StoreUrl, Transfer};
 
 use super::Outcome;
-use super::async_runtime::async_runtime;
 use super::corpus_files::{CorpusFile, SPLIT_AGAIN, Standing, difference_from_sweep, files_of};
-use super::object_store::{OnBar, failure_of, mend, nothing_committed};
+use super::object_store::{failure_of, mend, nothing_committed, run_transfers};
 use super::output::{count, print_json};
 use crate::args::FetchArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
+use crate::verb_watch::VerbWatch;
 
 /// Characters of a foreign name that a message shows.
 const MOST_SHOWN: usize = 64;
@@ -46,6 +46,10 @@ struct Mirror {
     corpus_files: Vec<String>,
     /// Bytes that were downloaded.
     bytes: u64,
+    /// Scenarios that were left to the next call, because this one was stopped.
+    left: Vec<String>,
+    /// True if this call was stopped.
+    stopped: bool,
 }
 
 #[derive(Serialize)]
@@ -60,7 +64,9 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     let url: &StoreUrl = &args.url;
     let store = CorpusStore::open(url, false).map_err(failure_of)?;
     let patience = Patience(Duration::from_secs(args.timeout_s));
-    let mirror = async_runtime()?.block_on(mirror(&store, args, patience))?;
+    let watch = VerbWatch::new("fetch", "scenarios");
+    let mirror = run_transfers(&watch, mirror(&store, args, patience, &watch))?;
+    drop(watch);
     if args.json {
         print_json(&mirror)?;
     } else {
@@ -91,6 +97,14 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     for lost in &mirror.failed {
         eprint_warning!("{} was not fetched: {}", lost.id, lost.reason);
     }
+    if mirror.stopped {
+        eprintln!(
+            "interrupted: {} fetched, {} to go; run the same command again to resume",
+            count(mirror.fetched.len(), "scenario"),
+            mirror.left.len()
+        );
+        return Ok(Ending::Interrupted);
+    }
     let lost = mirror.different.len() + mirror.failed.len() + mirror.left_detections.len();
     Ok(match lost {
         0 => Ending::Done,
@@ -102,9 +116,8 @@ async fn mirror(
     store: &CorpusStore,
     args: &FetchArgs,
     patience: Patience,
+    watch: &VerbWatch,
 ) -> Result<Mirror, Failure> {
-    let bar = Bar::new("fetch", "scenarios", None);
-    let watch = OnBar::new(&bar);
     store.check().await.map_err(failure_of)?;
     let listing = store.listing().await.map_err(failure_of)?;
     let ids = wanted(listing.committed(), args, store)?;
@@ -128,52 +141,98 @@ async fn mirror(
         });
     }
     let planned = PlannedScenarios::read(&corpus).map_err(Failure::of_corpus)?;
-    bar.set_total(ids.len() as u64);
+    let fetching = Fetching {
+        store,
+        corpus: &corpus,
+        patience,
+        planned,
+        listing,
+        transfer: Transfer::new(watch),
+    };
+    watch.begin("", ids.len() as u64);
     for (done, id) in ids.iter().enumerate() {
-        bar.working_on(id);
-        bar.set_done(done as u64);
-        let objects = listing.of(id);
-        let fetched = patience
-            .with(&watch, async |watch| {
+        watch.advance(done as u64, id);
+        match fetching.scenario(id, &mut mirror).await {
+            Err(Failure::Interrupted { .. }) => {
+                mirror.left = ids[done..].to_vec();
+                mirror.stopped = true;
+                break;
+            }
+            result => result?,
+        }
+    }
+    if !mirror.stopped {
+        watch.advance(ids.len() as u64, "");
+    }
+    mirror.bytes = fetching.transfer.bytes();
+    Ok(mirror)
+}
+
+/// A download of scenarios.
+struct Fetching<'a> {
+    store: &'a CorpusStore,
+    corpus: &'a Corpus,
+    patience: Patience,
+    planned: PlannedScenarios,
+    listing: Listing,
+    transfer: Transfer<'a>,
+}
+
+impl Fetching<'_> {
+    /// Downloads a scenario and its detections, or says in `mirror` why not.
+    async fn scenario(&self, id: &str, mirror: &mut Mirror) -> Result<(), Failure> {
+        let Self {
+            store,
+            corpus,
+            transfer,
+            ..
+        } = self;
+        transfer.check().map_err(failure_of)?;
+        let objects = self.listing.of(id);
+        let fetched = self
+            .patience
+            .with(transfer, async || {
                 store
-                    .fetch_scenario(id, &corpus, Some(&objects), watch)
+                    .fetch_scenario(id, corpus, Some(&objects), transfer)
                     .await
             })
             .await;
         match fetched {
-            Ok(Fetched::Whole { .. }) => mirror.fetched.push(id.clone()),
-            Ok(Fetched::Same) => mirror.unchanged.push(id.clone()),
+            Ok(Fetched::Whole { .. }) => mirror.fetched.push(id.to_owned()),
+            Ok(Fetched::Same) => mirror.unchanged.push(id.to_owned()),
             Ok(Fetched::Other) => {
-                mirror.different.push(id.clone());
-                continue;
+                mirror.different.push(id.to_owned());
+                return Ok(());
             }
             // Deleted since we listed it: it is being replaced.
             Ok(Fetched::NotCommitted) => {
                 mirror.failed.push(Lost {
-                    id: id.clone(),
+                    id: id.to_owned(),
                     reason: "it is being replaced; run the same command again".into(),
                 });
-                continue;
+                return Ok(());
             }
             Err(error @ StoreError::Faulty { .. }) => {
                 mirror.failed.push(Lost {
-                    id: id.clone(),
-                    reason: format!("{error}. {}", mend(store, &planned, id)),
+                    id: id.to_owned(),
+                    reason: format!("{error}. {}", mend(store, &self.planned, id)),
                 });
-                continue;
+                return Ok(());
             }
             Err(error @ StoreError::Damaged { .. }) => {
                 mirror.failed.push(Lost {
-                    id: id.clone(),
+                    id: id.to_owned(),
                     reason: error.to_string(),
                 });
-                continue;
+                return Ok(());
             }
             Err(error) => return Err(failure_of(error)),
         }
-        let moved = patience
-            .with(&watch, async |watch| {
-                store.fetch_detections(&corpus.scenario(id), watch).await
+        let scenario = corpus.scenario(id);
+        let moved = self
+            .patience
+            .with(transfer, async || {
+                store.fetch_detections(&scenario, transfer).await
             })
             .await
             .map_err(failure_of)?;
@@ -188,10 +247,8 @@ async fn mirror(
                 id: name(&left.model),
                 reason: left.reason,
             }));
+        Ok(())
     }
-    bar.set_done(ids.len() as u64);
-    mirror.bytes = watch.bytes();
-    Ok(mirror)
 }
 
 /// A name of any length and content, for a message.
