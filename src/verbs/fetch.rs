@@ -12,7 +12,7 @@ use dataset::plan::{Plan, PlannedScenarios};
 use dataset::work::watch::Watch;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
-use store::{CorpusStore, Fetched, Listing, Patience, StoreError, StoreUrl, Transfer};
+use store::{CorpusStore, Fetched, Patience, StoreError, StoreUrl, Transfer};
 
 use super::Outcome;
 use super::corpus_files::{CorpusFile, SPLIT_AGAIN, Standing, difference_from_sweep, files_of};
@@ -65,7 +65,14 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     let store = CorpusStore::open(url, false).map_err(failure_of)?;
     let patience = Patience(Duration::from_secs(args.timeout_s));
     let watch = VerbWatch::new("fetch", "scenarios");
-    let mirror = run_transfers(&watch, mirror(&store, args, patience, &watch))?;
+    let transfer = Transfer::new(&watch);
+    let mut mirror = Mirror::default();
+    let fetching = fetch(&store, args, patience, &watch, &transfer, &mut mirror);
+    match run_transfers(&watch, fetching) {
+        Err(Failure::Interrupted { .. }) if !mirror.left.is_empty() => mirror.stopped = true,
+        result => result?,
+    }
+    mirror.bytes = transfer.bytes();
     drop(watch);
     if args.json {
         print_json(&mirror)?;
@@ -112,21 +119,20 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     })
 }
 
-async fn mirror(
+async fn fetch(
     store: &CorpusStore,
     args: &FetchArgs,
     patience: Patience,
     watch: &VerbWatch,
-) -> Result<Mirror, Failure> {
+    transfer: &Transfer<'_>,
+    mirror: &mut Mirror,
+) -> Result<(), Failure> {
     store.check().await.map_err(failure_of)?;
     let listing = store.listing().await.map_err(failure_of)?;
     let ids = wanted(listing.committed(), args, store)?;
     check_place(&args.out).map_err(Failure::bad_input)?;
     let corpus = Corpus::create(&args.out).map_err(Failure::bad_input)?;
-    let mut mirror = Mirror {
-        corpus_files: fetch_corpus_files(store, &corpus).await?,
-        ..Mirror::default()
-    };
+    mirror.corpus_files = fetch_corpus_files(store, &corpus).await?;
     mirror
         .failed
         .extend(listing.foreign().map(|(id, bad)| Lost {
@@ -141,96 +147,54 @@ async fn mirror(
         });
     }
     let planned = PlannedScenarios::read(&corpus).map_err(Failure::of_corpus)?;
-    let fetching = Fetching {
-        store,
-        corpus: &corpus,
-        patience,
-        planned,
-        listing,
-        transfer: Transfer::new(watch),
-    };
     watch.begin("", ids.len() as u64);
+    mirror.left.extend(ids.iter().cloned());
     for (done, id) in ids.iter().enumerate() {
         watch.advance(done as u64, id);
-        match fetching.scenario(id, &mut mirror).await {
-            Err(Failure::Interrupted { .. }) => {
-                mirror.left = ids[done..].to_vec();
-                mirror.stopped = true;
-                break;
-            }
-            result => result?,
-        }
-    }
-    if !mirror.stopped {
-        watch.advance(ids.len() as u64, "");
-    }
-    mirror.bytes = fetching.transfer.bytes();
-    Ok(mirror)
-}
-
-/// A download of scenarios.
-struct Fetching<'a> {
-    store: &'a CorpusStore,
-    corpus: &'a Corpus,
-    patience: Patience,
-    planned: PlannedScenarios,
-    listing: Listing,
-    transfer: Transfer<'a>,
-}
-
-impl Fetching<'_> {
-    /// Downloads a scenario and its detections, or says in `mirror` why not.
-    async fn scenario(&self, id: &str, mirror: &mut Mirror) -> Result<(), Failure> {
-        let Self {
-            store,
-            corpus,
-            transfer,
-            ..
-        } = self;
+        // Those before it are done.
+        mirror.left.drain(..mirror.left.len() + done - ids.len());
         transfer.check().map_err(failure_of)?;
-        let objects = self.listing.of(id);
-        let fetched = self
-            .patience
+        let objects = listing.of(id);
+        let fetched = patience
             .with(transfer, async || {
                 store
-                    .fetch_scenario(id, corpus, Some(&objects), transfer)
+                    .fetch_scenario(id, &corpus, Some(&objects), transfer)
                     .await
             })
             .await;
         match fetched {
-            Ok(Fetched::Whole { .. }) => mirror.fetched.push(id.to_owned()),
-            Ok(Fetched::Same) => mirror.unchanged.push(id.to_owned()),
+            Ok(Fetched::Whole { .. }) => mirror.fetched.push(id.clone()),
+            Ok(Fetched::Same) => mirror.unchanged.push(id.clone()),
             Ok(Fetched::Other) => {
-                mirror.different.push(id.to_owned());
-                return Ok(());
+                mirror.different.push(id.clone());
+                continue;
             }
             // Deleted since we listed it: it is being replaced.
             Ok(Fetched::NotCommitted) => {
                 mirror.failed.push(Lost {
-                    id: id.to_owned(),
+                    id: id.clone(),
                     reason: "it is being replaced; run the same command again".into(),
                 });
-                return Ok(());
+                continue;
             }
             Err(error @ StoreError::Faulty { .. }) => {
                 mirror.failed.push(Lost {
-                    id: id.to_owned(),
-                    reason: format!("{error}. {}", mend(store, &self.planned, id)),
+                    id: id.clone(),
+                    reason: format!("{error}. {}", mend(store, &planned, id)),
                 });
-                return Ok(());
+                continue;
             }
             Err(error @ StoreError::Damaged { .. }) => {
                 mirror.failed.push(Lost {
-                    id: id.to_owned(),
+                    id: id.clone(),
                     reason: error.to_string(),
                 });
-                return Ok(());
+                continue;
             }
             Err(error) => return Err(failure_of(error)),
         }
         let scenario = corpus.scenario(id);
-        let moved = self
-            .patience
+        let moved = patience
             .with(transfer, async || {
                 store.fetch_detections(&scenario, transfer).await
             })
@@ -247,8 +211,10 @@ impl Fetching<'_> {
                 id: name(&left.model),
                 reason: left.reason,
             }));
-        Ok(())
     }
+    mirror.left.clear();
+    watch.advance(ids.len() as u64, "");
+    Ok(())
 }
 
 /// A name of any length and content, for a message.

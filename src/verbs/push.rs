@@ -11,7 +11,7 @@ use dataset::plan::PlannedScenarios;
 use dataset::work::watch::Watch;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
-use store::{Before, CorpusStore, Keep, Listing, Patience, Pushed, StoreError, Transfer};
+use store::{Before, CorpusStore, Keep, Patience, Pushed, StoreError, Transfer};
 
 use super::Outcome;
 use super::corpus_files::{CorpusFiles, SPLIT_AGAIN, Standing, files_of};
@@ -74,7 +74,14 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
     let store = CorpusStore::open(&args.url, true).map_err(failure_of)?;
     let patience = Patience(Duration::from_secs(args.timeout_s));
     let watch = VerbWatch::new("push", "scenarios");
-    let sent = run_transfers(&watch, send(&corpus, &store, patience, &watch))?;
+    let transfer = Transfer::new(&watch);
+    let mut sent = Sent::default();
+    let sending = send(&corpus, &store, patience, &watch, &transfer, &mut sent);
+    match run_transfers(&watch, sending) {
+        Err(Failure::Interrupted { .. }) if !sent.left.is_empty() => sent.stopped = true,
+        result => result?,
+    }
+    sent.bytes = transfer.bytes();
     drop(watch);
     if args.json {
         print_json(&sent)?;
@@ -130,10 +137,10 @@ async fn send(
     store: &CorpusStore,
     patience: Patience,
     watch: &VerbWatch,
-) -> Result<Sent, Failure> {
-    let transfer = Transfer::new(watch);
-    let mut sent = Sent::default();
-    let files = files_to_send(corpus, store, &mut sent).await?;
+    transfer: &Transfer<'_>,
+    sent: &mut Sent,
+) -> Result<(), Failure> {
+    let files = files_to_send(corpus, store, sent).await?;
     let scenarios = corpus.scenarios().map_err(Failure::of_corpus)?;
     let ids: BTreeSet<String> = scenarios.iter().map(|folder| folder.id()).collect();
     match store.clear_unfinished(&ids).await {
@@ -141,70 +148,32 @@ async fn send(
         // They use space and do no harm; write permission does not imply permission to list.
         Err(error) => watch.warn(&format!("unfinished uploads are left there: {error}")),
     }
-    send_corpus_files(&files, store, &mut sent).await?;
+    send_corpus_files(&files, store, sent).await?;
     let planned = PlannedScenarios::read(corpus).map_err(Failure::of_corpus)?;
     let listing = patience
-        .with(&transfer, async || store.listing().await)
+        .with(transfer, async || store.listing().await)
         .await
         .map_err(failure_of)?;
-    let sending = Sending {
-        corpus,
-        store,
-        patience,
-        planned,
-        listing,
-        transfer,
-    };
     watch.begin("", scenarios.len() as u64);
+    sent.left.extend(scenarios.iter().map(ScenarioFolder::id));
     for (done, folder) in scenarios.iter().enumerate() {
-        watch.advance(done as u64, &folder.id());
-        match sending.scenario(folder, &mut sent).await {
-            Err(Failure::Interrupted { .. }) => {
-                sent.left = scenarios[done..].iter().map(ScenarioFolder::id).collect();
-                sent.stopped = true;
-                break;
-            }
-            result => result?,
-        }
-    }
-    if !sent.stopped {
-        watch.advance(scenarios.len() as u64, "");
-    }
-    sent.bytes = sending.transfer.bytes();
-    Ok(sent)
-}
-
-/// An upload of scenarios.
-struct Sending<'a> {
-    corpus: &'a Corpus,
-    store: &'a CorpusStore,
-    patience: Patience,
-    planned: PlannedScenarios,
-    listing: Listing,
-    transfer: Transfer<'a>,
-}
-
-impl Sending<'_> {
-    /// Uploads a scenario and its detections, or says in `sent` why not.
-    async fn scenario(&self, folder: &ScenarioFolder, sent: &mut Sent) -> Result<(), Failure> {
-        let Self {
-            store, transfer, ..
-        } = self;
-        transfer.check().map_err(failure_of)?;
         let id = folder.id();
+        watch.advance(done as u64, &id);
+        // Those before it are done.
+        sent.left.drain(..sent.left.len() + done - scenarios.len());
+        transfer.check().map_err(failure_of)?;
         let is_planned = match folder.seal() {
-            Ok(Some(seal)) => self.planned.check(&id, &seal.config_hash),
+            Ok(Some(seal)) => planned.check(&id, &seal.config_hash),
             // The upload reports what is wrong with it.
             _ => Ok(()),
         };
         if let Err(error) = is_planned {
             let reason = error.to_string();
             sent.refused.push(Refused { what: id, reason });
-            return Ok(());
+            continue;
         }
-        let mut seen = Some(self.listing.of(&id));
-        let pushed = self
-            .patience
+        let mut seen = Some(listing.of(&id));
+        let pushed = patience
             .with(transfer, async || {
                 // A repeated attempt finds more there.
                 let seen = seen.take();
@@ -240,17 +209,16 @@ impl Sending<'_> {
             )),
             Ok(Pushed::Labelled) => Some(format!(
                 "the store has it with labels, and here it has none; run `dtd label` on {}, or move the scenario away and fetch it",
-                self.corpus.root().display()
+                corpus.root().display()
             )),
             Err(error @ StoreError::Damaged { .. }) => Some(error.to_string()),
             Err(error) => return Err(failure_of(error)),
         };
         if let Some(reason) = refused {
             sent.refused.push(Refused { what: id, reason });
-            return Ok(());
+            continue;
         }
-        let moved = self
-            .patience
+        let moved = patience
             .with(transfer, async || {
                 store.push_detections(folder, transfer).await
             })
@@ -265,8 +233,10 @@ impl Sending<'_> {
             what: name(&left.model),
             reason: left.reason.clone(),
         }));
-        Ok(())
     }
+    sent.left.clear();
+    watch.advance(scenarios.len() as u64, "");
+    Ok(())
 }
 
 /// Plan, split and sweep, each valid and of one corpus. Does not upload. A lost split is regenerated.
