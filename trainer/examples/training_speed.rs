@@ -13,10 +13,13 @@ use trainer::{TrainConfig, train};
 
 /// When the stages of a training were judged.
 #[derive(Default)]
-struct Times(Mutex<Vec<(String, Vec<(u64, Instant)>)>>);
+struct Times(Mutex<Vec<Stage>>);
+
+/// A stage, and when it had done how many steps.
+type Stage = (String, Vec<(u64, Instant)>);
 
 impl Times {
-    fn lock(&self) -> MutexGuard<'_, Vec<(String, Vec<(u64, Instant)>)>> {
+    fn lock(&self) -> MutexGuard<'_, Vec<Stage>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
