@@ -9,18 +9,18 @@ use dataset::files::json_file::write_atomically;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
 use dataset::plan::{Plan, PlannedScenarios};
+use dataset::work::watch::Watch;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
-use store::{CorpusStore, Fetched, Patience, StoreError, StoreUrl};
+use store::{CorpusStore, Fetched, Patience, StoreError, StoreUrl, Transfer};
 
 use super::Outcome;
-use super::async_runtime::async_runtime;
 use super::corpus_files::{CorpusFile, SPLIT_AGAIN, Standing, difference_from_sweep, files_of};
-use super::object_store::{OnBar, failure_of, mend, nothing_committed};
+use super::object_store::{failure_of, mend, nothing_committed, run_transfers};
 use super::output::{count, print_json};
 use crate::args::FetchArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
+use crate::verb_watch::VerbWatch;
 
 /// Characters of a foreign name that a message shows.
 const MOST_SHOWN: usize = 64;
@@ -46,6 +46,10 @@ struct Mirror {
     corpus_files: Vec<String>,
     /// Bytes that were downloaded.
     bytes: u64,
+    /// Scenarios that were left to the next call, because this one was stopped.
+    left: Vec<String>,
+    /// True if this call was stopped.
+    stopped: bool,
 }
 
 #[derive(Serialize)]
@@ -60,7 +64,16 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     let url: &StoreUrl = &args.url;
     let store = CorpusStore::open(url, false).map_err(failure_of)?;
     let patience = Patience(Duration::from_secs(args.timeout_s));
-    let mirror = async_runtime()?.block_on(mirror(&store, args, patience))?;
+    let watch = VerbWatch::new("fetch", "scenarios");
+    let transfer = Transfer::new(&watch);
+    let mut mirror = Mirror::default();
+    let fetching = fetch(&store, args, patience, &watch, &transfer, &mut mirror);
+    match run_transfers(&watch, fetching) {
+        Err(Failure::Interrupted { .. }) if !mirror.left.is_empty() => mirror.stopped = true,
+        result => result?,
+    }
+    mirror.bytes = transfer.bytes();
+    drop(watch);
     if args.json {
         print_json(&mirror)?;
     } else {
@@ -91,6 +104,14 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     for lost in &mirror.failed {
         eprint_warning!("{} was not fetched: {}", lost.id, lost.reason);
     }
+    if mirror.stopped {
+        eprintln!(
+            "interrupted: {} fetched, {} to go; run the same command again to resume",
+            count(mirror.fetched.len(), "scenario"),
+            mirror.left.len()
+        );
+        return Ok(Ending::Interrupted);
+    }
     let lost = mirror.different.len() + mirror.failed.len() + mirror.left_detections.len();
     Ok(match lost {
         0 => Ending::Done,
@@ -98,22 +119,20 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     })
 }
 
-async fn mirror(
+async fn fetch(
     store: &CorpusStore,
     args: &FetchArgs,
     patience: Patience,
-) -> Result<Mirror, Failure> {
-    let bar = Bar::new("fetch", "scenarios", None);
-    let watch = OnBar::new(&bar);
+    watch: &VerbWatch,
+    transfer: &Transfer<'_>,
+    mirror: &mut Mirror,
+) -> Result<(), Failure> {
     store.check().await.map_err(failure_of)?;
     let listing = store.listing().await.map_err(failure_of)?;
     let ids = wanted(listing.committed(), args, store)?;
     check_place(&args.out).map_err(Failure::bad_input)?;
     let corpus = Corpus::create(&args.out).map_err(Failure::bad_input)?;
-    let mut mirror = Mirror {
-        corpus_files: fetch_corpus_files(store, &corpus).await?,
-        ..Mirror::default()
-    };
+    mirror.corpus_files = fetch_corpus_files(store, &corpus).await?;
     mirror
         .failed
         .extend(listing.foreign().map(|(id, bad)| Lost {
@@ -128,15 +147,18 @@ async fn mirror(
         });
     }
     let planned = PlannedScenarios::read(&corpus).map_err(Failure::of_corpus)?;
-    bar.set_total(ids.len() as u64);
+    watch.begin("", ids.len() as u64);
+    mirror.left.extend(ids.iter().cloned());
     for (done, id) in ids.iter().enumerate() {
-        bar.working_on(id);
-        bar.set_done(done as u64);
+        watch.advance(done as u64, id);
+        // Those before it are done.
+        mirror.left.drain(..mirror.left.len() + done - ids.len());
+        transfer.check().map_err(failure_of)?;
         let objects = listing.of(id);
         let fetched = patience
-            .with(&watch, async |watch| {
+            .with(transfer, async || {
                 store
-                    .fetch_scenario(id, &corpus, Some(&objects), watch)
+                    .fetch_scenario(id, &corpus, Some(&objects), transfer)
                     .await
             })
             .await;
@@ -171,9 +193,10 @@ async fn mirror(
             }
             Err(error) => return Err(failure_of(error)),
         }
+        let scenario = corpus.scenario(id);
         let moved = patience
-            .with(&watch, async |watch| {
-                store.fetch_detections(&corpus.scenario(id), watch).await
+            .with(transfer, async || {
+                store.fetch_detections(&scenario, transfer).await
             })
             .await
             .map_err(failure_of)?;
@@ -189,9 +212,9 @@ async fn mirror(
                 reason: left.reason,
             }));
     }
-    bar.set_done(ids.len() as u64);
-    mirror.bytes = watch.bytes();
-    Ok(mirror)
+    mirror.left.clear();
+    watch.advance(ids.len() as u64, "");
+    Ok(())
 }
 
 /// A name of any length and content, for a message.

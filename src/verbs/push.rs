@@ -4,23 +4,23 @@ use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::time::{Duration, Instant};
 
-use dataset::corpus::Corpus;
+use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
 use dataset::plan::PlannedScenarios;
+use dataset::work::watch::Watch;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
-use store::{Before, CorpusStore, Keep, Patience, Pushed, StoreError};
+use store::{Before, CorpusStore, Keep, Patience, Pushed, StoreError, Transfer};
 
 use super::Outcome;
-use super::async_runtime::async_runtime;
 use super::corpus_files::{CorpusFiles, SPLIT_AGAIN, Standing, files_of};
-use super::object_store::{OnBar, failure_of};
+use super::object_store::{failure_of, run_transfers};
 use super::open_corpus::open_filled_corpus;
 use super::output::{count, print_json};
 use crate::args::PushArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
+use crate::verb_watch::VerbWatch;
 
 /// Result for the corpus.
 #[derive(Default, Serialize)]
@@ -47,6 +47,10 @@ struct Sent {
     cleared: usize,
     /// Bytes that were uploaded.
     bytes: u64,
+    /// Scenarios that were left to the next call, because this one was stopped.
+    left: Vec<String>,
+    /// True if this call was stopped.
+    stopped: bool,
 }
 
 /// A scenario that the store has whole again.
@@ -69,7 +73,16 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
     let began = Instant::now();
     let store = CorpusStore::open(&args.url, true).map_err(failure_of)?;
     let patience = Patience(Duration::from_secs(args.timeout_s));
-    let sent = async_runtime()?.block_on(send(&corpus, &store, patience))?;
+    let watch = VerbWatch::new("push", "scenarios");
+    let transfer = Transfer::new(&watch);
+    let mut sent = Sent::default();
+    let sending = send(&corpus, &store, patience, &watch, &transfer, &mut sent);
+    match run_transfers(&watch, sending) {
+        Err(Failure::Interrupted { .. }) if !sent.left.is_empty() => sent.stopped = true,
+        result => result?,
+    }
+    sent.bytes = transfer.bytes();
+    drop(watch);
     if args.json {
         print_json(&sent)?;
     } else {
@@ -105,35 +118,50 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
     for Refused { what, reason } in &sent.refused {
         eprint_warning!("{what} was not pushed: {reason}");
     }
+    if sent.stopped {
+        eprintln!(
+            "interrupted: {} pushed, {} to go; run the same command again to resume",
+            count(sent.pushed.len(), "scenario"),
+            sent.left.len()
+        );
+        return Ok(Ending::Interrupted);
+    }
     Ok(match sent.refused.len() {
         0 => Ending::Done,
         _ => Ending::Losses,
     })
 }
 
-async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Result<Sent, Failure> {
-    let bar = Bar::new("push", "scenarios", None);
-    let watch = OnBar::new(&bar);
-    let mut sent = Sent::default();
-    let files = files_to_send(corpus, store, &mut sent).await?;
+async fn send(
+    corpus: &Corpus,
+    store: &CorpusStore,
+    patience: Patience,
+    watch: &VerbWatch,
+    transfer: &Transfer<'_>,
+    sent: &mut Sent,
+) -> Result<(), Failure> {
+    let files = files_to_send(corpus, store, sent).await?;
     let scenarios = corpus.scenarios().map_err(Failure::of_corpus)?;
     let ids: BTreeSet<String> = scenarios.iter().map(|folder| folder.id()).collect();
     match store.clear_unfinished(&ids).await {
         Ok(cleared) => sent.cleared = cleared,
         // They use space and do no harm; write permission does not imply permission to list.
-        Err(error) => bar.warn(&format!("unfinished uploads are left there: {error}")),
+        Err(error) => watch.warn(&format!("unfinished uploads are left there: {error}")),
     }
-    send_corpus_files(&files, store, &mut sent).await?;
+    send_corpus_files(&files, store, sent).await?;
     let planned = PlannedScenarios::read(corpus).map_err(Failure::of_corpus)?;
     let listing = patience
-        .with(&watch, async |_| store.listing().await)
+        .with(transfer, async || store.listing().await)
         .await
         .map_err(failure_of)?;
-    bar.set_total(scenarios.len() as u64);
+    watch.begin("", scenarios.len() as u64);
+    sent.left.extend(scenarios.iter().map(ScenarioFolder::id));
     for (done, folder) in scenarios.iter().enumerate() {
         let id = folder.id();
-        bar.working_on(&id);
-        bar.set_done(done as u64);
+        watch.advance(done as u64, &id);
+        // Those before it are done.
+        sent.left.drain(..sent.left.len() + done - scenarios.len());
+        transfer.check().map_err(failure_of)?;
         let is_planned = match folder.seal() {
             Ok(Some(seal)) => planned.check(&id, &seal.config_hash),
             // The upload reports what is wrong with it.
@@ -146,10 +174,10 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
         }
         let mut seen = Some(listing.of(&id));
         let pushed = patience
-            .with(&watch, async |watch| {
+            .with(transfer, async || {
                 // A repeated attempt finds more there.
                 let seen = seen.take();
-                store.push_scenario(folder, seen.as_ref(), watch).await
+                store.push_scenario(folder, seen.as_ref(), transfer).await
             })
             .await;
         let refused = match pushed {
@@ -191,8 +219,8 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
             continue;
         }
         let moved = patience
-            .with(&watch, async |watch| {
-                store.push_detections(folder, watch).await
+            .with(transfer, async || {
+                store.push_detections(folder, transfer).await
             })
             .await
             .map_err(failure_of)?;
@@ -206,9 +234,9 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
             reason: left.reason.clone(),
         }));
     }
-    bar.set_done(scenarios.len() as u64);
-    sent.bytes = watch.bytes();
-    Ok(sent)
+    sent.left.clear();
+    watch.advance(scenarios.len() as u64, "");
+    Ok(())
 }
 
 /// Plan, split and sweep, each valid and of one corpus. Does not upload. A lost split is regenerated.

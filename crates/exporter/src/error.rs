@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use dataset::numbers::frame_rate::FrameRate;
+use dataset::work::watch::Stopped;
 
 /// An error of an export. Every message names its subject.
 #[derive(Debug, thiserror::Error)]
@@ -207,8 +208,8 @@ pub enum Error {
         out: PathBuf,
     },
     /// The caller stopped it.
-    #[error("stopped")]
-    Stopped,
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
 }
 
 /// Results of this crate.

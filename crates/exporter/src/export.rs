@@ -10,6 +10,7 @@ use dataset::corpus::detections::{NoChoice, choose};
 use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
 use dataset::video::VideoSettings;
+use dataset::work::watch::Watch;
 use dataset::work::workers;
 use serde::Serialize;
 
@@ -22,15 +23,6 @@ use crate::request::{BoxSource, ExportRequest, Format};
 use crate::selection::{Selected, select, some_of};
 use crate::source::Source;
 use crate::{coco, croissant, huggingface, lerobot, mcap_files, picture_files, webdataset, yolo};
-
-/// Progress callback and cancellation for an export.
-#[derive(Clone, Copy)]
-pub struct Watch<'a> {
-    /// Called after every picture with the number of pictures done and the total.
-    pub progress: &'a (dyn Fn(u64, u64) + Sync),
-    /// Polled before every picture; true stops the export.
-    pub is_stopped: &'a (dyn Fn() -> bool + Sync),
-}
 
 /// Counts and remarks of an export.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -86,7 +78,7 @@ pub fn export(
     corpus: &Corpus,
     request: &ExportRequest,
     out: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<ExportOutcome> {
     request.check()?;
     refuse_corpus(corpus, out)?;
@@ -213,11 +205,12 @@ impl Job<'_> {
     }
 
     /// Writes all scenarios that are not noted as done, and notes them.
-    fn write_scenarios(&self, place: &Place, total: u64, watch: Watch<'_>) -> Result<()> {
+    fn write_scenarios(&self, place: &Place, total: u64, watch: &dyn Watch) -> Result<()> {
+        watch.begin("", total);
         let done = AtomicU64::new(0);
         let pictures_done = |pictures: u64| {
             let done = done.fetch_add(pictures, Ordering::Relaxed) + pictures;
-            (watch.progress)(done, total);
+            watch.advance(done, "");
         };
         let (noted, pending): (Vec<&Planned>, Vec<&Planned>) = self
             .scenarios
@@ -243,7 +236,7 @@ impl Job<'_> {
         &self,
         scenario: &Planned,
         place: &Place,
-        watch: Watch<'_>,
+        watch: &dyn Watch,
         pictures_done: &dyn Fn(u64),
     ) -> Result<()> {
         let id = scenario.selected.id();
@@ -297,7 +290,7 @@ impl Job<'_> {
     }
 
     /// Writes the files that belong to all scenarios.
-    fn finish(&self, place: &Place, watch: Watch<'_>) -> Result<()> {
+    fn finish(&self, place: &Place, watch: &dyn Watch) -> Result<()> {
         let folder = place.files();
         let parts = || {
             let scenarios = self.scenarios.iter();
@@ -388,8 +381,10 @@ mod tests {
     use std::sync::atomic::AtomicU64;
 
     use dataset::numbers::frame_rate::FrameRate;
+    use dataset::work::watch::Silent;
     use testkit::files::contents;
     use testkit::short_corpus;
+    use testkit::watch::Calls;
 
     use super::*;
     use crate::request::Ticks;
@@ -423,24 +418,20 @@ mod tests {
         most: u64,
     ) -> Result<ExportOutcome> {
         let asked = AtomicU64::new(0);
-        let watch = Watch {
-            progress: &|_, _| {},
-            is_stopped: &|| asked.fetch_add(1, Ordering::Relaxed) >= most,
+        let watch = Calls {
+            advance: |_| {},
+            is_stopped: || asked.fetch_add(1, Ordering::Relaxed) >= most,
         };
-        export(corpus, &request(format, 1), out, watch)
+        export(corpus, &request(format, 1), out, &watch)
     }
 
     #[test]
     fn pictures_hold_exactly_the_decoded_pixels() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = corpus(&temporary.path().join("corpus"));
-        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        labeller::label_corpus(&corpus, &Silent).unwrap();
         let out = temporary.path().join("out");
-        let watch = Watch {
-            progress: &|_, _| {},
-            is_stopped: &|| false,
-        };
-        let outcome = export(&corpus, &request(Format::Coco, 2), &out, watch).unwrap();
+        let outcome = export(&corpus, &request(Format::Coco, 2), &out, &Silent).unwrap();
         assert_eq!(
             (outcome.scenarios, outcome.pictures),
             (3, 6),
@@ -470,7 +461,7 @@ mod tests {
     fn an_export_that_was_stopped_goes_on_and_becomes_what_it_would_have_been() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = corpus(&temporary.path().join("corpus"));
-        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        labeller::label_corpus(&corpus, &Silent).unwrap();
         for format in [
             Format::Coco,
             Format::Yolo,
@@ -486,7 +477,7 @@ mod tests {
             let out = temporary.path().join(name);
             for most in [0, 2, 0] {
                 let stopped = export_until(&corpus, format, &out, most).unwrap_err();
-                assert!(matches!(stopped, Error::Stopped), "{name}: {stopped}");
+                assert!(matches!(stopped, Error::Stopped(_)), "{name}: {stopped}");
                 assert!(
                     !out.exists(),
                     "{name}: something is under the final name before it is whole"
@@ -515,25 +506,21 @@ mod tests {
             error.to_string()
         };
         assert!(refused().contains("`dtd label`"), "{}", refused());
-        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        labeller::label_corpus(&corpus, &Silent).unwrap();
         let words = "0002-b has 2 pictures a second, right of 160x96";
         assert!(refused().contains(words), "{}", refused());
-        let watch = Watch {
-            progress: &|_, _| {},
-            is_stopped: &|| false,
-        };
         let one = ExportRequest {
             only: Some(vec!["0002-b".into()]),
             ..request(Format::LeRobot, 1)
         };
-        assert_eq!(export(&corpus, &one, &out, watch).unwrap().pictures, 3);
+        assert_eq!(export(&corpus, &one, &out, &Silent).unwrap().pictures, 3);
     }
 
     #[test]
     fn notes_of_an_export_that_was_moved_before_a_kill_do_not_stand_for_pictures() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = corpus(&temporary.path().join("corpus"));
-        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        labeller::label_corpus(&corpus, &Silent).unwrap();
         let out = temporary.path().join("out");
         export_until(&corpus, Format::Coco, &out, 4).unwrap_err();
         // As a kill between the move and the removal of the notes leaves it, and the user then removes the export.

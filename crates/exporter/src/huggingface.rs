@@ -9,6 +9,7 @@ use std::path::Path;
 
 use dataset::files::json_file::write_unsynced;
 use dataset::tables::columns::{TableParts, TableWriter};
+use dataset::work::watch::Watch;
 use serde_json::json;
 
 use crate::about::{About, split_of};
@@ -16,8 +17,7 @@ use crate::columns_text::{
     BOXES, DETECTIONS, PREDICTIONS, SCENARIOS, TABLES, TICKS, TableText, VIEWS,
 };
 use crate::croissant::{Contents, FileSet, ListedFile, PARQUET, table_records};
-use crate::error::{Error, Result};
-use crate::export::Watch;
+use crate::error::Result;
 use crate::long_tables;
 use crate::predictions::Predictions;
 use crate::request::BoxSource;
@@ -30,13 +30,11 @@ type Tables = BTreeMap<(&'static str, &'static str), TableParts>;
 pub(crate) fn write_scenario(
     source: &Source<'_>,
     folder: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
     pictures_done: &dyn Fn(u64),
 ) -> Result<()> {
     for view in &source.selected.views {
-        if (watch.is_stopped)() {
-            return Err(Error::Stopped);
-        }
+        watch.check()?;
         let video = folder.join(video_of(source, view)?);
         let parent = video.parent().unwrap_or(folder);
         fs::create_dir_all(parent).map_err(dataset::Error::io("create", parent))?;

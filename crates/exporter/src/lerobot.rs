@@ -24,6 +24,7 @@ use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::columns::{TableParts, TableWriter};
 use dataset::tables::frames::{TickLabels, TickRow};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter, refine_time_base};
+use dataset::work::watch::Watch;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
@@ -31,7 +32,6 @@ use crate::about::{About, split_of};
 use crate::columns_text::{LEROBOT_EPISODES, LEROBOT_FRAMES, TICKS};
 use crate::croissant::{Contents, FileSet, JSON, ListedFile, PARQUET, table_records};
 use crate::error::{Error, Result};
-use crate::export::Watch;
 use crate::moments::Moments;
 use crate::pictures::ViewPictures;
 use crate::request::Ticks;
@@ -209,14 +209,12 @@ pub(crate) fn write_scenario(
     recorded: &VideoSettings,
     episode: usize,
     folder: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
     pictures_done: &dyn Fn(u64),
 ) -> Result<Vec<VideoPart>> {
     let mut parts = Vec::new();
     for view in &source.selected.views {
-        if (watch.is_stopped)() {
-            return Err(Error::Stopped);
-        }
+        watch.check()?;
         let path = folder.join(form.video(view, episode));
         let parent = path.parent().unwrap_or(folder);
         fs::create_dir_all(parent).map_err(dataset::Error::io("create", parent))?;
@@ -247,7 +245,7 @@ fn encode(
     fps: u32,
     settings: &VideoSettings,
     path: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
     pictures_done: &dyn Fn(u64),
 ) -> Result<()> {
     let mut pictures = ViewPictures::open(source, view)?;
@@ -259,9 +257,7 @@ fn encode(
     let mut video = VideoWriter::create(path, settings, width_px, height_px, rate)?;
     let mut rgb = Vec::new();
     for row in &source.frames.rows {
-        if (watch.is_stopped)() {
-            return Err(Error::Stopped);
-        }
+        watch.check()?;
         pictures.decode(row)?;
         if source.is_asked_for(row.tick) {
             pictures.convert(&mut rgb)?;

@@ -13,6 +13,7 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::frames::{TickLabels, TickRow};
 use dataset::video::{PacketCodec, PacketReader};
+use dataset::work::watch::Watch;
 use glam::{DMat3, DQuat, DVec3};
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, WriteOptions, Writer};
@@ -21,7 +22,6 @@ use serde_json::json;
 
 use crate::croissant::{Contents, ListedFile, NameList};
 use crate::error::{Error, Result};
-use crate::export::Watch;
 use crate::foxglove::{
     CameraCalibration, Color, CompressedVideo, FrameTransform, FrameTransforms, ImageAnnotations,
     LINE_LOOP, LocationFix, Named, Point2, PointsAnnotation, Pose, PoseInFrame, Quaternion,
@@ -86,7 +86,7 @@ pub(crate) fn write_scenario(
     source: &Source<'_>,
     boxes_are: BoxSource,
     folder: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
     picture_done: &dyn Fn(),
 ) -> Result<()> {
     let path = folder.join(name_of(&source.record.id));
@@ -116,9 +116,7 @@ pub(crate) fn write_scenario(
             file.labels(row, labels, time)?;
         }
         for view in &mut views {
-            if (watch.is_stopped)() {
-                return Err(Error::Stopped);
-            }
+            watch.check()?;
             let expected = row.views[view.index].pts;
             let picture = view.packets.next_picture()?;
             let found = picture.as_ref().map(|picture| picture.pts);

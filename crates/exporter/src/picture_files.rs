@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use crate::error::{Error, Result};
-use crate::export::Watch;
+use dataset::work::watch::Watch;
+
+use crate::error::Result;
 use crate::part::{Part, Picture, ViewPart};
 use crate::pictures::ViewPictures;
 use crate::request::ExportRequest;
@@ -16,7 +17,7 @@ pub(crate) fn write(
     request: &ExportRequest,
     export: &Path,
     pictures: &str,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
     picture_done: &dyn Fn(),
 ) -> Result<Part> {
     let folder = export.join(pictures);
@@ -27,9 +28,7 @@ pub(crate) fn write(
         let mut rgb = Vec::new();
         let mut written = Vec::new();
         for row in &source.frames.rows {
-            if (watch.is_stopped)() {
-                return Err(Error::Stopped);
-            }
+            watch.check()?;
             decoded.decode(row)?;
             if !source.is_asked_for(row.tick) || source.is_left_out(view, row.tick) {
                 continue;

@@ -20,6 +20,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use dataset::corpus::calibration::CameraEntry;
+use dataset::work::watch::Watch;
 use serde::Serialize;
 
 use self::samples::{Decoded, LabelledCorners, Showing, each_sample};
@@ -28,7 +29,6 @@ use crate::croissant::{
     Contents, Field, FileSet, JSON, ListedFile, NameList, RecordSet, content_of, part_of_path,
 };
 use crate::error::Result;
-use crate::export::Watch;
 use crate::request::ExportRequest;
 use crate::source::Source;
 
@@ -76,7 +76,7 @@ pub(crate) fn write_scenario(
     source: &Source<'_>,
     request: &ExportRequest,
     folder: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
     picture_done: &dyn Fn(),
 ) -> Result<u32> {
     let parent = folder.join(UNNUMBERED);

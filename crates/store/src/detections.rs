@@ -23,7 +23,7 @@ use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::{Result, StoreError};
 use crate::fetch::claim;
 use crate::listing::{ObjectInfo, Objects};
-use crate::patience::Watch;
+use crate::patience::Transfer;
 use crate::send::size_of;
 
 /// Maximum number of times that another process may replace the same detections before an upload gives up.
@@ -122,7 +122,7 @@ impl CorpusStore {
     pub fn push_detections<'a>(
         &'a self,
         folder: &'a ScenarioFolder,
-        watch: &'a dyn Watch,
+        transfer: &'a Transfer<'_>,
     ) -> BoxFuture<'a, Result<MovedDetections>> {
         Box::pin(async move {
             let mut result = MovedDetections::default();
@@ -134,7 +134,7 @@ impl CorpusStore {
             for model in models {
                 let mut rounds_left = MOST_COMMITS;
                 while !self
-                    .push_model(folder, &model, &there, &mut result, watch)
+                    .push_model(folder, &model, &there, &mut result, transfer)
                     .await?
                 {
                     there = self.objects(&folder.id()).await?;
@@ -156,7 +156,7 @@ impl CorpusStore {
         model: &str,
         there: &Objects,
         result: &mut MovedDetections,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<bool> {
         let ours = match sound(folder, model) {
             Ok(ours) => ours,
@@ -193,7 +193,7 @@ impl CorpusStore {
             }
         }
         for table in &tables {
-            self.send_if_missing(folder, table, None, there, watch)
+            self.send_if_missing(folder, table, None, there, transfer)
                 .await?;
         }
         let is_replacement = theirs.is_some();
@@ -218,7 +218,7 @@ impl CorpusStore {
     pub fn fetch_detections<'a>(
         &'a self,
         folder: &'a ScenarioFolder,
-        watch: &'a dyn Watch,
+        transfer: &'a Transfer<'_>,
     ) -> BoxFuture<'a, Result<MovedDetections>> {
         Box::pin(async move {
             let mut result = MovedDetections::default();
@@ -264,7 +264,7 @@ impl CorpusStore {
                 for table in &tables {
                     let target = own_path(folder.root(), &table.name)?;
                     match self
-                        .bring(&folder.id(), table, &target, &there, watch)
+                        .bring(&folder.id(), table, &target, &there, transfer)
                         .await
                     {
                         Err(StoreError::Faulty { faults, .. }) => {

@@ -48,7 +48,7 @@ pub use error::{Result, StoreError};
 pub use fetch::Fetched;
 pub use listing::{Listing, Objects};
 pub use location::{CorpusLocation, StoreUrl, redacted};
-pub use patience::{Patience, Watch};
+pub use patience::{Patience, Transfer};
 pub use settle::Keep;
 pub use stored_fault::{StoredFault, StoredFaults};
 pub use stored_seal::Committed;

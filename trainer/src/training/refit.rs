@@ -20,7 +20,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::seal;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
@@ -68,7 +68,7 @@ pub fn refit(
     corpus: &Corpus,
     out: &Path,
     config: &RefitConfig,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<Refit> {
     let started = Instant::now();
     if !(1..=MOST_APPROACHES).contains(&config.approaches) {
@@ -105,8 +105,8 @@ pub fn refit(
     check_others(run, corpus, &before, &samples, &config.view)?;
     let approaches = approaches(corpus, &samples, view, config)?;
     let mut after = before.clone();
-    fit_formulas(corpus, &mut after, view, &samples, &approaches, progress)?;
-    fit_network(&mut after, view, &samples, &approaches, progress)?;
+    fit_formulas(corpus, &mut after, view, &samples, &approaches, watch)?;
+    fit_network(&mut after, view, &samples, &approaches, watch)?;
     adopt(&mut after, &samples, &approaches, &config.view);
 
     let new = place.begin()?;
@@ -208,7 +208,7 @@ fn fit_formulas(
     view: usize,
     samples: &Samples,
     approaches: &[usize],
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<()> {
     let refused = |fault| Error::corpus(corpus.root(), fault);
     let recorded: Vec<&Sample> = of_scenarios(samples, approaches).collect();
@@ -246,7 +246,7 @@ fn fit_formulas(
     let parts = FlightParts::of(samples, ticks.iter().copied());
     let flights = parts.flights();
     if flights < FEW_FLIGHTS {
-        progress.say(&format!(
+        watch.say(&format!(
             "fewer than {FEW_FLIGHTS} different flights ({flights} here) tell little about errors: stated intervals will be too narrow; \
              use up to ten"
         ));
@@ -295,7 +295,7 @@ fn fit_network(
     view: usize,
     samples: &Samples,
     approaches: &[usize],
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<()> {
     let judged = approaches.len() / JUDGED_ONE_OF;
     let (training, judged) = match judged {
@@ -325,7 +325,7 @@ fn fit_network(
         },
         &run.config,
         setup,
-        progress,
+        watch,
     )?;
     Ok(())
 }

@@ -8,13 +8,13 @@ use std::path::Path;
 
 use dataset::corpus::calibration::CameraEntry;
 use dataset::tables::pixel_box::PixelBox;
+use dataset::work::watch::Watch;
 use serde::Serialize;
 
 use super::mixed_shards::{self, Stored, Unmixed};
 use super::samples::{Decoded, LabelledCorners, Showing, each_sample};
 use crate::croissant::Contents;
 use crate::error::{Error, Result};
-use crate::export::Watch;
 use crate::part::LabelledBox;
 use crate::request::ExportRequest;
 use crate::source::Source;
@@ -148,7 +148,7 @@ pub(crate) fn write_scenario(
     source: &Source<'_>,
     request: &ExportRequest,
     folder: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
     picture_done: &dyn Fn(),
 ) -> Result<Vec<Stored>> {
     let mut unmixed = Unmixed::create(folder, &source.record.id)?;
@@ -168,7 +168,7 @@ pub(crate) fn finish(
     folder: &Path,
     seed: u64,
     scenarios: impl Iterator<Item = Result<(String, &'static str, Vec<Stored>)>>,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<Contents> {
     let shards = mixed_shards::mix(folder, seed, scenarios, watch)?;
     Ok(super::contents(shards))

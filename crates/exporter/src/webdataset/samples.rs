@@ -6,12 +6,12 @@ use std::path::Path;
 
 use dataset::geometry::pose::Pose;
 use dataset::tables::frames::TickRow;
+use dataset::work::watch::Watch;
 use serde::Serialize;
 
 use super::archive::{self, SampleFile};
 use crate::about::split_of;
-use crate::error::{Error, Result};
-use crate::export::Watch;
+use crate::error::Result;
 use crate::part::{LabelledBox, TruthFigures};
 use crate::pictures::ViewPictures;
 use crate::source::Source;
@@ -111,7 +111,7 @@ pub(super) fn each_sample<S: Showing>(
     source: &Source<'_>,
     stills: StillFormat,
     path: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
     picture_done: &dyn Fn(),
     mut showing: S,
     mut append: impl FnMut(u32, Vec<u8>) -> Result<()>,
@@ -127,9 +127,7 @@ pub(super) fn each_sample<S: Showing>(
         let mut files = Vec::new();
         let mut known = BTreeMap::new();
         for (view, pictures) in views.iter().zip(&mut decoded) {
-            if (watch.is_stopped)() {
-                return Err(Error::Stopped);
-            }
+            watch.check()?;
             pictures.decode(row)?;
             if !is_sample {
                 continue;

@@ -20,7 +20,7 @@ use crate::estimators::paper_lstm::gap_balance::GapBalance;
 use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::networks::normalisation::BOX_FEATURES;
-use crate::networks::training_loop::{Kept, Setup, Task, Watch, learn};
+use crate::networks::training_loop::{Companions, Kept, Setup, Task, learn};
 
 /// The networks of stage one.
 #[derive(Module, Debug)]
@@ -113,7 +113,7 @@ pub(crate) fn train_calibration(
     validation: &Encoded,
     config: &CalibrationConfig,
     mut setup: Setup,
-    watch: &mut Watch,
+    companions: &mut Companions,
 ) -> Result<(Kept<CalibrationNetworks>, Vec<CalibrationLogEntry>)> {
     let views = training.views();
     let random = CalibrationNetworks::new(views, config, &mut setup.random, &setup.device);
@@ -134,7 +134,7 @@ pub(crate) fn train_calibration(
         },
         setup,
     };
-    let kept = learn(&mut task, networks, &config.optimisation, watch)?;
+    let kept = learn(&mut task, networks, &config.optimisation, companions)?;
     Ok((kept, task.state.log))
 }
 
