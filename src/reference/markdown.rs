@@ -1,0 +1,54 @@
+//! Parts of a Markdown page.
+
+const WIDTH: usize = 140;
+
+/// Words on lines of at most [`WIDTH`] columns, with an empty line after them.
+pub(super) fn paragraph(text: &str) -> String {
+    wrapped("", text) + "\n"
+}
+
+/// An item of a list.
+pub(super) fn item(text: &str) -> String {
+    wrapped("- ", text)
+}
+
+fn wrapped(start: &str, text: &str) -> String {
+    let mut lines = String::from(start);
+    let mut columns = start.len();
+    for (number, word) in text.split_whitespace().enumerate() {
+        let length = word.chars().count();
+        if number > 0 && columns + 1 + length > WIDTH {
+            lines += "\n";
+            lines += &" ".repeat(start.len());
+            columns = start.len();
+        } else if number > 0 {
+            lines += " ";
+            columns += 1;
+        }
+        lines += word;
+        columns += length;
+    }
+    lines + "\n"
+}
+
+/// A table without its empty columns, and with an empty line after it.
+pub(super) fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> String {
+    let kept: Vec<usize> = (0..N)
+        .filter(|&column| rows.iter().any(|row| !row[column].is_empty()))
+        .collect();
+    let line = |cells: &[String; N]| {
+        let cells = kept.iter().map(|&column| {
+            let words: Vec<&str> = cells[column].split_whitespace().collect();
+            let cell = words.join(" ").replace('|', "\\|");
+            if cell.is_empty() {
+                " |".into()
+            } else {
+                format!(" {cell} |")
+            }
+        });
+        format!("|{}\n", cells.collect::<String>())
+    };
+    let rule = format!("|{}\n", "---|".repeat(kept.len()));
+    let lines: String = rows.iter().map(line).collect();
+    line(&head.map(str::to_owned)) + &rule + &lines + "\n"
+}
