@@ -73,16 +73,16 @@ fn section(columns: &TableWriter, rows: &Value) -> String {
     let mut values = String::new();
     for (column, range) in columns.columns() {
         let base = column.name().trim_end_matches(&suffix);
-        let (name, range, found) = match ["echo_", "camera_"].iter().find(|start| {
-            base.strip_prefix(**start)
-                .is_some_and(|pose| pose != "hfov_deg")
-        }) {
-            // The pose is the aircraft's or a camera's: one line for its six numbers.
-            Some(start) => (format!("{start}<pose column>{suffix}"), None, None),
-            None => {
-                let own = base.trim_start_matches("camera_");
-                (column.name().clone(), range, field(own))
-            }
+        let is_pose = |start: &&&str| {
+            let rest = base.strip_prefix(**start);
+            rest.is_some_and(|rest| rest != "hfov_deg")
+        };
+        let (name, range, found) = if let Some(start) = ["echo_", "camera_"].iter().find(is_pose) {
+            // The pose of the aircraft or of a camera: one line for its six numbers.
+            (format!("{start}<pose column>{suffix}"), None, None)
+        } else {
+            let own = base.trim_start_matches("camera_");
+            (column.name().clone(), range, field(own))
         };
         let other = || {
             let (_, key) = OTHER_NAMES

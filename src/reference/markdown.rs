@@ -25,10 +25,23 @@ fn wrapped(start: &str, text: &str) -> String {
             lines += " ";
             columns += 1;
         }
-        lines += word;
+        lines += &linked(word);
         columns += length;
     }
     lines + "\n"
+}
+
+/// A word that may name another page of the documentation: comments and help texts say `docs/video.md`.
+fn linked(word: &str) -> String {
+    let page = word
+        .split_once("docs/")
+        .and_then(|(before, rest)| Some((before, rest.split_once(".md")?)));
+    match page {
+        Some((before, (page, after))) if matches!(before, "" | "(") => {
+            format!("{before}[{page}.md](../{page}.md){after}")
+        }
+        _ => word.to_owned(),
+    }
 }
 
 /// A table without its empty columns, and with an empty line after it.
@@ -38,7 +51,7 @@ pub(super) fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> St
         .collect();
     let line = |cells: &[String; N]| {
         let cells = kept.iter().map(|&column| {
-            let words: Vec<&str> = cells[column].split_whitespace().collect();
+            let words: Vec<_> = cells[column].split_whitespace().map(linked).collect();
             let cell = words.join(" ").replace('|', "\\|");
             if cell.is_empty() {
                 " |".into()

@@ -23,7 +23,7 @@ pub struct Registration {
     pub view: String,
     /// Identifier of the view that it is compared with.
     pub reference: String,
-    /// Null with a shift, else the reason why there is none; then all numbers are null.
+    /// The shift, or the reason why there is none. In the table, numbers are null without a shift, and the reason is null with one.
     pub result: std::result::Result<Shift, NoShift>,
 }
 

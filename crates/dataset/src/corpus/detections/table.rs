@@ -53,7 +53,7 @@ pub struct Miss {
     pub view: String,
     /// Search mode of the picture.
     pub mode: SearchMode,
-    /// Null with a box, else the reason why there is none; then all numbers are null.
+    /// The reason why it has no box. In the table, rows with a box have none, and rows with a reason have no numbers.
     pub reason: MissReason,
 }
 
