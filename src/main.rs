@@ -11,6 +11,8 @@ mod local_udp_args;
 mod logging;
 mod output_arg;
 mod progress;
+#[cfg(test)]
+mod reference;
 mod repeats;
 mod search_args;
 mod shard_arg;

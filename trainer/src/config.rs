@@ -18,29 +18,32 @@ pub use paper_deviation::PaperDeviation;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
-    /// Seed of all random choices: initial weights and batches. 0 is an ordinary seed.
+    /// Seed of all random choices: initial weights and batches. 0 is an ordinary seed. `--seed` overrides it.
     pub seed: u64,
-    /// What networks train on.
+    /// Device that networks train on. `--backend` overrides it.
     pub backend: TrainingBackend,
-    /// File name or hash of the detection model whose boxes are used. Optional if the corpus has detections of one model only.
+    /// File name or hash of the detection model whose boxes are used, if the corpus has detections of several. `--detections` overrides it.
     pub model_hash: Option<String>,
-    /// Minimum distance to the touchdown target for training, nautical miles.
+    /// Shortest distance to the touchdown target that is used for training, nautical miles.
     pub min_dtd_nm: f64,
-    /// Maximum distance to the touchdown target for training, nautical miles.
+    /// Longest distance to the touchdown target that is used for training, nautical miles.
     pub max_dtd_nm: Option<f64>,
     /// `weather=NAME` or `time=HH:MM`: scenarios of this weather or time are the test side, whatever the split, and train nothing.
+    /// `--leave-out` overrides it.
     pub leave_out: Option<String>,
-    /// Whether scenarios are used that were drawn under another weather than planned (marked by `dtd generate`).
+    /// Whether scenarios are used that were drawn under another weather than planned (marked by `dtd generate`). `--accept-weather`
+    /// switches it on.
     pub accept_weather: bool,
     /// Folder of a run whose networks this training starts from, instead of random ones. They must have the same layers and views.
+    /// `--start-from` overrides it.
     pub start_from: Option<PathBuf>,
-    /// What the networks minimise; the mean squared error of the distance in the paper.
+    /// Loss that the networks minimise; the mean squared error of the distance in the paper.
     pub loss: Loss,
     /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
     /// Formulas are always fitted to boxes that contain it.
     pub only_true_boxes: bool,
-    /// Whether the cameras of each scenario are aligned by what stands still in their pictures: for cameras that are misplaced a little
-    /// from scenario to scenario. Needs the videos.
+    /// Whether the cameras of each scenario are aligned by their backgrounds, for cameras that are misplaced a little from scenario to
+    /// scenario. Needs the videos.
     pub align_backgrounds: bool,
     /// Stage one: calibration networks and their shared head.
     pub calibration: CalibrationConfig,
@@ -83,8 +86,8 @@ pub fn schema() -> String {
     format!("{:#}\n", schema.to_value())
 }
 
-/// What a regression predicts and minimises. The figure of merit is a percentage, while the paper's squared error is satisfied with
-/// 18 m everywhere, which is 0.1 % at 10 NM but 1 % at 1 NM.
+/// Loss of a regression. The figure of merit is a percentage, while the paper's squared error is satisfied with 18 m everywhere, which is
+/// 0.1 % at 10 NM but 1 % at 1 NM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {
@@ -128,8 +131,9 @@ impl Loss {
     }
 }
 
-/// Mini-batches and learning rate of one training. The rate rises linearly over the first 2 % of the steps and then falls along
-/// half a cosine to a thousandth (Adam, otherwise with its usual constants).
+/// Mini-batches and learning rate of one training; all three keys are required. The rate of Adam rises linearly over the first 2 % of the
+/// steps, then falls along half a cosine to a thousandth. It falls over all steps even with a `patience`, so the last weights are usually
+/// the best ones: early stopping ends overfitting; it does not make a short training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Optimisation {
@@ -147,13 +151,13 @@ pub struct Optimisation {
 pub struct CalibrationConfig {
     /// Hidden layers of a camera's calibration network.
     pub hidden: Vec<usize>,
-    /// Length of its feature vector.
+    /// Length of a camera's feature vector.
     pub features: usize,
     /// Hidden layers of the shared auxiliary head.
     pub head_hidden: Vec<usize>,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
-    /// Steps between two entries of the convergence log; each is an evaluation on the validation side.
+    /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
     /// `Min` of Algorithm 1: steps before the set of optimised views may change (again); 1500 in the paper.
     pub min_steps: usize,
@@ -161,8 +165,8 @@ pub struct CalibrationConfig {
     pub plateau_threshold_pct: f64,
     /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE; 0.01 in the paper.
     pub gap_threshold_pct: f64,
-    /// Log entries in a row without a lower mean error of the views, after which the training ends; it then keeps the networks with the
-    /// lowest one. Without it, all steps are made, and the last networks are kept.
+    /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
+    /// weights. Without it, all steps are made, and the last weights are kept.
     pub patience: Option<usize>,
 }
 
@@ -192,11 +196,11 @@ impl Default for CalibrationConfig {
 pub struct EstimatorConfig {
     /// Width of each LSTM layer; two layers in the paper.
     pub lstm: Vec<usize>,
-    /// Hidden layers of the regression after it.
+    /// Hidden layers of the regression after the LSTM layers.
     pub head_hidden: Vec<usize>,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
-    /// Steps between two entries of the convergence log.
+    /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
     /// Share of the steps, from the first on, in which all batches use all views; after it, views are dropped at random. Averaging
     /// the views' own answers is a plateau on which single-view batches keep the network; with this it first learns what two views say
@@ -205,8 +209,8 @@ pub struct EstimatorConfig {
     /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
     /// training cannot remove, ten times two views' floor; at equal weights it drowns them out.
     pub alone_weight: f64,
-    /// Log entries in a row without a lower error, after which the training ends; it then keeps the network with the lowest one. Without
-    /// it, all steps are made, and the last network is kept.
+    /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
+    /// weights. Without it, all steps are made, and the last weights are kept.
     pub patience: Option<usize>,
 }
 
@@ -251,15 +255,15 @@ impl Default for MonoConfig {
     }
 }
 
-/// How far the cameras may be from the rig of the plan: standard deviations of the prior of `self_calibrated`.
+/// Prior of `self_calibrated` (docs/estimators.md): how far the cameras may be from the rig of the plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SelfCalibrationConfig {
-    /// Of the position along each axis, metres.
+    /// Standard deviation of the position along each axis, metres.
     pub position_sd_m: f64,
-    /// Of pan, tilt and roll, degrees.
+    /// Standard deviation of pan, tilt and roll, degrees.
     pub turn_sd_deg: f64,
-    /// Of the focal length, percent.
+    /// Standard deviation of the focal length, percent.
     pub focal_sd_pct: f64,
 }
 

@@ -64,13 +64,13 @@ struct GivenSettings {
     /// How pictures are coded.
     #[serde(default)]
     codec: VideoCodec,
-    /// Preset of the encoder: trades time for size. Every codec has its own.
+    /// Preset of the encoder: trades time for size. Every codec has its own (docs/video.md).
     #[schemars(transform = any_preset)]
     preset: Option<String>,
-    /// Constant rate factor: smaller is better and larger. Every codec has its own scale.
+    /// Constant rate factor: lower means better quality and larger files. Every codec has its own scale. Lossless codecs ignore it.
     #[schemars(transform = any_crf)]
     crf: Option<u32>,
-    /// Threads of one encoder. Views are encoded side by side.
+    /// Threads of one encoder. Views are encoded in parallel.
     #[schemars(range(min = 1))]
     threads: Option<u32>,
 }

@@ -8,6 +8,7 @@
 use std::ops::RangeInclusive;
 
 use rand::{Rng, RngExt};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::convolution::standard_normal;
@@ -35,35 +36,35 @@ const LIGHT_MARGIN_PX: f64 = 3.0;
 /// Levels, pixels and stretches above this are a mistake.
 const MOST: f32 = 255.0;
 
-/// Augmentation settings. Shares are independent of each other, 0 to 1; everything else is drawn up to the largest value.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Augmentation of crops. The simulator's skies are smooth and its aircraft has one paint, so most crops get texture, edges or gradients
+/// behind the aircraft. Shares, 0 to 1, are independent of each other; everything else is drawn up to the largest value, at most 255.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Augmentation {
-    /// Share of crops that keep the corpus's background, sharpness and noise: what the detector must not unlearn.
+    /// Share of crops that keep background, sharpness and noise of the corpus; the other shares are of the rest.
     pub plain_share: f64,
-    /// Weight of the box of a crop that does not, relative to one that does: behind texture and noise an edge is partly a guess, and
-    /// its large errors would outweigh the tenths of a pixel that can be learned.
+    /// Weight of the boxes of the other crops: edges behind texture are uncertain, and their large errors would outweigh the tenths of a
+    /// pixel that can be learned.
     pub varied_box_weight: f32,
-    /// Share of the other crops with texture. Without any of it the aircraft is never before a cloud of X-Plane.
+    /// Share with texture: octaves of noise, half of them stretched along the horizon, half in any direction.
     pub texture_share: f64,
-    /// Largest root mean square of the texture, grey levels. Weak textures are more frequent than strong ones.
+    /// Largest root mean square of the texture, grey levels; drawn as the square of a uniform number, so weak textures are more frequent.
     pub largest_texture_levels: f32,
-    /// Size of the texture's features across their stretch, pixels.
+    /// Smallest size of the texture's features across their stretch, pixels, from 1.
     pub smallest_feature_px: f32,
-    /// The same, the largest.
+    /// Largest size of the texture's features across their stretch, pixels.
     pub largest_feature_px: f32,
-    /// Largest length of a feature relative to its width.
+    /// Largest length of a feature relative to its width, from 1.
     pub largest_stretch: f32,
-    /// Share of textures that lie over the aircraft, as noise and thin cloud do; the others lie behind it.
+    /// Share of textures that lie over the aircraft in full, as noise and thin cloud do; of the others up to 30 % shows on it.
     pub texture_over_share: f64,
-    /// Share whose aircraft has another paint; only where it is known which pixels are aircraft.
+    /// Share whose aircraft has another paint, where it is known which pixels are aircraft.
     pub paint_share: f64,
     /// Largest shift of red, green or blue of the paint, grey levels.
     pub largest_paint_levels: f32,
-    /// Share whose aircraft shows no lights: no pixel of it is brighter than the surrounding sky. Applies where the aircraft's pixels are
-    /// known.
+    /// Share whose aircraft shows no lights, where its pixels are known: none of them is brighter than the surrounding sky.
     pub unlit_share: f64,
-    /// Share of resampled crops whose pixels are points of the picture and not means, as without antialiasing.
+    /// Share of the resampled crops without antialiasing.
     pub aliased_share: f64,
     /// Share with the edge of a cloud.
     pub cloud_edge_share: f64,
@@ -71,15 +72,15 @@ pub struct Augmentation {
     pub largest_cloud_edge_levels: f32,
     /// Share with a gradient of brightness.
     pub gradient_share: f64,
-    /// Largest gradient, grey levels in 100 pixels.
+    /// Largest gradient, grey levels per 100 pixels.
     pub largest_gradient_levels: f32,
-    /// Share with masts, signs and buildings behind the aircraft or without one.
+    /// Share with one to four masts, signs or buildings, behind the aircraft or without one.
     pub structure_share: f64,
     /// Share that is blurred.
     pub blur_share: f64,
-    /// Smallest deviation of the blur, pixels.
+    /// Smallest standard deviation of the Gaussian blur, pixels, from 0.1.
     pub smallest_blur_px: f32,
-    /// Largest deviation of the blur, pixels.
+    /// Largest standard deviation of the Gaussian blur, pixels.
     pub largest_blur_px: f32,
     /// Share with white noise.
     pub noise_share: f64,
@@ -87,7 +88,7 @@ pub struct Augmentation {
     pub largest_noise_levels: f32,
     /// Share whose colours are shifted.
     pub tint_share: f64,
-    /// Largest shift of a colour, grey levels.
+    /// Largest shift of red, green or blue, grey levels.
     pub largest_tint_levels: f32,
 }
 

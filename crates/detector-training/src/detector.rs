@@ -11,6 +11,7 @@ use dataset::corpus::splits::Side;
 use dataset::corpus::workshop::lock;
 use dataset::files::json_file::{read_json, write_atomically, write_json};
 use dataset::work::watch::Watch;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -22,14 +23,14 @@ use crate::training_config::TrainingConfig;
 use crate::{checkpoint, corpus_samples, export};
 
 /// Settings for training a detector.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectorConfig {
     /// Training settings.
     pub training: TrainingConfig,
-    /// Approximate number of frames of the test trajectories for evaluation.
+    /// Approximate number of frames of the test trajectories that the evaluation uses.
     pub judged_frames: usize,
-    /// Minimum score of a detection in the evaluation.
+    /// Minimum score of a detection in the evaluation, 0 to 1.
     pub threshold: f64,
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::augmentation::Augmentation;
@@ -14,7 +15,7 @@ const MOST_RATE: f64 = 1.0;
 const LEAST: f64 = 1e-9;
 
 /// Length of a training run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Effort {
     /// Minutes of wall-clock time.
@@ -23,19 +24,19 @@ pub enum Effort {
     Steps(u64),
 }
 
-/// Settings of the training.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// The training itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingConfig {
-    /// Length of the training run.
+    /// Length of the training. `--minutes` overrides it.
     pub effort: Effort,
-    /// Highest learning rate.
+    /// Highest learning rate, at most 1.
     pub learning_rate: f64,
-    /// Weight decay of AdamW.
+    /// Weight decay of AdamW, 0 to 1.
     pub weight_decay: f32,
     /// Seed of the first weights and of all crops.
     pub seed: u64,
-    /// A detector of this project whose weights are the first; missing: random weights.
+    /// Detector of this project whose weights the training starts from, instead of random ones. `--start-from` overrides it.
     pub start_from: Option<PathBuf>,
     /// Augmentation of crops.
     pub augmentation: Augmentation,

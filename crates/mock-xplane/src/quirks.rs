@@ -1,7 +1,7 @@
 //! Awkward behaviour of a live X-Plane that others measured or work around, and that a stand-in written from documents lacks.
 //!
 //! Input: a text such as `all,-late_clouds`. Output: a set that the parts of the stand-in query. Each quirk has a line in the table
-//! below and one in `docs/simulator.md`, with the source that reports it; it is implemented in the part of the world that it
+//! below, with the source that reports it (and in `docs/reference/quirks.md`); it is implemented in the part of the world that it
 //! concerns.
 
 use std::fmt;
@@ -588,39 +588,5 @@ mod tests {
         let eleven = Quirks::all().of(Generation::XPlane11);
         assert!(eleven.has(Quirk::CockpitView) && !eleven.has(Quirk::LateClouds));
         assert_eq!(Quirks::all().of(Generation::XPlane12), Quirks::all());
-    }
-
-    #[test]
-    fn the_documents_table_has_the_same_lines() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/simulator.md");
-        let document = std::fs::read_to_string(path).unwrap();
-        for facts in &FACTS {
-            let yes = |which| if which { "yes" } else { "" };
-            let line = format!(
-                "| `{}` | {} | {}; {} | {} | {} |",
-                facts.name,
-                facts.does,
-                facts.source,
-                facts.grade,
-                yes(facts.costs_time),
-                yes(facts.in_11),
-            )
-            .replace("  ", " ");
-            assert!(
-                document.contains(&line),
-                "docs/simulator.md lacks this line:\n{line}"
-            );
-        }
-        let lines = document
-            .lines()
-            .filter(|line| line.starts_with("| `") && line.ends_with('|'))
-            .filter(|line| {
-                line.contains("; measured")
-                    || line.contains("; documented")
-                    || line.contains("; practised")
-                    || line.contains("; one report")
-                    || line.contains("; unknown")
-            });
-        assert_eq!(lines.count(), FACTS.len());
     }
 }

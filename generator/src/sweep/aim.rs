@@ -18,14 +18,14 @@ use crate::spread::Spread;
     { "required": ["heading_true_deg", "pitch_deg"], "not": { "required": ["dtd_nm"] } },
 ]))]
 pub struct AimTable {
-    /// To the point of the glide path over the extended centreline at this distance to the touchdown target, nautical miles. Either
-    /// this or a direction.
+    /// Turns the cameras to the point of the glide path over the extended centreline at this distance to the touchdown target, nautical
+    /// miles. Either this or a direction.
     #[schemars(transform = limits::AIM_DTD_NM.in_schema())]
     pub dtd_nm: Option<Spread>,
-    /// In this direction, degrees true; together with `pitch_deg`.
+    /// Direction of the optical axes, degrees true; together with `pitch_deg`.
     #[schemars(transform = limits::DIRECTION_TRUE_DEG.in_schema())]
     pub heading_true_deg: Option<Spread>,
-    /// At this elevation, degrees, up positive; together with `heading_true_deg`.
+    /// Elevation of the optical axes, degrees, up positive; together with `heading_true_deg`.
     #[schemars(transform = limits::MAST_PITCH_DEG.in_schema())]
     pub pitch_deg: Option<Spread>,
 }

@@ -23,7 +23,7 @@ use super::weather::WeatherTable;
 /// Aircraft that can be flown and drawn.
 pub(super) const AIRCRAFT: [&str; 1] = ["B737-800"];
 
-/// A sweep: which scenarios a corpus contains. `docs/sweeps.md` explains every key by example.
+/// A sweep: which scenarios a corpus contains. `docs/reference/sweep-settings.md` lists every key.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Document {

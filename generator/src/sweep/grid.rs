@@ -24,7 +24,7 @@ pub(super) struct Grid {
     /// Local times: `"HH:MM"`, or `{ from = "06:00", to = "18:00", every_min = 60 }`.
     #[schemars(length(min = 1))]
     times: Vec<TimeEntry>,
-    /// Names of weathers that the file defines; default: all of them.
+    /// Names of weathers that the file defines; by default all of them.
     #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
     weathers: Option<Vec<String>>,
     /// Names of flight profiles to combine with. By default, each scenario draws one of `start.profiles`.

@@ -16,10 +16,11 @@ use crate::spread::Spread;
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImagingTable {
-    /// Coefficient of terrestrial refraction, the same for all cameras of a scenario: 0 straight light, 0.13 Gauss's mean by day.
+    /// Coefficient of terrestrial refraction, drawn per scenario: curvature of light over the earth's. 0, the default, is straight light;
+    /// typically 0.13 by day.
     #[schemars(transform = limits::REFRACTION_COEFFICIENT.in_schema())]
     pub refraction_coefficient: Spread,
-    /// Standard deviation of the optics' Gaussian point spread function, pixels.
+    /// Standard deviation of the optics' Gaussian blur, pixels, drawn per camera; 0 by default.
     #[schemars(transform = limits::BLUR_SIGMA_PX.in_schema())]
     pub blur_sigma_px: Spread,
     /// Noise of the sensor.
@@ -32,10 +33,10 @@ pub struct ImagingTable {
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorTable {
-    /// Electrons of a white pixel: sets the noise of the light itself.
+    /// Electrons of a white pixel, drawn per camera: sets the noise of the light itself.
     #[schemars(transform = limits::FULL_WELL_ELECTRONS.in_schema())]
     pub full_well_electrons: Spread,
-    /// Standard deviation of the read noise, electrons.
+    /// Standard deviation of the read noise, electrons, drawn per camera; 0 by default.
     #[serde(default)]
     #[schemars(transform = limits::READ_NOISE_ELECTRONS.in_schema())]
     pub read_noise_electrons: Spread,
@@ -45,13 +46,13 @@ pub struct SensorTable {
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SeeingTable {
-    /// Root mean square of the aircraft's motion along one axis at 10 km, arcseconds.
+    /// Root mean square of the aircraft's motion along one axis at 10 km, arcseconds, drawn per scenario; 0 by default.
     #[schemars(transform = limits::TILT_RMS_ARCSEC.in_schema())]
     pub tilt_rms_arcsec: Spread,
-    /// Standard deviation of the blur at 10 km, arcseconds.
+    /// Standard deviation of the blur at 10 km, arcseconds, drawn per scenario; 0 by default.
     #[schemars(transform = limits::SEEING_BLUR_ARCSEC.in_schema())]
     pub blur_sigma_arcsec: Spread,
-    /// Time in which the motion's correlation falls to 1/e, seconds.
+    /// Time in which the motion's correlation falls to 1/e, seconds, drawn per scenario; 0.05 by default.
     #[schemars(transform = limits::CORRELATION_S.in_schema())]
     pub correlation_s: Spread,
 }

@@ -20,7 +20,7 @@ pub struct JitterTable {
     /// Right of the landing course, metres.
     #[schemars(transform = limits::JITTER_M.in_schema())]
     pub right_m: Spread,
-    /// Up, metres.
+    /// Up, metres; not into the ground.
     #[schemars(transform = limits::JITTER_M.in_schema())]
     pub height_m: Spread,
     /// Direction of the optical axis, degrees clockwise.
@@ -32,7 +32,7 @@ pub struct JitterTable {
     /// Turn about the optical axis, degrees, right side down.
     #[schemars(transform = limits::JITTER_DEG.in_schema())]
     pub roll_deg: Spread,
-    /// Horizontal field of view, degrees.
+    /// Horizontal field of view, degrees; it stays within 0.1 to 150.
     #[schemars(transform = limits::JITTER_DEG.in_schema())]
     pub hfov_deg: Spread,
 }

@@ -57,7 +57,8 @@ pub(super) struct CameraTable {
     /// Horizontal field of view, degrees.
     #[schemars(transform = limits::HFOV_DEG.in_schema())]
     hfov_deg: f64,
-    /// Distortion of its lens, with OpenCV's coefficients; default: a pinhole. Only the stand-in can draw it.
+    /// Distortion of its lens, with OpenCV's coefficients; a pinhole by default. It must not fold the picture over. Only the bundled
+    /// simulator can draw it.
     distortion: Option<Distortion>,
 }
 

@@ -11,13 +11,13 @@ use super::limits::Enforce;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SplitFractions {
-    /// For training the networks.
+    /// Share for training the networks; 0.6 without `[split]`.
     #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub train: f64,
-    /// For decisions during training.
+    /// Share for decisions during training; 0.1 without `[split]`.
     #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub validation: f64,
-    /// For evaluation only.
+    /// Share for evaluation only; 0.3 without `[split]`.
     #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub test: f64,
 }

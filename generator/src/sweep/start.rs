@@ -40,21 +40,21 @@ impl Fly {
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Start {
-    /// Who flies: the simulator (`live`, in real time), or our own flight model (`computed`), whose flights are only shown.
+    /// How the flights are flown; `live` by default.
     pub fly: Fly,
-    /// Distance to the touchdown target along the course, nautical miles. Recorded flights are trimmed to it, too.
+    /// Distance to the touchdown target along the course, nautical miles; 10 by default. Recorded flights are trimmed to it.
     #[schemars(transform = limits::START_DTD_NM.in_schema())]
     pub dtd_nm: Spread,
-    /// Offset right of the extended centreline, metres.
+    /// Offset right of the extended centreline, metres; 0 by default.
     #[schemars(transform = limits::START_CROSS_TRACK_M.in_schema())]
     pub cross_track_m: Spread,
-    /// Height above the altitude at which the profile begins, metres.
+    /// Height above the altitude at which the profile begins, metres; 0 by default.
     #[schemars(transform = limits::START_ABOVE_PROFILE_M.in_schema())]
     pub above_profile_m: Spread,
-    /// Heading right of the course, degrees.
+    /// Heading right of the course, degrees; 0 by default.
     #[schemars(transform = limits::START_HEADING_OFFSET_DEG.in_schema())]
     pub heading_offset_deg: Spread,
-    /// True airspeed, metres per second.
+    /// True airspeed, metres per second; 82 by default.
     #[schemars(transform = limits::START_SPEED_MPS.in_schema())]
     pub speed_mps: Spread,
     /// Names of the profiles to draw from, all equally likely; not together with `grid.profiles`. The default is

@@ -21,19 +21,19 @@ pub struct WeatherTable {
     #[serde(default)]
     #[schemars(length(max = limits::MOST_CLOUD_LAYERS))]
     pub clouds: Vec<CloudTable>,
-    /// Rain intensity, 0 to 1.
+    /// Rain intensity, 0 none to 1 heavy; 0 by default.
     #[serde(default)]
     #[schemars(transform = limits::RAIN_RATIO.in_schema())]
     pub rain_ratio: Spread,
-    /// Wind speed at 10 m above ground, metres per second.
+    /// Wind speed at 10 m above ground, metres per second; 0 by default.
     #[serde(default)]
     #[schemars(transform = limits::WIND_SPEED_MPS.in_schema())]
     pub wind_speed_mps: Spread,
-    /// Where the wind comes from, degrees true.
+    /// Direction that the wind comes from, degrees true; 0 by default.
     #[serde(default)]
     #[schemars(transform = limits::WIND_FROM_TRUE_DEG.in_schema())]
     pub wind_from_true_deg: Spread,
-    /// Turbulence intensity, 0 none to 1 severe.
+    /// Turbulence intensity, 0 none to 1 severe; 0 by default.
     #[serde(default)]
     #[schemars(transform = limits::TURBULENCE_RATIO.in_schema())]
     pub turbulence_ratio: Spread,

@@ -19,6 +19,7 @@
 
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::ScoredBox;
@@ -38,7 +39,7 @@ const OWN_STRIDE: usize = 8;
 const END_TO_END_BOXES: usize = 300;
 
 /// Layout of a detector's output.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layout {
     /// Decoded rows: this project's own detector.

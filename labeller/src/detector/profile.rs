@@ -13,11 +13,12 @@
 //! size_px = 416
 //! ```
 //!
-//! `docs/detectors.md` describes every key.
+//! `docs/reference/model-settings.md` lists every key.
 
 use std::path::Path;
 
 use dataset::files::toml_file::TomlFile;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
@@ -28,7 +29,7 @@ use crate::error::{Error, Result};
 pub(super) const METADATA_KEY: &str = "dtd_profile";
 
 /// Order of the channels of a model's input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ChannelOrder {
     /// Red first.
@@ -38,7 +39,7 @@ pub enum ChannelOrder {
 }
 
 /// Which point of the top-left pixel has the coordinates (0, 0) in a model's output.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BoxOrigin {
     /// Its centre, as everywhere in this project.
@@ -48,7 +49,7 @@ pub enum BoxOrigin {
 }
 
 /// What the four numbers of a box are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BoxForm {
     /// Centre, width and height.
@@ -58,7 +59,7 @@ pub enum BoxForm {
 }
 
 /// Unit of the numbers of a box.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BoxUnit {
     /// Pixels of the window.
@@ -68,7 +69,7 @@ pub enum BoxUnit {
 }
 
 /// What a score is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ScoreForm {
     /// A confidence from 0 to 1.
@@ -78,29 +79,29 @@ pub enum ScoreForm {
 }
 
 /// Optional declarations about a model. Missing ones follow from its shapes, its metadata, its answer to a blank window and its layout.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelProfile {
-    /// The layout of the output; default [`Layout::of_shape`], unless the numbers show another one.
+    /// Layout of the output (docs/detectors.md); by default from its shape, unless the numbers show another one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layout: Option<Layout>,
-    /// Name of the output with the boxes; default the only one with a known layout.
+    /// Name of the output with the boxes; by default the only one with a known layout.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub output: Option<String>,
-    /// The numbers of a box; default by layout and numbers.
+    /// The four numbers of a box; by default from layout and numbers. Not for `yolox`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub box_form: Option<BoxForm>,
-    /// Their unit; default by the numbers.
+    /// Unit of the numbers of a box; by default from the numbers. Not for `yolox`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub box_unit: Option<BoxUnit>,
-    /// The scores; default probabilities, for boxes and scores in two outputs by the numbers.
+    /// Form of the scores; probabilities by default, for `boxes-and-scores` from the numbers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub score_form: Option<ScoreForm>,
-    /// Number of the aircraft among the model's classes, from 0; default by the names in the model's metadata, else 0 of 1 class or 4
-    /// of COCO's 80.
+    /// Number of the aircraft among the model's classes, from 0; by default from the names in the model's metadata, else 0 of 1 class or
+    /// 4 of COCO's 80.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub aircraft_class: Option<usize>,
-    /// Origin of the boxes; default [`Layout::usual_origin`].
+    /// Point of the top-left pixel that is (0, 0) in the model's boxes; `pixel-corner` by default, for `rows` `pixel-center`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub box_origin: Option<BoxOrigin>,
     /// The input.
@@ -109,22 +110,22 @@ pub struct ModelProfile {
 }
 
 /// The input of a model.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct InputProfile {
-    /// Order of the channels; default RGB, for YOLOX BGR.
+    /// Order of the channels; `rgb` by default, for `yolox` and `yolox-decoded` `bgr`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub order: Option<ChannelOrder>,
-    /// Factor on the 8-bit values; default 1/255, for YOLOX 1.
+    /// Factor on the 8-bit values; 1/255 by default, for `yolox` and `yolox-decoded` 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f32>,
-    /// What is subtracted from each channel afterwards, in their order; default 0.
+    /// Means of the channels, in their order, subtracted after scaling; 0 by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean: Option<[f32; 3]>,
-    /// What each channel is divided by at last; default 1.
+    /// Standard deviations of the channels, by which they are divided last; 1 by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub std: Option<[f32; 3]>,
-    /// Window size, pixels, if the model leaves it open; default 640.
+    /// Side of square windows, pixels, 32 to 4,096, for a model whose sides are open; by default any size.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_px: Option<u32>,
 }

@@ -30,7 +30,8 @@ use crate::tables::registrations::{Registration, write_registrations};
 
 pub use choice::{NoChoice, choose};
 pub use table::{
-    Detection, Detections, Miss, MissReason, SearchMode, parse_detections, write_detections,
+    Detection, Detections, Miss, MissReason, SearchMode, detection_columns, parse_detections,
+    write_detections,
 };
 pub(crate) use table::{Row, parse_rows, read_rows_with_faults};
 

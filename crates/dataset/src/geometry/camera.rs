@@ -5,6 +5,7 @@
 //! covers -0.5 to width - 0.5.
 
 use glam::{DMat3, DVec2, DVec3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::distortion::{Distortion, FIELD_OVER_HALF_DIAGONAL};
@@ -13,7 +14,7 @@ use crate::geometry::pose::Pose;
 use crate::geometry::refraction::Refraction;
 
 /// A camera's placement: a pose whose forward axis is the optical axis, and a horizontal field of view.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CameraPose {
     /// Position and direction of the camera.
     #[serde(flatten)]

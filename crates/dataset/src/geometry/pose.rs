@@ -4,17 +4,18 @@
 //! that order. Body axes are x forward, y right, z down.
 
 use glam::{DMat3, DVec3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::geodesy::Geodetic;
 use crate::numbers::limits::{self, Check, Limits};
 
 /// Position and attitude of a body.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Pose {
-    /// Geodetic latitude, degrees.
+    /// Geodetic latitude (WGS-84), degrees.
     pub latitude_deg: f64,
-    /// Longitude, degrees.
+    /// Longitude (WGS-84), degrees.
     pub longitude_deg: f64,
     /// Height above mean sea level (taken as above the ellipsoid) of the body's origin, metres.
     pub altitude_msl_m: f64,
@@ -76,7 +77,7 @@ impl Pose {
 }
 
 /// Positions of the movable parts, 0 to 1, as in X-Plane and the recorded flights.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Controls {
     /// Flaps, 0 up to 1 full.
     pub flap_ratio: f64,

@@ -2,7 +2,7 @@
 //! alike.
 //!
 //! Limits are wide: values beyond them are mistakes or damage, never an unusual flight. They are enforced on reading and on
-//! writing. NaN and infinities are always out of range. `docs/dataset.md` lists them.
+//! writing. NaN and infinities are always out of range. The pages of `docs/reference/` list them.
 
 use std::fmt;
 

@@ -53,6 +53,7 @@ pub struct TableWriter {
     fields: Vec<Field>,
     arrays: Vec<ArrayRef>,
     notes: HashMap<String, String>,
+    limits: HashMap<String, Limits>,
     out_of_limits: Option<(usize, FieldOutOfLimits)>,
 }
 
@@ -172,6 +173,7 @@ impl TableWriter {
         limits: Limits,
         values: impl IntoIterator<Item = Option<f64>>,
     ) {
+        self.limits.insert(name.to_owned(), limits);
         let mut values = values.into_iter().enumerate();
         if self.out_of_limits.is_none() {
             self.out_of_limits = values.find_map(|(row, value)| {
@@ -236,6 +238,12 @@ impl TableWriter {
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.arrays.first().map_or(0, |array| array.len())
+    }
+
+    /// The columns, in order, with their limits.
+    pub fn columns(&self) -> impl Iterator<Item = (&Field, Option<Limits>)> {
+        let with_limits = move |field| (field, self.limits.get(Field::name(field)).copied());
+        self.fields.iter().map(with_limits)
     }
 
     /// Writes the file (zstd, one row group per million rows), atomically.

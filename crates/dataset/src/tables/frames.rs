@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
+
 use crate::error::Result;
 use crate::geometry::camera::CameraPose;
 use crate::geometry::pose::{Controls, Pose};
@@ -10,35 +12,39 @@ use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::work::memory;
 
 /// The simulator's report about the picture of one view at one tick.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct ViewStamp {
-    /// The simulator's frame counter when the picture was taken, counted from the scenario's first picture.
+    /// The simulator's frame counter of the picture, counted from the scenario's first picture. It grows from picture to picture, views of
+    /// a tick in the order of `views` in `scenario.json`. With `blocks` in `scenario.json`: the drawn frame in which the tick was written;
+    /// no two ticks of a view share one, all frames of a block and view come before the frames of the next, and within a block they grow
+    /// with the ticks but for at most `repeated_ticks`.
     pub sim_frame: u64,
-    /// Presentation timestamp of the picture in the view's video, in units of 1 / the frame rate's numerator seconds.
+    /// Presentation timestamp of the picture in the view's video, in units of 1/numerator of the frame rate, seconds.
     pub pts: i64,
-    /// The pose of the aircraft that the simulator reports as drawn.
+    /// The pose of the aircraft that the simulator reports as drawn: equal to the tick's within 0.01 m and 0.001 degrees (X-Plane uses
+    /// 32-bit floats; the bundled simulator reports it exactly).
     pub echoed_pose: Pose,
-    /// The camera that the simulator reports as used.
+    /// The camera that the simulator reports as used: the calibrated one within 0.01 m and 0.0002 degrees.
     pub echoed_camera: CameraPose,
 }
 
 /// Labels of one tick.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct TickLabels {
-    /// Geodesic distance to touchdown, metres.
+    /// **Distance to touchdown** (DTD): geodesic distance over ground from the centre of gravity to the touchdown target, metres.
     pub dtd_m: f64,
     /// Remaining distance along the course, metres; negative past the target.
     pub along_track_m: f64,
-    /// Offset right of the extended centreline, metres.
+    /// Offset from the extended centreline, metres; right of the landing course positive.
     pub cross_track_m: f64,
-    /// Height over the touchdown target, metres.
+    /// Height of the centre of gravity over the touchdown target, metres.
     pub height_over_target_m: f64,
-    /// Time until the aircraft passes the target, seconds; missing if the flight ends before.
+    /// Time until the aircraft passes abeam the target, seconds; negative afterwards; null if the recording does not contain that moment.
     pub time_to_touchdown_s: Option<f64>,
 }
 
 /// One tick.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct TickRow {
     /// Number of the tick, from 0.
     pub tick: u32,
@@ -46,7 +52,7 @@ pub struct TickRow {
     pub time_ns: i64,
     /// Pose of the aircraft's centre of gravity.
     pub pose: Pose,
-    /// Velocity over ground (north, east, down), metres per second.
+    /// Velocity over ground: north, east, down, metres per second.
     pub velocity_ned_mps: [f64; 3],
     /// True airspeed, metres per second.
     pub true_airspeed_mps: f64,
@@ -105,7 +111,8 @@ impl Frames {
         self.columns().write(path)
     }
 
-    pub(crate) fn columns(&self) -> TableWriter {
+    /// The table with its columns.
+    pub fn columns(&self) -> TableWriter {
         let rows = &self.rows;
         let mut table = TableWriter::new()
             .u32("tick", rows.iter().map(|r| r.tick))

@@ -6,6 +6,7 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
@@ -17,15 +18,15 @@ use crate::work::memory;
 const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
 
 /// An axis-parallel box, pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PixelBox {
-    /// Centre, right.
+    /// Centre of the box, pixels to the right.
     pub cx_px: f64,
-    /// Centre, down.
+    /// Centre of the box, pixels down.
     pub cy_px: f64,
-    /// Width.
+    /// Width of the box, pixels.
     pub width_px: f64,
-    /// Height.
+    /// Height of the box, pixels.
     pub height_px: f64,
 }
 
@@ -89,9 +90,9 @@ impl PixelBox {
 }
 
 /// The true box of the aircraft in one view at one tick.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct TruthBox {
-    /// Tick.
+    /// Number of the tick.
     pub tick: u32,
     /// Identifier of the view.
     pub view: String,
@@ -99,11 +100,11 @@ pub struct TruthBox {
     pub class: String,
     /// Box of the projected mesh, clipped to the picture.
     pub pixel_box: PixelBox,
-    /// Part of the aircraft's silhouette that is inside the picture and above the ground, 0 to 1.
+    /// Part of the aircraft's silhouette that is inside the picture and above the ground; clouds are ignored.
     pub visible_fraction: f64,
-    /// Part of the unclipped box that is outside the picture, 0 to 1.
+    /// Part of the unclipped box that is outside the picture.
     pub truncation: f64,
-    /// Share of contrast that remains at this distance, `exp(-3.912 * range / visibility)`, 0 to 1.
+    /// Share of contrast that remains over this distance: `exp(-3.912 * range / visibility)`.
     pub transmission: f64,
 }
 
@@ -119,7 +120,8 @@ pub fn write_truth_boxes(path: &Path, boxes: &[TruthBox]) -> Result<()> {
     truth_box_columns(boxes).write(path)
 }
 
-pub(crate) fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
+/// The table `boxes_truth.parquet` with its columns.
+pub fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
     let table = TableWriter::new()
         .u32("tick", boxes.iter().map(|b| b.tick))
         .text("view", boxes.iter().map(|b| &b.view))

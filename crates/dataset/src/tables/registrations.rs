@@ -7,49 +7,52 @@
 use std::fmt;
 use std::path::Path;
 
+use schemars::JsonSchema;
+
 use crate::error::Result;
 use crate::numbers::limits::{self, Limits};
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::work::memory;
 
 /// A view compared with the reference view at one tick.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct Registration {
-    /// Tick.
+    /// Number of the tick.
     pub tick: u32,
     /// Identifier of the view.
     pub view: String,
     /// Identifier of the view that it is compared with.
     pub reference: String,
-    /// The shift, or why there is none.
+    /// The shift, or the reason why there is none. In the table, numbers are null without a shift, and the reason is null with one.
     pub result: std::result::Result<Shift, NoShift>,
 }
 
 /// Position of the aircraft in one view relative to another.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct Shift {
-    /// The point of the reference view that was followed, right, pixels: the centre of the detected box.
+    /// The point of the reference view that was followed, the centre of its best box, pixels to the right.
     pub x_px: f64,
-    /// The same, down.
+    /// The same point, pixels down.
     pub y_px: f64,
-    /// Position of that point in the view, minus its position in the reference view: right, pixels.
+    /// Shift (disparity): position of that point in the view minus its position in the reference view, pixels to the right.
     pub dx_px: f64,
-    /// The same, down.
+    /// The same, pixels down.
     pub dy_px: f64,
-    /// Standard deviation of `dx_px`.
+    /// Standard deviation of `dx_px`, pixels.
     pub sd_x_px: f64,
-    /// Standard deviation of `dy_px`.
+    /// Standard deviation of `dy_px`, pixels.
     pub sd_y_px: f64,
     /// Size of the aircraft in the view over that in the reference view.
     pub scale: f64,
     /// Contrast of the aircraft in the view over that in the reference view.
     pub gain: f64,
-    /// Correlation of the two pictures of the aircraft, -1 to 1.
+    /// Correlation of the two pictures of the aircraft.
     pub correlation: f64,
 }
 
 /// Reasons why a tick of a view has no shift.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
+#[schemars(rename_all = "kebab-case")]
 pub enum NoShift {
     /// One of the views has no detection.
     NoBox,
@@ -57,11 +60,11 @@ pub enum NoShift {
     Edge,
     /// The aircraft does not stand out from what is around it in one of the views.
     Faint,
-    /// The two pictures do not show the same aircraft.
+    /// The two pictures do not show the same aircraft: correlation below 0.6, or contrasts that differ tenfold or in sign.
     Different,
-    /// No shift near the one given by the boxes fits.
+    /// No shift within some pixels of the boxes' shift fits.
     Lost,
-    /// A shift fits, but so loosely that it is less accurate than the boxes.
+    /// The standard deviation of the fit is above 0.7 px.
     Vague,
 }
 
@@ -123,6 +126,11 @@ pub fn is_within_limits(shift: &Shift) -> bool {
 
 /// Writes `registrations/<model>.parquet`.
 pub fn write_registrations(path: &Path, registrations: &[Registration]) -> Result<()> {
+    registration_columns(registrations).write(path)
+}
+
+/// The table `registrations/<model>.parquet` with its columns.
+pub fn registration_columns(registrations: &[Registration]) -> TableWriter {
     let table = TableWriter::new()
         .u32("tick", registrations.iter().map(|row| row.tick))
         .text("view", registrations.iter().map(|row| &row.view))
@@ -139,7 +147,6 @@ pub fn write_registrations(path: &Path, registrations: &[Registration]) -> Resul
                 .iter()
                 .map(|row| row.result.err().map(NoShift::word)),
         )
-        .write(path)
 }
 
 /// Reads the content of `registrations/<model>.parquet` of a scenario with this many pictures, each with at most one row; messages

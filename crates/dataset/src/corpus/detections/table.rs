@@ -5,6 +5,8 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
+
 use crate::error::Result;
 use crate::numbers::limits;
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
@@ -21,42 +23,43 @@ pub struct Detections {
 }
 
 /// A detected aircraft in one view at one tick.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct Detection {
-    /// Tick.
+    /// Number of the tick.
     pub tick: u32,
     /// Identifier of the view.
     pub view: String,
     /// The box in the original frame.
     pub pixel_box: PixelBox,
-    /// Confidence of the model, 0 to 1.
+    /// Confidence of the model.
     pub score: f64,
-    /// Number of the window in which the first pass over the picture saw it: row by row, from 0; in pictures that were searched in
-    /// [`SearchMode::Tracked`], number of the crop.
+    /// Number of the window of the first pass that saw it, row by row from 0; in pictures of the mode `tracked`, number of the crop.
     pub tile: u32,
-    /// Number of its track: one aircraft in one view. `None` without tracking.
+    /// Number of its track, which is one aircraft in one view; null without tracking.
     pub track: Option<u32>,
-    /// Search mode of its picture.
+    /// How its picture was searched.
     pub mode: SearchMode,
-    /// True if its track has enough boxes to be an aircraft; always true without tracking.
+    /// Whether the box counts: its track has enough boxes, and moves or grows (docs/tracks.md). True without tracking, false in rows
+    /// without a box.
     pub confirmed: bool,
 }
 
 /// A picture without a box.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct Miss {
-    /// Tick.
+    /// Number of the tick.
     pub tick: u32,
     /// Identifier of the view.
     pub view: String,
     /// Search mode of the picture.
     pub mode: SearchMode,
-    /// The reason why it has none.
+    /// The reason why it has no box. In the table, rows with a box have none, and rows with a reason have no numbers.
     pub reason: MissReason,
 }
 
 /// Search mode of a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
+#[schemars(rename_all = "kebab-case")]
 pub enum SearchMode {
     /// The whole picture, pixel by pixel.
     Full,
@@ -67,13 +70,14 @@ pub enum SearchMode {
 }
 
 /// Reasons why a picture has no box.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
+#[schemars(rename_all = "kebab-case")]
 pub enum MissReason {
-    /// The search of the picture found no candidates.
+    /// The search found no box, or, in a shrunk picture, only faint boxes that do not count.
     Nothing,
-    /// The first pass saw something that the second did not confirm.
+    /// The first pass found something that the second did not confirm, or only as a faint box that does not count.
     Refuted,
-    /// Only the expected places of the known tracks were searched, without a result.
+    /// The windows of the known tracks were empty, and the rest was not searched.
     Lost,
     /// There was no track to follow, and the next search of a whole picture was not due.
     NotSearched,
@@ -204,6 +208,11 @@ impl From<Vec<Row>> for Detections {
 
 /// Writes `detections/<model>.parquet`, by tick.
 pub fn write_detections(path: &Path, detections: &Detections) -> Result<()> {
+    detection_columns(detections).write(path)
+}
+
+/// The table `detections/<model>.parquet` with its columns.
+pub fn detection_columns(detections: &Detections) -> TableWriter {
     let boxes = detections.boxes.iter().cloned().map(Row::Box);
     let mut rows: Vec<_> = boxes
         .chain(detections.misses.iter().cloned().map(Row::Miss))
@@ -235,7 +244,6 @@ pub fn write_detections(path: &Path, detections: &Detections) -> Result<()> {
             "reason",
             rows.iter().map(|row| row.reason().map(MissReason::word)),
         )
-        .write(path)
 }
 
 /// Reads the content of `detections/<model>.parquet` of a scenario with this many pictures; messages name it as `path`.
