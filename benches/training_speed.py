@@ -88,7 +88,7 @@ def main():
         sides[side] = max(sides[side], speed)
 
     for _ in range(ROUNDS):
-        run = subprocess.run([EXAMPLE, str(STEPS), *map(str, batch_sizes)], check=True, capture_output=True, text=True, env=environment)
+        run = subprocess.run([EXAMPLE, "cpu", str(STEPS), *map(str, batch_sizes)], check=True, capture_output=True, text=True, env=environment)
         for line in run.stdout.splitlines():
             stage, batch_size, speed = line.split("\t")
             note(stage, int(batch_size), "dtd", float(speed))

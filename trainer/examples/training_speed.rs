@@ -1,6 +1,6 @@
 //! Training speed of both stages of `paper_lstm` with the paper's layers, on boxes from geometry: `cargo run --release -p trainer --example
-//! training_speed -- STEPS BATCH_SIZE...` prints a line per stage and batch size, with samples per second. All batches use both views.
-//! `benches/training_speed.py` compares it with PyTorch.
+//! training_speed -- BACKEND STEPS BATCH_SIZE...` prints a line per stage and batch size, with samples per second. All batches use both
+//! views. A GPU's backend is also a cargo feature. `benches/training_speed.py` compares it with PyTorch.
 
 use std::process::ExitCode;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -37,21 +37,28 @@ impl Watch for Times {
 }
 
 fn main() -> ExitCode {
-    let arguments: Result<Vec<usize>, _> = std::env::args().skip(1).map(|n| n.parse()).collect();
-    let Ok([steps, batch_sizes @ ..]) = arguments.as_deref() else {
-        eprintln!("usage: training_speed STEPS BATCH_SIZE...");
+    let mut arguments = std::env::args().skip(1);
+    let backend = arguments
+        .next()
+        .and_then(|word| serde_json::from_value(word.into()).ok());
+    let numbers: Result<Vec<usize>, _> = arguments.map(|n| n.parse()).collect();
+    let (Some(backend), Ok([steps, batch_sizes @ ..])) = (backend, numbers.as_deref()) else {
+        eprintln!("usage: training_speed cpu|wgpu|cuda STEPS BATCH_SIZE...");
         return ExitCode::from(2);
     };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let corpus = SyntheticCorpus {
         miss_ratio: 0.0,
-        ..SyntheticCorpus::tiny()
+        ..SyntheticCorpus::demo()
     };
     let corpus = corpus
         .write(&folder.path().join("corpus"))
         .expect("a corpus");
     for &batch_size in batch_sizes {
-        let mut config = TrainConfig::default();
+        let mut config = TrainConfig {
+            backend,
+            ..TrainConfig::default()
+        };
         let optimisation = Optimisation {
             // A third to warm up.
             steps: 3 * steps,
