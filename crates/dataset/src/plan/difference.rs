@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataset::plan::{Plan, PlannedScenario};
+use super::{Plan, PlannedScenario};
 use serde::Serialize;
 use serde_json::Value;
 
