@@ -5,7 +5,7 @@ use std::io;
 
 use object_store::client::{HttpError, HttpErrorKind};
 
-use crate::stored_fault::StoredFaults;
+use crate::scenario::StoredFaults;
 
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, StoreError>;

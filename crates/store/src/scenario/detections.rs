@@ -18,13 +18,12 @@ use dataset::files::own_path::own_path;
 use futures_util::future::BoxFuture;
 use object_store::UpdateVersion;
 
-use crate::content_name::file_name;
-use crate::corpus_store::{CorpusStore, scenario_file};
+use super::content_name::file_name;
+use super::fetch::claim;
+use super::send::size_of;
+use crate::corpus_store::{CorpusStore, ObjectInfo, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::fetch::claim;
-use crate::listing::{ObjectInfo, Objects};
 use crate::patience::Watch;
-use crate::send::size_of;
 
 /// Maximum number of times that another process may replace the same detections before an upload gives up.
 const MOST_COMMITS: u32 = 8;

@@ -13,8 +13,8 @@ use object_store::local::LocalFileSystem;
 use object_store::path::Path as ObjectPath;
 use object_store::{BackoffConfig, ClientConfigKey, ObjectStore, RetryConfig};
 
+use super::leftovers::Unfinished;
 use crate::error::{Result, StoreError};
-use crate::leftovers::Unfinished;
 use crate::location::{Kind, StoreUrl};
 
 /// A request is retried this long without a message; longer waits are reported (`patience`).

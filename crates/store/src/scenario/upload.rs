@@ -1,8 +1,8 @@
 //! Uploads one scenario from its folder: all files first, then the manifest, then the seal, which commits them.
 //!
 //! Objects of files are named after their content, so they are never overwritten with other content. Only `DONE.json` is replaced, and only
-//! if it is still the one that was judged ([`crate::commit`]). After that it is read again and compared with a listing: a scenario is
-//! reported as committed once the store has all of it.
+//! if it is still the one that was judged. After that it is read again and compared with a listing: a scenario is reported as committed once
+//! the store has all of it.
 //!
 //! An interrupted upload resumes when it is repeated: files that exist with the right size and hash are not sent.
 
@@ -16,13 +16,12 @@ use dataset::corpus::sealed::Sealed;
 use dataset::files::outside_file::{self, FileKind};
 use futures_util::future::BoxFuture;
 
-use crate::corpus_store::{CorpusStore, scenario_file};
+use super::precedence::{First, SealedCopy, are_same_poses, first};
+use super::stored_fault::{StoredFault, StoredFaults};
+use super::stored_seal::{FoundSeal, Noted, StoredSeal, manifest_file};
+use crate::corpus_store::{CorpusStore, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::listing::Objects;
 use crate::patience::Watch;
-use crate::precedence::{First, SealedCopy, are_same_poses, first};
-use crate::stored_fault::{StoredFault, StoredFaults};
-use crate::stored_seal::{FoundSeal, Noted, StoredSeal, manifest_file};
 
 /// Maximum number of times that a file of the folder may be renamed to its final name just before it is opened.
 const ROUNDS: u32 = 3;
@@ -333,7 +332,7 @@ impl CorpusStore {
         Ok((mended, faults))
     }
 
-    /// The rule for two whole copies with the same parameters ([`crate::precedence`]).
+    /// The rule for two whole copies with the same parameters ([`super::precedence`]).
     async fn precedence(
         &self,
         ours: &Ours<'_>,

@@ -15,11 +15,10 @@ use object_store::UpdateVersion;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::content_name::content_name;
-use crate::corpus_store::{CorpusStore, scenario_file};
+use super::content_name::content_name;
+use super::stored_fault::{StoredFault, StoredFaults};
+use crate::corpus_store::{CorpusStore, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::listing::Objects;
-use crate::stored_fault::{StoredFault, StoredFaults};
 
 /// `DONE.json` in a store.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -406,7 +405,7 @@ impl Objects {
     pub(crate) fn locate(
         &self,
         file: &SealedFile,
-    ) -> Option<(String, &crate::listing::ObjectInfo)> {
+    ) -> Option<(String, &crate::corpus_store::ObjectInfo)> {
         let names = [content_name(file), file.name.clone()];
         names
             .into_iter()

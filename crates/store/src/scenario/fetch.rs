@@ -18,12 +18,11 @@ use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::GetOptions;
 use tokio::task::spawn_blocking;
 
-use crate::corpus_store::{CorpusStore, scenario_file};
+use super::stored_fault::{StoredFault, StoredFaults};
+use super::stored_seal::{FoundSeal, StoredSeal};
+use crate::corpus_store::{CorpusStore, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::listing::Objects;
 use crate::patience::Watch;
-use crate::stored_fault::{StoredFault, StoredFaults};
-use crate::stored_seal::{FoundSeal, StoredSeal};
 
 const RECORD: &str = "scenario.json";
 /// Files in parallel.

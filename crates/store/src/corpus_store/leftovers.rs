@@ -1,7 +1,7 @@
 //! Leftovers of killed uploads in a store: parts of unfinished files, which no listing shows but which use space.
 //!
 //! Amazon's API lists incomplete uploads, a folder has files named `<name>#<number>`; Azure clears its own after a week. If an
-//! upload is cleared while another process still sends it, it starts over there ([`crate::send`]). In a folder, only files that have
+//! upload is cleared while another process still sends it, it starts over there (`scenario/send.rs`). In a folder, only files that have
 //! not been written for an hour are cleared: a missing one fails the rename of the process that writes it.
 
 use std::collections::BTreeSet;

@@ -10,12 +10,11 @@ use dataset::files::outside_file::{self, FileKind};
 use object_store::{PutMultipartOptions, PutOptions, PutResult, WriteMultipart};
 use tokio::task::spawn_blocking;
 
-use crate::content_name::content_name;
-use crate::corpus_store::{CorpusStore, scenario_file};
+use super::content_name::content_name;
+use super::stored_seal::Noted;
+use crate::corpus_store::{CorpusStore, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::listing::Objects;
 use crate::patience::Watch;
-use crate::stored_seal::Noted;
 
 /// A file up to this size is one request, a larger one is sent in parts of this size. All stores accept parts of 5 MiB and more.
 const PART_BYTES: u64 = 8 << 20;

@@ -15,7 +15,7 @@ use dataset::corpus::ScenarioFolder;
 use dataset::corpus::seal::SealedFile;
 use dataset::tables::frames::Frames;
 
-use crate::stored_seal::unix_ms;
+use super::stored_seal::unix_ms;
 
 /// A copy as far as the rule looks at it.
 pub(crate) struct SealedCopy<'a> {
