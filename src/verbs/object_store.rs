@@ -1,14 +1,19 @@
-//! Object stores on the command line: exit codes of their failures, the stage, and how waiting is displayed.
+//! Object stores on the command line: exit codes of their failures, decisions about a corpus's files, the stage, and how waiting is
+//! displayed.
 
 use std::env;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use dataset::plan::PlannedScenarios;
-use store::{CorpusStore, StoreError, StoreUrl, Watch};
+use store::{CorpusStore, MirrorError, StoreError, StoreUrl, Watch};
 
 use crate::failure::Failure;
 use crate::progress::Bar;
+
+/// The message about a regenerated split.
+pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenerated from plan and seed; if the corpus was ever added to, its \
+                                      sides may not be those of before: train again before you evaluate";
 
 /// A failure of the store, or something that the caller must fix.
 pub(super) fn failure_of(error: StoreError) -> Failure {
@@ -19,12 +24,14 @@ pub(super) fn failure_of(error: StoreError) -> Failure {
     }
 }
 
-/// The failure of a verb that finds no scenario in a store.
-pub(super) fn nothing_committed(store: &CorpusStore) -> Failure {
-    Failure::bad_input_message(format!(
-        "{}: holds no committed scenario; is the prefix right?",
-        store.name()
-    ))
+/// The same of a whole corpus.
+pub(super) fn failure_to_mirror(error: MirrorError) -> Failure {
+    match error {
+        MirrorError::Store(error) => failure_of(error),
+        MirrorError::Folder(error) => Failure::bad_input(error),
+        error if error.is_bad_input() => Failure::bad_input(error),
+        error => Failure::Failed(error.into()),
+    }
 }
 
 /// Advice for a scenario that is damaged in a store. A scenario that is not planned is neither pushed nor recorded.
@@ -71,6 +78,12 @@ impl<'a> OnBar<'a> {
 }
 
 impl Watch for OnBar<'_> {
+    fn scenario(&self, id: &str, done: usize, total: usize) {
+        self.bar.set_total(total as u64);
+        self.bar.working_on(id);
+        self.bar.set_done(done as u64);
+    }
+
     fn passed(&self, bytes: u64) {
         self.bytes.fetch_add(bytes, Ordering::Relaxed);
     }

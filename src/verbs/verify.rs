@@ -10,14 +10,16 @@ use dataset::corpus::seal::MANIFEST;
 use dataset::files::json_file::write_atomically;
 use dataset::plan::PlannedScenarios;
 use dataset::verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
+use generator::sweep_language::Sweeps;
 use serde::Serialize;
-use store::{CorpusLocation, CorpusStore, Fetched, Patience, StoreError, StoreUrl};
+use store::{
+    CorpusLocation, CorpusStore, Fetched, MirrorError, Patience, StoreError, StoreUrl, sweep_fault,
+};
 use tempfile::TempDir;
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::corpus_files::sweep_fault;
-use super::object_store::{OnBar, failure_of, mend, nothing_committed};
+use super::object_store::{OnBar, failure_of, failure_to_mirror, mend};
 use super::open_corpus::open_corpus;
 use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
@@ -208,12 +210,12 @@ fn print_weather(report: &VerifyReport) {
 
 /// Adds what is wrong with the sweep, which no scenario's files record.
 fn add_sweep_fault(corpus: &Corpus, report: &mut VerifyReport) {
-    let fault = sweep_fault(corpus).map(|message| Finding {
+    let fault = sweep_fault(corpus, &Sweeps).map(|fault| Finding {
         scenario: None,
         file: Corpus::SWEEP.into(),
         row: None,
         view: None,
-        message,
+        message: format!("{fault}; `dtd generate` with the sweep of the corpus writes it again"),
     });
     report.findings.extend(fault);
 }
@@ -250,7 +252,9 @@ fn verify_in_store(
     let listing = listing.map_err(failure_of)?;
     let committed = listing.committed();
     if committed.is_empty() {
-        return Err(nothing_committed(&store));
+        return Err(failure_to_mirror(MirrorError::NothingCommitted {
+            store: store.name().to_owned(),
+        }));
     }
     let report = runtime.block_on(async {
         for name in Corpus::FILES {

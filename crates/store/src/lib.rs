@@ -34,7 +34,10 @@ mod tests;
 pub use corpus_store::{CorpusStore, Listing, Objects};
 pub use error::{Result, StoreError};
 pub use location::{CorpusLocation, StoreUrl, redacted};
-pub use mirror::Keep;
+pub use mirror::{
+    BadFile, FetchedCorpus, FetchedScenario, FileDecision, Keep, Mirror, MirrorError, PushedCorpus,
+    PushedScenario, Replaced, SweepLanguage, sweep_fault,
+};
 pub use patience::{Patience, Watch};
 pub use scenario::{
     Before, Committed, Fetched, LeftDetections, MovedDetections, Pushed, StoredFault, StoredFaults,

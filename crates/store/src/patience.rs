@@ -18,6 +18,8 @@ pub struct Patience(pub Duration);
 
 /// Observer of a transfer.
 pub trait Watch: Sync {
+    /// Of the scenarios of a corpus, `done` of `total` are transferred, and this one is next.
+    fn scenario(&self, _id: &str, _done: usize, _total: usize) {}
     /// This many more bytes were transferred.
     fn passed(&self, _bytes: u64) {}
     /// A file was transferred completely: no later attempt transfers it again.

@@ -1,0 +1,215 @@
+//! Downloads a corpus: the files of the whole corpus first, then scenario by scenario.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use dataset::corpus::{Corpus, check_place};
+use dataset::files::file_name::BadFileName;
+use dataset::files::json_file::write_atomically;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::files::own_path::own_path;
+use dataset::plan::{Plan, PlannedScenarios};
+
+use super::corpus_files::{BadFile, CorpusFiles, Judge, Verdict};
+use super::{FileDecision, Mirror, MirrorError};
+use crate::corpus_store::Listing;
+use crate::error::StoreError;
+use crate::scenario::{Fetched, MovedDetections};
+
+/// Result of the download of a corpus.
+#[derive(Debug)]
+pub struct FetchedCorpus {
+    /// Decisions about the files of the whole corpus, by their names.
+    pub files: Vec<(&'static str, FileDecision)>,
+    /// Names in the store that have a seal, but cannot be identifiers of scenarios, with the reason.
+    pub foreign: Vec<(String, BadFileName)>,
+    /// True if the folder has a plan now.
+    pub has_plan: bool,
+    /// The scenarios of the plan.
+    pub planned: PlannedScenarios,
+    /// The requested scenarios.
+    pub scenarios: Vec<FetchedScenario>,
+}
+
+/// Result of the download of a scenario.
+#[derive(Debug)]
+pub struct FetchedScenario {
+    /// Its identifier.
+    pub id: String,
+    /// The result, or the reason why this scenario cannot be downloaded.
+    pub fetched: Result<Fetched, StoreError>,
+    /// The result for its detections; none were moved if the folder does not have the store's scenario.
+    pub detections: MovedDetections,
+}
+
+impl Mirror<'_> {
+    /// Downloads the corpus into a folder, or of its scenarios only these, if there are any.
+    ///
+    /// # Errors
+    /// See [`MirrorError`]; the same call resumes.
+    pub async fn fetch(
+        &self,
+        folder: &Path,
+        only: &[String],
+    ) -> Result<FetchedCorpus, MirrorError> {
+        self.store.check().await?;
+        let listing = self.store.listing().await?;
+        let ids = self.wanted(listing.committed(), only)?;
+        check_place(folder).map_err(MirrorError::Folder)?;
+        let corpus = Corpus::create(folder).map_err(MirrorError::Folder)?;
+        let files = self.fetch_files(&corpus).await?;
+        let foreign = listing.foreign();
+        let mut result = FetchedCorpus {
+            files,
+            foreign: foreign.map(|(name, bad)| (name.to_owned(), bad)).collect(),
+            has_plan: corpus.plan_path().exists(),
+            planned: PlannedScenarios::read(&corpus)?,
+            scenarios: Vec::new(),
+        };
+        let total = ids.len();
+        for (done, id) in ids.into_iter().enumerate() {
+            self.watch.scenario(&id, done, total);
+            let fetched = self.fetch_scenario(&id, &corpus, &listing).await?;
+            let is_there = matches!(fetched, Ok(Fetched::Whole { .. } | Fetched::Same));
+            let detections = if is_there {
+                let scenario = corpus.scenario(&id);
+                self.patience
+                    .with(self.watch, async |watch| {
+                        self.store.fetch_detections(&scenario, watch).await
+                    })
+                    .await?
+            } else {
+                MovedDetections::default()
+            };
+            result.scenarios.push(FetchedScenario {
+                id,
+                fetched,
+                detections,
+            });
+        }
+        Ok(result)
+    }
+
+    /// The requested committed scenarios.
+    fn wanted(
+        &self,
+        mut committed: BTreeSet<String>,
+        only: &[String],
+    ) -> Result<BTreeSet<String>, MirrorError> {
+        let store = || self.store.name().to_owned();
+        if committed.is_empty() {
+            return Err(MirrorError::NothingCommitted { store: store() });
+        }
+        if let Some(id) = only.iter().find(|id| !committed.contains(*id)) {
+            return Err(MirrorError::NoSuchScenario {
+                store: store(),
+                id: id.clone(),
+                committed: committed.len(),
+            });
+        }
+        committed.retain(|id| only.is_empty() || only.contains(id));
+        Ok(committed)
+    }
+
+    /// The outer error ends the call, the inner one concerns this scenario alone.
+    async fn fetch_scenario(
+        &self,
+        id: &str,
+        corpus: &Corpus,
+        listing: &Listing,
+    ) -> Result<Result<Fetched, StoreError>, MirrorError> {
+        let objects = listing.of(id);
+        let fetched = self
+            .patience
+            .with(self.watch, async |watch| {
+                let seen = Some(&objects);
+                self.store.fetch_scenario(id, corpus, seen, watch).await
+            })
+            .await;
+        match fetched {
+            Err(StoreError::Faulty { .. } | StoreError::Damaged { .. }) | Ok(_) => Ok(fetched),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Downloads the files that the folder lacks or has damaged, or to which the store's only add. Ones that contain more stay; if one
+    /// contradicts the store's, this is another corpus.
+    async fn fetch_files(
+        &self,
+        corpus: &Corpus,
+    ) -> Result<Vec<(&'static str, FileDecision)>, MirrorError> {
+        let store = self.store.name();
+        let damaged = |bad: BadFile| MirrorError::BadStore {
+            store: store.into(),
+            bad,
+        };
+        let theirs = CorpusFiles::of_store(self.store, self.sweeps).await?;
+        let theirs = theirs.map_err(damaged)?;
+        // Other processes must not change them in the meantime.
+        let _claim = corpus.claim()?;
+        let has_plan = corpus.plan_path().exists();
+        let mut judge = Judge::new(&theirs, Plan::of_corpus(corpus).ok().flatten());
+        let mut is_plan_replaced = false;
+        let mut decisions = Vec::new();
+        let mut to_write = Vec::new();
+        for (name, bytes) in theirs.contents() {
+            let path = own_path(corpus.root(), name).map_err(MirrorError::Folder)?;
+            let ours = if path.exists() {
+                let ours = outside_file::read(&path, FileKind::PLAN.unlinked());
+                Some(ours.map_err(MirrorError::Folder)?)
+            } else {
+                None
+            };
+            let shown = || path.display().to_string();
+            let verdict = match &ours {
+                None => None,
+                Some(ours) if ours == bytes => continue,
+                Some(ours) if name == Corpus::SWEEP && !has_plan && !ours.is_empty() => {
+                    return Err(MirrorError::SweepWithoutPlan {
+                        path: shown(),
+                        store: store.into(),
+                        name,
+                    });
+                }
+                Some(ours) => Some(judge.verdict(name, ours, is_plan_replaced)),
+            };
+            match verdict {
+                None => {}
+                Some(Verdict::Replace(reason)) => {
+                    decisions.push((name, FileDecision::Replaced(reason)));
+                }
+                Some(Verdict::Keep { has_more }) => {
+                    if has_more {
+                        decisions.push((name, FileDecision::HasMore));
+                    }
+                    continue;
+                }
+                Some(Verdict::Conflict(difference)) => {
+                    return Err(MirrorError::OtherInFolder {
+                        path: shown(),
+                        store: store.into(),
+                        difference,
+                    });
+                }
+            }
+            is_plan_replaced |= name == Corpus::PLAN;
+            to_write.push((path, bytes));
+        }
+        for (path, bytes) in to_write {
+            write_atomically(&path, bytes)?;
+        }
+        let splits = corpus.splits_path();
+        if !splits.exists() {
+            let split = theirs.split_again().transpose();
+            let split = split.map_err(|leak| damaged(BadFile::damaged(Corpus::PLAN, leak)))?;
+            if let Some(split) = &split {
+                split.write(&splits)?;
+            }
+            decisions.push((
+                Corpus::SPLITS,
+                split.map_or(FileDecision::Missing, |_| FileDecision::SplitAgain),
+            ));
+        }
+        Ok(decisions)
+    }
+}
