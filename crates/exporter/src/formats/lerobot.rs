@@ -14,6 +14,8 @@
 //! videos have the coded pictures of the corpus; otherwise the chosen pictures are encoded again with the corpus's settings. In both cases
 //! their unit of time is a fine one, because the library joins videos without encoding them (`merge_datasets`).
 
+mod moments;
+
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
@@ -27,15 +29,15 @@ use dataset::video::{VideoReader, VideoSettings, VideoWriter, refine_time_base};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use crate::about::{About, split_of};
-use crate::columns_text::{LEROBOT_EPISODES, LEROBOT_FRAMES, TICKS};
-use crate::croissant::{Contents, FileSet, JSON, ListedFile, PARQUET, table_records};
+use self::moments::Moments;
+use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use crate::description::about::{About, split_of};
+use crate::description::columns_text::{LEROBOT_EPISODES, LEROBOT_FRAMES, TICKS};
+use crate::description::croissant::{Contents, FileSet, JSON, ListedFile, PARQUET, table_records};
 use crate::error::{Error, Result};
-use crate::export::Watch;
-use crate::moments::Moments;
-use crate::pictures::ViewPictures;
+use crate::export::Export;
 use crate::request::Ticks;
-use crate::source::Source;
+use crate::scenarios::{Source, ViewPictures};
 
 /// Files in a folder, as the library itself has it.
 const CHUNK: usize = 1000;
@@ -45,7 +47,7 @@ const MOST_ROWS: usize = 500_000;
 type ValueOf = fn(&TickRow, &TickLabels) -> f64;
 
 /// Elements of `observation.state`, by name.
-pub(crate) const STATE: [(&str, ValueOf); 16] = [
+const STATE: [(&str, ValueOf); 16] = [
     ("latitude_deg", |row, _| row.pose.latitude_deg),
     ("longitude_deg", |row, _| row.pose.longitude_deg),
     ("altitude_msl_m", |row, _| row.pose.altitude_msl_m),
@@ -76,9 +78,76 @@ const WHOLE: [&str; 6] = [
     "time_ns",
 ];
 
+pub(super) const ABILITIES: Abilities = Abilities {
+    word: "lerobot",
+    has_stills: false,
+    ticks: TickChoice::AnyRate,
+    boxes: BoxUse::None,
+    has_predictions: false,
+};
+
+/// The format.
+#[derive(Default)]
+pub(super) struct LeRobot {
+    /// The form of the first scenario, which all others share.
+    form: Option<Form>,
+}
+
+impl LeRobot {
+    fn form(&self) -> Result<&Form> {
+        self.form.as_ref().ok_or(Error::Nothing)
+    }
+}
+
+impl FileFormat for LeRobot {
+    type Part = Vec<VideoPart>;
+
+    const BY_SIDE: bool = true;
+
+    fn check(&mut self, source: &Source<'_>, export: &Export<'_>) -> Result<()> {
+        let form = Form::of(source, export.request.ticks, &export.video)?;
+        match &self.form {
+            Some(first) => first.check_same(&form, &source.record.id)?,
+            None => self.form = Some(form),
+        }
+        Ok(())
+    }
+
+    /// Writes the videos.
+    fn write(&self, scenario: &Writing<'_>) -> Result<Vec<VideoPart>> {
+        let (source, form) = (&scenario.source, self.form()?);
+        let mut parts = Vec::new();
+        for view in &source.selected.views {
+            scenario.refuse_if_stopped()?;
+            let path = scenario.folder.join(form.video(view, scenario.number));
+            let parent = path.parent().unwrap_or(&scenario.folder);
+            fs::create_dir_all(parent).map_err(dataset::Error::io("create", parent))?;
+            if source.is_whole() {
+                source.scenario.copy_video(view, &path)?;
+                scenario.pictures_done(source.rows().count() as u64);
+            } else {
+                encode(scenario, view, form.fps, &path)?;
+            }
+            refine_time_base(&path)?;
+            parts.push(sample(&path)?);
+        }
+        Ok(parts)
+    }
+
+    /// Writes everything but the videos.
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let folder = written.folder();
+        let mut dataset = Dataset::new(&folder, self.form()?)?;
+        for (source, videos) in written.sources().zip(written.parts()) {
+            dataset.add(&source?, videos?)?;
+        }
+        dataset.finish(&written.export.about)
+    }
+}
+
 /// Properties shared by all scenarios of a dataset.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Form {
+struct Form {
     fps: u32,
     /// Views with the width and height of their pictures.
     views: Vec<(String, [u32; 2])>,
@@ -87,8 +156,8 @@ pub(crate) struct Form {
 }
 
 impl Form {
-    /// The form of a scenario, which is checked before any file is written; `recorded` has the settings for videos that are re-encoded.
-    pub(crate) fn of(source: &Source<'_>, ticks: Ticks, recorded: &VideoSettings) -> Result<Self> {
+    /// The form of a scenario; `recorded` has the settings for videos that are re-encoded.
+    fn of(source: &Source<'_>, ticks: Ticks, recorded: &VideoSettings) -> Result<Self> {
         let fps = fps_of(&source.record.id, source.record.frame_rate, ticks)?;
         if source.rows().any(|row| row.labels.is_none()) {
             return Err(unlabelled(source));
@@ -111,7 +180,7 @@ impl Form {
     }
 
     /// Refuses a scenario of another form.
-    pub(crate) fn check_same(&self, other: &Self, scenario: &str) -> Result<()> {
+    fn check_same(&self, other: &Self, scenario: &str) -> Result<()> {
         match self == other {
             true => Ok(()),
             false => Err(Error::Mixed {
@@ -193,7 +262,7 @@ fn key_of(view: &str) -> String {
 
 /// A video that was written.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct VideoPart {
+struct VideoPart {
     codec: String,
     pixels: String,
     /// Pictures whose colours were counted.
@@ -202,71 +271,24 @@ pub(crate) struct VideoPart {
     colours: [Moments; 3],
 }
 
-/// Writes the videos of a scenario, which is the dataset's `episode`th.
-pub(crate) fn write_scenario(
-    source: &Source<'_>,
-    form: &Form,
-    recorded: &VideoSettings,
-    episode: usize,
-    folder: &Path,
-    watch: Watch<'_>,
-    pictures_done: &dyn Fn(u64),
-) -> Result<Vec<VideoPart>> {
-    let mut parts = Vec::new();
-    for view in &source.selected.views {
-        if (watch.is_stopped)() {
-            return Err(Error::Stopped);
-        }
-        let path = folder.join(form.video(view, episode));
-        let parent = path.parent().unwrap_or(folder);
-        fs::create_dir_all(parent).map_err(dataset::Error::io("create", parent))?;
-        if source.is_whole() {
-            source.scenario.copy_video(view, &path)?;
-            pictures_done(source.rows().count() as u64);
-        } else {
-            encode(
-                source,
-                view,
-                form.fps,
-                recorded,
-                &path,
-                watch,
-                pictures_done,
-            )?;
-        }
-        refine_time_base(&path)?;
-        parts.push(sample(&path)?);
-    }
-    Ok(parts)
-}
-
 /// Encodes the chosen pictures of a view.
-fn encode(
-    source: &Source<'_>,
-    view: &str,
-    fps: u32,
-    settings: &VideoSettings,
-    path: &Path,
-    watch: Watch<'_>,
-    pictures_done: &dyn Fn(u64),
-) -> Result<()> {
+fn encode(scenario: &Writing<'_>, view: &str, fps: u32, path: &Path) -> Result<()> {
+    let source = &scenario.source;
     let mut pictures = ViewPictures::open(source, view)?;
     let [width_px, height_px] = pictures.size_px();
     let rate = FrameRate {
         numerator: fps,
         denominator: 1,
     };
-    let mut video = VideoWriter::create(path, settings, width_px, height_px, rate)?;
+    let mut video = VideoWriter::create(path, &scenario.export.video, width_px, height_px, rate)?;
     let mut rgb = Vec::new();
     for row in &source.frames.rows {
-        if (watch.is_stopped)() {
-            return Err(Error::Stopped);
-        }
+        scenario.refuse_if_stopped()?;
         pictures.decode(row)?;
         if source.is_asked_for(row.tick) {
             pictures.convert(&mut rgb)?;
             video.write(&rgb)?;
-            pictures_done(1);
+            scenario.pictures_done(1);
         }
     }
     Ok(video.finish()?)
@@ -298,21 +320,6 @@ fn sample(path: &Path) -> Result<VideoPart> {
         sampled,
         colours: [red, green, blue],
     })
-}
-
-/// Writes everything but the videos. Scenarios come in the order of their episodes, by split.
-pub(crate) fn finish<'a>(
-    folder: &Path,
-    about: &About,
-    form: &Form,
-    scenarios: impl Iterator<Item = Result<(Source<'a>, Vec<VideoPart>)>>,
-) -> Result<Contents> {
-    let mut dataset = Dataset::new(folder, form)?;
-    for scenario in scenarios {
-        let (source, videos) = scenario?;
-        dataset.add(&source, videos)?;
-    }
-    dataset.finish(about)
 }
 
 /// A dataset whose tables are being written.

@@ -12,48 +12,74 @@ use std::path::Path;
 use dataset::corpus::splits::Side;
 use dataset::files::json_file::write_unsynced;
 
-use crate::about::short_split_of;
-use crate::columns_text::Kind;
-use crate::croissant::{Contents, Field, FileSet, ListedFile, RecordSet, content_of, part_of_path};
+use super::picture_files::{self, Part};
+use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use crate::description::about::short_split_of;
+use crate::description::columns_text::Kind;
+use crate::description::croissant::{
+    Contents, Field, FileSet, ListedFile, RecordSet, content_of, part_of_path,
+};
 use crate::error::Result;
-use crate::part::{LabelledBox, Part};
+use crate::export::{Export, ExportOutcome};
+use crate::scenarios::LabelledBox;
 
 const DATA: &str = "data.yaml";
 const LABELS: &str = "labels";
 
-/// Folder of the pictures of a side, relative to the export.
-pub(crate) fn pictures(side: Option<Side>) -> String {
-    format!("images/{}", short_split_of(side))
+pub(super) const ABILITIES: Abilities = Abilities {
+    word: "yolo",
+    has_stills: true,
+    ticks: TickChoice::EveryNth,
+    boxes: BoxUse::Certain,
+    has_predictions: false,
+};
+
+/// The format.
+#[derive(Default)]
+pub(super) struct Yolo;
+
+impl FileFormat for Yolo {
+    type Part = Part;
+
+    fn check_all(&self, export: &Export<'_>, outcome: &mut ExportOutcome) -> Result<()> {
+        outcome.remark = remark_on(&export.sides);
+        Ok(())
+    }
+
+    fn write(&self, scenario: &Writing<'_>) -> Result<Part> {
+        let side = short_split_of(scenario.source.selected.side);
+        picture_files::write(scenario, &format!("images/{side}"))
+    }
+
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let folder = written.folder();
+        for part in written.parts() {
+            write_labels(&folder, &part?)?;
+        }
+        let data = data_yaml(&written.export.sides);
+        write_unsynced(&folder.join(DATA), data.as_bytes())?;
+        Ok(contents())
+    }
 }
 
-/// Writes the files besides the pictures. `sides`: those that the scenarios are on.
-pub(crate) fn finish(
-    folder: &Path,
-    sides: &BTreeSet<Side>,
-    parts: impl Iterator<Item = Result<Part>>,
-) -> Result<Contents> {
-    for part in parts {
-        let part = part?;
-        let side = short_split_of(part.side);
-        let labels = folder.join(LABELS).join(side);
-        fs::create_dir_all(&labels).map_err(dataset::Error::io("create", &labels))?;
-        for view in &part.views {
-            let size_px = [view.camera.width_px, view.camera.height_px].map(f64::from);
-            for picture in &view.pictures {
-                let stem = Path::new(&picture.file).file_stem().unwrap_or_default();
-                let lines: String = picture.boxes.iter().map(|b| line(b, size_px)).collect();
-                let mut name = stem.to_owned();
-                name.push(".txt");
-                write_unsynced(&labels.join(name), lines.as_bytes())?;
-            }
+fn write_labels(folder: &Path, part: &Part) -> Result<()> {
+    let labels = folder.join(LABELS).join(short_split_of(part.side));
+    fs::create_dir_all(&labels).map_err(dataset::Error::io("create", &labels))?;
+    for view in &part.views {
+        let size_px = [view.camera.width_px, view.camera.height_px].map(f64::from);
+        for picture in &view.pictures {
+            let stem = Path::new(&picture.file).file_stem().unwrap_or_default();
+            let lines: String = picture.boxes.iter().map(|b| line(b, size_px)).collect();
+            let mut name = stem.to_owned();
+            name.push(".txt");
+            write_unsynced(&labels.join(name), lines.as_bytes())?;
         }
     }
-    write_unsynced(&folder.join(DATA), data_yaml(sides).as_bytes())?;
-    Ok(contents())
+    Ok(())
 }
 
 /// Parts that `data.yaml` lacks for training, as a sentence.
-pub(crate) fn remark_on(sides: &BTreeSet<Side>) -> Option<&'static str> {
+fn remark_on(sides: &BTreeSet<Side>) -> Option<&'static str> {
     if !sides.contains(&Side::Train) {
         Some("there is no training side, so data.yaml has no `train`")
     } else if !sides.contains(&Side::Validation) {

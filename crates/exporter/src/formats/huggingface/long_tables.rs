@@ -7,7 +7,7 @@ use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use serde_json::Value;
 
 use crate::error::Result;
-use crate::source::Source;
+use crate::scenarios::Source;
 
 /// The row of a scenario.
 pub(crate) fn scenario_row(source: &Source<'_>) -> TableWriter {

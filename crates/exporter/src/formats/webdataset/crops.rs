@@ -12,15 +12,15 @@ use serde::Serialize;
 
 use super::mixed_shards::{self, Stored, Unmixed};
 use super::samples::{Decoded, LabelledCorners, Showing, each_sample};
-use crate::croissant::Contents;
+use crate::description::about::split_of;
+use crate::description::croissant::Contents;
 use crate::error::{Error, Result};
-use crate::export::Watch;
-use crate::part::LabelledBox;
-use crate::request::ExportRequest;
-use crate::source::Source;
+use crate::export::{Export, ExportOutcome};
+use crate::formats::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use crate::scenarios::{LabelledBox, Source};
 
 /// The box that a crop is around: of several, the one with the best score.
-pub(crate) fn target(boxes: &[LabelledBox]) -> Option<PixelBox> {
+fn target(boxes: &[LabelledBox]) -> Option<PixelBox> {
     let mut boxes = boxes.iter();
     let first = boxes.next()?;
     let best = boxes.fold(first, |best, other| {
@@ -31,23 +31,6 @@ pub(crate) fn target(boxes: &[LabelledBox]) -> Option<PixelBox> {
         }
     });
     Some(best.pixel_box)
-}
-
-/// Refuses crops that are larger than a picture.
-pub(crate) fn check(source: &Source<'_>, crop_px: [u32; 2]) -> Result<()> {
-    for view in &source.selected.views {
-        let camera = source.view(view)?.1;
-        let picture_px = [camera.width_px, camera.height_px];
-        if crop_px[0] > picture_px[0] || crop_px[1] > picture_px[1] {
-            return Err(Error::CropTooLarge {
-                scenario: source.record.id.clone(),
-                view: view.clone(),
-                picture_px,
-                crop_px,
-            });
-        }
-    }
-    Ok(())
 }
 
 /// Position of a crop in its picture.
@@ -143,35 +126,71 @@ impl<'a> Showing for Cropped<'a> {
     }
 }
 
-/// Writes the samples of a scenario, to be mixed with others.
-pub(crate) fn write_scenario(
-    source: &Source<'_>,
-    request: &ExportRequest,
-    folder: &Path,
-    watch: Watch<'_>,
-    picture_done: &dyn Fn(),
-) -> Result<Vec<Stored>> {
-    let mut unmixed = Unmixed::create(folder, &source.record.id)?;
-    let cropped = Cropped {
-        source,
-        size_px: request.crop_px(),
-        rgb: Vec::new(),
-    };
-    let (stills, path) = (request.stills(), unmixed.path().to_owned());
-    let append = |tick, entries: Vec<u8>| unmixed.append(tick, &entries);
-    each_sample(source, stills, &path, watch, picture_done, cropped, append)?;
-    unmixed.finish()
-}
+pub(in crate::formats) const ABILITIES: Abilities = Abilities {
+    word: "crops",
+    has_stills: true,
+    ticks: TickChoice::EveryNth,
+    boxes: BoxUse::Crops,
+    has_predictions: false,
+};
 
-/// Mixes the samples of all scenarios, which come with their split and what was stored of them.
-pub(crate) fn finish(
-    folder: &Path,
-    seed: u64,
-    scenarios: impl Iterator<Item = Result<(String, &'static str, Vec<Stored>)>>,
-    watch: Watch<'_>,
-) -> Result<Contents> {
-    let shards = mixed_shards::mix(folder, seed, scenarios, watch)?;
-    Ok(super::contents(shards))
+/// The format.
+#[derive(Default)]
+pub(in crate::formats) struct Crops;
+
+impl FileFormat for Crops {
+    type Part = Vec<Stored>;
+
+    /// Refuses crops that are larger than a picture.
+    fn check(&mut self, source: &Source<'_>, export: &Export<'_>) -> Result<()> {
+        let crop_px = export.request.crop_px();
+        for view in &source.selected.views {
+            let camera = source.view(view)?.1;
+            let picture_px = [camera.width_px, camera.height_px];
+            if crop_px[0] > picture_px[0] || crop_px[1] > picture_px[1] {
+                return Err(Error::CropTooLarge {
+                    scenario: source.record.id.clone(),
+                    view: view.clone(),
+                    picture_px,
+                    crop_px,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_all(&self, _: &Export<'_>, outcome: &mut ExportOutcome) -> Result<()> {
+        if outcome.pictures == 0 {
+            return Err(Error::NoCrops);
+        }
+        Ok(())
+    }
+
+    /// Writes the samples, to be mixed with those of other scenarios.
+    fn write(&self, scenario: &Writing<'_>) -> Result<Vec<Stored>> {
+        let source = &scenario.source;
+        let mut unmixed = Unmixed::create(&scenario.folder, &source.record.id)?;
+        let cropped = Cropped {
+            source,
+            size_px: scenario.export.request.crop_px(),
+            rgb: Vec::new(),
+        };
+        let path = unmixed.path().to_owned();
+        let append = |tick, entries: Vec<u8>| unmixed.append(tick, &entries);
+        each_sample(scenario, &path, cropped, append)?;
+        unmixed.finish()
+    }
+
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let seed = written.export.request.seed.unwrap_or_default();
+        let scenarios = written.export.scenarios.iter().zip(written.parts());
+        let stored = scenarios.map(|(scenario, stored)| {
+            let selected = &scenario.selected;
+            Ok((selected.id(), split_of(selected.side), stored?))
+        });
+        let shards = mixed_shards::mix(&written.folder(), seed, stored, written.watch)?;
+        Ok(super::contents(shards))
+    }
 }
 
 #[cfg(test)]

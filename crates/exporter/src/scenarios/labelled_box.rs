@@ -1,43 +1,8 @@
-//! State of one scenario in an export: kept as JSON while the export is being made, so that it can be resumed.
+//! Boxes of a picture, true or detected.
 
 use dataset::conditions::sight::Sight;
-use dataset::corpus::calibration::CameraEntry;
-use dataset::corpus::splits::Side;
 use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
-
-/// The pictures of a scenario.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Part {
-    pub(crate) scenario: String,
-    pub(crate) weather: String,
-    pub(crate) time_of_day: String,
-    pub(crate) side: Option<Side>,
-    pub(crate) views: Vec<ViewPart>,
-}
-
-/// The pictures of a view.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ViewPart {
-    pub(crate) view: String,
-    pub(crate) camera: CameraEntry,
-    pub(crate) pictures: Vec<Picture>,
-}
-
-/// A picture that was written.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Picture {
-    pub(crate) tick: u32,
-    pub(crate) time_ns: i64,
-    /// Distance to touchdown, if the scenario is labelled.
-    pub(crate) dtd_m: Option<f64>,
-    /// Relative to the folder of the export, with forward slashes.
-    pub(crate) file: String,
-    pub(crate) boxes: Vec<LabelledBox>,
-    /// The model's detections, if the boxes are the ground truth and there are detections of one model.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(crate) found: Vec<LabelledBox>,
-}
 
 /// A box, in pixels as everywhere in this project: (0, 0) is the centre of the top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

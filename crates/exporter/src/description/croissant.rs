@@ -12,8 +12,8 @@ use dataset::files::json_file::write_json_unsynced;
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::about::About;
-use crate::columns_text::{Column, Kind, TableText, unit_of};
+use crate::description::about::About;
+use crate::description::columns_text::{Column, Kind, TableText, unit_of};
 use crate::error::Result;
 
 /// Name of the file.

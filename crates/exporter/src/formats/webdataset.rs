@@ -10,7 +10,7 @@
 //! crops ([`crops`]), it holds ticks of all scenarios of a side.
 
 mod archive;
-pub(crate) mod crops;
+pub(super) mod crops;
 mod mixed_shards;
 mod samples;
 
@@ -23,14 +23,14 @@ use dataset::corpus::calibration::CameraEntry;
 use serde::Serialize;
 
 use self::samples::{Decoded, LabelledCorners, Showing, each_sample};
-use crate::columns_text::Kind;
-use crate::croissant::{
+use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use crate::description::about::split_of;
+use crate::description::columns_text::Kind;
+use crate::description::croissant::{
     Contents, Field, FileSet, JSON, ListedFile, NameList, RecordSet, content_of, part_of_path,
 };
 use crate::error::Result;
-use crate::export::Watch;
-use crate::request::ExportRequest;
-use crate::source::Source;
+use crate::scenarios::Source;
 
 /// A shard is closed before the sample that would make it larger than this; readers want some hundred megabytes at a time.
 const MOST_BYTES: u64 = 1_000_000_000;
@@ -71,54 +71,63 @@ impl<'a> Showing for Whole<'a> {
     }
 }
 
-/// Writes the shards of a scenario; returns their number.
-pub(crate) fn write_scenario(
-    source: &Source<'_>,
-    request: &ExportRequest,
-    folder: &Path,
-    watch: Watch<'_>,
-    picture_done: &dyn Fn(),
-) -> Result<u32> {
-    let parent = folder.join(UNNUMBERED);
-    fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
-    let mut shards = Shards::new(parent, &source.record.id, MOST_BYTES);
-    let path = shards.path();
-    let (stills, whole) = (request.stills(), Whole { source });
-    let append = |_, entries: Vec<u8>| shards.append(&entries);
-    each_sample(source, stills, &path, watch, picture_done, whole, append)?;
-    shards.finish()
+pub(super) const ABILITIES: Abilities = Abilities {
+    word: "webdataset",
+    has_stills: true,
+    ticks: TickChoice::EveryNth,
+    boxes: BoxUse::All,
+    has_predictions: false,
+};
+
+/// The format, with whole pictures.
+#[derive(Default)]
+pub(super) struct WebDataset;
+
+impl FileFormat for WebDataset {
+    /// Number of shards.
+    type Part = u32;
+
+    fn write(&self, scenario: &Writing<'_>) -> Result<u32> {
+        let parent = scenario.folder.join(UNNUMBERED);
+        fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
+        let source = &scenario.source;
+        let mut shards = Shards::new(parent, &source.record.id, MOST_BYTES);
+        let path = shards.path();
+        let append = |_, entries: Vec<u8>| shards.append(&entries);
+        each_sample(scenario, &path, Whole { source }, append)?;
+        shards.finish()
+    }
+
+    /// Numbers the shards of all scenarios. A kill may have left some of them numbered.
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let folder = written.folder();
+        let parent = folder.join(UNNUMBERED);
+        let mut numbers: BTreeMap<&str, u32> = BTreeMap::new();
+        let mut names = Vec::new();
+        for (scenario, shards) in written.export.scenarios.iter().zip(written.parts::<u32>()) {
+            let split = split_of(scenario.selected.side);
+            for shard in 0..shards? {
+                let number = numbers.entry(split).or_default();
+                let name = shard_name(split, *number);
+                *number += 1;
+                let from = shard_path(&parent, &scenario.selected.id(), shard);
+                let to = folder.join(&name);
+                if !to.exists() {
+                    fs::rename(&from, &to).map_err(dataset::Error::io("rename", &from))?;
+                }
+                names.push(name);
+            }
+        }
+        if parent.exists() {
+            fs::remove_dir(&parent).map_err(dataset::Error::io("remove", &parent))?;
+        }
+        Ok(contents(names))
+    }
 }
 
 /// Name of a shard of a split.
 fn shard_name(split: &str, number: u32) -> String {
     format!("{split}-{number:06}.tar")
-}
-
-/// Numbers the shards of all scenarios, which come with their split and their number. A kill may have left some of them numbered.
-pub(crate) fn finish(
-    folder: &Path,
-    scenarios: impl Iterator<Item = Result<(String, &'static str, u32)>>,
-) -> Result<Contents> {
-    let parent = folder.join(UNNUMBERED);
-    let mut numbers: BTreeMap<&str, u32> = BTreeMap::new();
-    let mut names = Vec::new();
-    for scenario in scenarios {
-        let (id, split, shards) = scenario?;
-        for shard in 0..shards {
-            let number = numbers.entry(split).or_default();
-            let name = shard_name(split, *number);
-            *number += 1;
-            let (from, to) = (shard_path(&parent, &id, shard), folder.join(&name));
-            if !to.exists() {
-                fs::rename(&from, &to).map_err(dataset::Error::io("rename", &from))?;
-            }
-            names.push(name);
-        }
-    }
-    if parent.exists() {
-        fs::remove_dir(&parent).map_err(dataset::Error::io("remove", &parent))?;
-    }
-    Ok(contents(names))
 }
 
 fn contents(shards: Vec<String>) -> Contents {

@@ -19,8 +19,9 @@ use dataset::files::new_file::{NewFile, sync};
 use serde::{Deserialize, Serialize};
 
 use super::{archive, shard_name};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::export::Watch;
+use crate::formats::refuse_if_stopped;
 
 /// A shard is closed before the sample that would make it larger than this: about a thousand samples of two crops, so that a small
 /// corpus has a shard for each worker of a loader.
@@ -30,7 +31,7 @@ const UNMIXED: &str = "unmixed";
 
 /// A sample in the file of its scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Stored {
+pub(in crate::formats) struct Stored {
     tick: u32,
     bytes: u64,
 }
@@ -120,9 +121,7 @@ pub(super) fn mix(
     for (split, mut entries) in splits {
         entries.sort();
         for (number, range) in (0..).zip(shards(&entries, MOST_BYTES)) {
-            if (watch.is_stopped)() {
-                return Err(Error::Stopped);
-            }
+            refuse_if_stopped(watch)?;
             let name = shard_name(split, number);
             let path = folder.join(&name);
             if !path.exists() {

@@ -9,7 +9,7 @@ use dataset::files::outside_file::{self, FileKind};
 use dataset::tables::columns::{Table, TableWriter};
 
 use crate::error::{Error, Result};
-use crate::source::Source;
+use crate::scenarios::Source;
 
 const FILE: &str = "predictions.parquet";
 

@@ -17,15 +17,19 @@ use dataset::corpus::splits::Side;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::about::short_split_of;
-use crate::columns_text::Kind;
-use crate::croissant::{Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path};
+use super::picture_files::{self, Part, Picture, ViewPart};
+use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use crate::description::about::short_split_of;
+use crate::description::columns_text::Kind;
+use crate::description::croissant::{
+    Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path,
+};
 use crate::error::Result;
-use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
 use crate::request::BoxSource;
+use crate::scenarios::{LabelledBox, TruthFigures};
 
 /// Folder of its pictures, relative to the export.
-pub(crate) const PICTURES: &str = "images";
+const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
 /// The same file once more: mlcroissant reads lists of one length from a file.
 const AGAIN: &str = "annotations.json-boxes";
@@ -71,9 +75,36 @@ struct Found {
     score: f64,
 }
 
+pub(super) const ABILITIES: Abilities = Abilities {
+    word: "coco",
+    has_stills: true,
+    ticks: TickChoice::EveryNth,
+    boxes: BoxUse::All,
+    has_predictions: false,
+};
+
+/// The format.
+#[derive(Default)]
+pub(super) struct Coco;
+
+impl FileFormat for Coco {
+    type Part = Part;
+
+    fn write(&self, scenario: &Writing<'_>) -> Result<Part> {
+        picture_files::write(scenario, PICTURES)
+    }
+
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let boxes = written.export.request.boxes;
+        finish(&written.folder(), boxes, &written.export.sides, || {
+            written.parts()
+        })
+    }
+}
+
 /// Writes the files besides the pictures, part by part: together they may be larger than the memory. `sides`: those that the scenarios
 /// are on.
-pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
+fn finish<P: Iterator<Item = Result<Part>>>(
     folder: &Path,
     boxes: BoxSource,
     sides: &BTreeSet<Side>,

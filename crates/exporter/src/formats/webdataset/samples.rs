@@ -9,13 +9,10 @@ use dataset::tables::frames::TickRow;
 use serde::Serialize;
 
 use super::archive::{self, SampleFile};
-use crate::about::split_of;
-use crate::error::{Error, Result};
-use crate::export::Watch;
-use crate::part::{LabelledBox, TruthFigures};
-use crate::pictures::ViewPictures;
-use crate::source::Source;
-use crate::still::StillFormat;
+use crate::description::about::split_of;
+use crate::error::Result;
+use crate::formats::Writing;
+use crate::scenarios::{LabelledBox, Source, TruthFigures, ViewPictures};
 
 /// Metadata of a tick.
 #[derive(Serialize)]
@@ -108,14 +105,13 @@ pub(super) trait Showing {
 /// Makes the samples of a scenario in the order of the ticks, and gives each to `append` as entries of an archive. `path` names the file
 /// that they go to in messages.
 pub(super) fn each_sample<S: Showing>(
-    source: &Source<'_>,
-    stills: StillFormat,
+    scenario: &Writing<'_>,
     path: &Path,
-    watch: Watch<'_>,
-    picture_done: &dyn Fn(),
     mut showing: S,
     mut append: impl FnMut(u32, Vec<u8>) -> Result<()>,
 ) -> Result<()> {
+    let source = &scenario.source;
+    let stills = scenario.export.request.stills();
     let views = &source.selected.views;
     let mut decoded = Vec::with_capacity(views.len());
     for view in views {
@@ -127,9 +123,7 @@ pub(super) fn each_sample<S: Showing>(
         let mut files = Vec::new();
         let mut known = BTreeMap::new();
         for (view, pictures) in views.iter().zip(&mut decoded) {
-            if (watch.is_stopped)() {
-                return Err(Error::Stopped);
-            }
+            scenario.refuse_if_stopped()?;
             pictures.decode(row)?;
             if !is_sample {
                 continue;
@@ -144,7 +138,7 @@ pub(super) fn each_sample<S: Showing>(
             stills.encode(&mut bytes, path, shown.rgb, shown.size_px)?;
             files.push((format!("{view}.{}", stills.extension()), bytes));
             known.insert(view.as_str(), of_view);
-            picture_done();
+            scenario.pictures_done(1);
         }
         if is_sample {
             let sample = Sample::of(source, row, known);

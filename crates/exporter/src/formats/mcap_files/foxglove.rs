@@ -3,7 +3,7 @@
 use prost::Message;
 
 /// The schemas, as Protobuf describes itself (`crates/exporter/foxglove/make.py`).
-pub(crate) const SCHEMAS: &[u8] = include_bytes!("../foxglove/schemas.bin");
+pub(crate) const SCHEMAS: &[u8] = include_bytes!("../../../foxglove/schemas.bin");
 
 /// A message with its name.
 pub(crate) trait Named: Message {

@@ -3,8 +3,8 @@
 use dataset::tables::frames::TickRow;
 use dataset::video::VideoReader;
 
+use super::source::Source;
 use crate::error::{Error, Result};
-use crate::source::Source;
 
 /// A video of a scenario that is being decoded.
 pub(crate) struct ViewPictures<'a> {

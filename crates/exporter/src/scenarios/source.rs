@@ -12,10 +12,11 @@ use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::frames::{Frames, TickRow};
 use dataset::tables::pixel_box::TruthBox;
 
+use super::labelled_box::{LabelledBox, TruthFigures};
+use super::selection::Selected;
 use crate::error::{Error, Result};
-use crate::part::{LabelledBox, TruthFigures};
-use crate::request::{BoxSource, ExportRequest, Format, Ticks};
-use crate::selection::Selected;
+use crate::formats::BoxUse;
+use crate::request::{BoxSource, ExportRequest, Ticks};
 
 /// Boxes by view and tick.
 type ByPicture = BTreeMap<(String, u32), Vec<LabelledBox>>;
@@ -63,25 +64,23 @@ impl<'a> Source<'a> {
             Some(model) => scenario.detections(model)?.boxes,
             None => Vec::new(),
         };
-        if request.format == Format::Crops {
+        let boxes_used = request.format.abilities().boxes;
+        if boxes_used == BoxUse::Crops {
             detections.retain(|found| found.confirmed);
         }
         let cloud_base = CloudBase::of(&record.conditions.weather);
         let mut left_out = BTreeSet::new();
         let mut has_truth = request.boxes == BoxSource::Truth;
         let (boxes, beside) = match request.boxes {
-            _ if request.format == Format::LeRobot => Default::default(),
+            _ if boxes_used == BoxUse::None => Default::default(),
             BoxSource::Truth => {
                 let mut boxes = Vec::new();
                 for real in scenario.truth_boxes()? {
                     let sight = sight_of(&real, &frames, cloud_base);
                     // A label file has no word for a box that is neither right nor wrong.
-                    match (request.format, sight) {
-                        (Format::Yolo, Sight::Haze) => {}
-                        (Format::Yolo, Sight::Cloud) => {
-                            left_out.insert((real.view, real.tick));
-                        }
-                        (Format::Yolo, Sight::Open) if !real.is_expected() => {
+                    match (boxes_used, sight) {
+                        (BoxUse::Certain, Sight::Haze) => {}
+                        (BoxUse::Certain, _) if sight == Sight::Cloud || !real.is_expected() => {
                             left_out.insert((real.view, real.tick));
                         }
                         _ => boxes.push(of_truth(real, sight)),
@@ -92,9 +91,10 @@ impl<'a> Source<'a> {
             }
             BoxSource::Detections => {
                 let confirmed = detections.into_iter().filter(|found| found.confirmed);
-                let truth = match request.format {
-                    Format::Crops => scenario.truth_boxes_if_labelled()?,
-                    _ => None,
+                let truth = if boxes_used == BoxUse::Crops {
+                    scenario.truth_boxes_if_labelled()?
+                } else {
+                    None
                 };
                 has_truth = truth.is_some();
                 let truth = truth.into_iter().flatten().map(|real| {
@@ -105,7 +105,7 @@ impl<'a> Source<'a> {
             }
         };
         let asked_for = asked_for(request.ticks, record.frame_rate, frames.rows.len());
-        if request.format == Format::Crops {
+        if boxes_used == BoxUse::Crops {
             left_out = without_crops(selected, &asked_for, &boxes);
         }
         Ok(Self {

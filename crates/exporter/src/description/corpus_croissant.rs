@@ -11,15 +11,15 @@ use dataset::files::json_file::{read_json, write_json};
 use dataset::files::own_path::own_path;
 use serde_json::{Value, json};
 
-use crate::about::About;
-use crate::columns_text::{BOXES, Column, DETECTIONS, Kind, TICKS};
-use crate::croissant::{
+use crate::description::about::About;
+use crate::description::columns_text::{BOXES, Column, DETECTIONS, Kind, TICKS};
+use crate::description::croissant::{
     CROISSANT, Contents, Field, FileSet, JSON, ListedFile, PARQUET, RecordSet, describe,
     json_path_in, part_of_path,
 };
 use crate::error::{Error, Result};
 use crate::export::ExportOutcome;
-use crate::selection::sides;
+use crate::scenarios::sides;
 
 const RECORDS: &str = "scenario-records";
 const CALIBRATIONS: &str = "calibrations";

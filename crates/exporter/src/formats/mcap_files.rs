@@ -4,8 +4,10 @@
 //! Places are relative to the touchdown target, in the frame `touchdown`: x east, y north, z up. The aircraft's frame `aircraft` has x
 //! forward, y left, z up; the frame of a camera has the name of its view and OpenCV's axes. Times count from tick 0.
 
+mod foxglove;
+
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
@@ -19,17 +21,17 @@ use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::croissant::{Contents, ListedFile, NameList};
-use crate::error::{Error, Result};
-use crate::export::Watch;
-use crate::foxglove::{
+use self::foxglove::{
     CameraCalibration, Color, CompressedVideo, FrameTransform, FrameTransforms, ImageAnnotations,
     LINE_LOOP, LocationFix, Named, Point2, PointsAnnotation, Pose, PoseInFrame, Quaternion,
     SCHEMAS, TextAnnotation, Timestamp, Vector3,
 };
-use crate::part::LabelledBox;
+use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use crate::description::croissant::{Contents, ListedFile, NameList};
+use crate::error::{Error, Result};
+use crate::export::Export;
 use crate::request::BoxSource;
-use crate::source::Source;
+use crate::scenarios::{LabelledBox, Source};
 
 const WORLD: &str = "touchdown";
 const AIRCRAFT: &str = "aircraft";
@@ -58,15 +60,117 @@ struct Labels {
     true_airspeed_mps: f64,
 }
 
-/// Refuses videos whose pictures Foxglove has no name for, before anything is written.
-pub(crate) fn check(source: &Source<'_>) -> Result<()> {
-    for view in &source.selected.views {
-        // FFV1, the only one, is also the only codec in this container.
-        if source.scenario.video_name(view)?.ends_with(".mov") {
-            return Err(unsupported(source, view));
+pub(super) const ABILITIES: Abilities = Abilities {
+    word: "mcap",
+    has_stills: false,
+    ticks: TickChoice::All,
+    boxes: BoxUse::All,
+    has_predictions: false,
+};
+
+/// The format.
+#[derive(Default)]
+pub(super) struct Mcap;
+
+impl FileFormat for Mcap {
+    type Part = ();
+
+    /// Refuses videos whose pictures Foxglove has no name for.
+    fn check(&mut self, source: &Source<'_>, _: &Export<'_>) -> Result<()> {
+        for view in &source.selected.views {
+            // FFV1, the only one, is also the only codec in this container.
+            if source.scenario.video_name(view)?.ends_with(".mov") {
+                return Err(unsupported(source, view));
+            }
         }
+        Ok(())
     }
-    Ok(())
+
+    fn write(&self, scenario: &Writing<'_>) -> Result<()> {
+        let source = &scenario.source;
+        let path = scenario.folder.join(name_of(&source.record.id));
+        let mut views = Vec::new();
+        for view in &source.selected.views {
+            let packets = source.scenario.open_packets(view)?;
+            let packets = packets.ok_or_else(|| unsupported(source, view))?;
+            let (index, camera) = source.view(view)?;
+            views.push(View {
+                name: view,
+                index,
+                camera,
+                packets,
+            });
+        }
+        let world = World::at(source.record.touchdown);
+        let mut file = McapFile::create(&path)?;
+        file.metadata(source)?;
+        for row in &source.frames.rows {
+            let time = Time::of(row);
+            if row.tick == 0 {
+                file.cameras(&views, &world, time)?;
+            }
+            file.aircraft(row, &world, time)?;
+            if let Some(labels) = &row.labels {
+                file.labels(row, labels, time)?;
+            }
+            for view in &mut views {
+                scenario.refuse_if_stopped()?;
+                let expected = row.views[view.index].pts;
+                let picture = view.packets.next_picture()?;
+                let found = picture.as_ref().map(|picture| picture.pts);
+                let Some(picture) = picture.filter(|picture| picture.pts == expected) else {
+                    return Err(Error::Video {
+                        scenario: source.record.id.clone(),
+                        view: view.name.to_owned(),
+                        tick: row.tick,
+                        expected,
+                        found: found.map_or("the end of the video".into(), |pts| pts.to_string()),
+                    });
+                };
+                let video = CompressedVideo {
+                    timestamp: Some(time.stamp()),
+                    frame_id: view.name.to_owned(),
+                    data: picture.data,
+                    format: format_of(view.packets.codec()).to_owned(),
+                };
+                file.send(&format!("/{}/video", view.name), time, &video)?;
+                let boxes = source.boxes_of(view.name, row.tick);
+                let found = match scenario.export.request.boxes {
+                    BoxSource::Truth => {
+                        let topic = format!("/{}/boxes", view.name);
+                        file.send(&topic, time, &annotations(boxes, GREEN, time))?;
+                        source.beside(view.name, row.tick)
+                    }
+                    BoxSource::Detections => boxes,
+                };
+                if source.model.is_some() {
+                    let topic = format!("/{}/detections", view.name);
+                    file.send(&topic, time, &annotations(found, ORANGE, time))?;
+                }
+                scenario.pictures_done(1);
+            }
+        }
+        file.finish()
+    }
+
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let scenarios = written.export.scenarios.iter();
+        let names: Vec<String> = scenarios
+            .map(|scenario| name_of(&scenario.selected.id()))
+            .collect();
+        Ok(Contents {
+            files: names
+                .iter()
+                .map(|name| ListedFile::new(name, MEDIA_TYPE))
+                .collect(),
+            lists: vec![NameList {
+                id: "recordings",
+                what: "MCAP files for Foxglove, one per scenario, named after it.",
+                names,
+            }],
+            ..Contents::default()
+        })
+    }
 }
 
 fn unsupported(source: &Source<'_>, view: &str) -> Error {
@@ -79,99 +183,6 @@ fn unsupported(source: &Source<'_>, view: &str) -> Error {
 /// Path of the file of a scenario, relative to the export.
 fn name_of(scenario: &str) -> String {
     format!("{scenario}.mcap")
-}
-
-/// Writes the file of a scenario.
-pub(crate) fn write_scenario(
-    source: &Source<'_>,
-    boxes_are: BoxSource,
-    folder: &Path,
-    watch: Watch<'_>,
-    picture_done: &dyn Fn(),
-) -> Result<()> {
-    let path = folder.join(name_of(&source.record.id));
-    fs::create_dir_all(folder).map_err(dataset::Error::io("create", folder))?;
-    let mut views = Vec::new();
-    for view in &source.selected.views {
-        let packets = source.scenario.open_packets(view)?;
-        let packets = packets.ok_or_else(|| unsupported(source, view))?;
-        let (index, camera) = source.view(view)?;
-        views.push(View {
-            name: view,
-            index,
-            camera,
-            packets,
-        });
-    }
-    let world = World::at(source.record.touchdown);
-    let mut file = McapFile::create(&path)?;
-    file.metadata(source)?;
-    for row in &source.frames.rows {
-        let time = Time::of(row);
-        if row.tick == 0 {
-            file.cameras(&views, &world, time)?;
-        }
-        file.aircraft(row, &world, time)?;
-        if let Some(labels) = &row.labels {
-            file.labels(row, labels, time)?;
-        }
-        for view in &mut views {
-            if (watch.is_stopped)() {
-                return Err(Error::Stopped);
-            }
-            let expected = row.views[view.index].pts;
-            let picture = view.packets.next_picture()?;
-            let found = picture.as_ref().map(|picture| picture.pts);
-            let Some(picture) = picture.filter(|picture| picture.pts == expected) else {
-                return Err(Error::Video {
-                    scenario: source.record.id.clone(),
-                    view: view.name.to_owned(),
-                    tick: row.tick,
-                    expected,
-                    found: found.map_or("the end of the video".into(), |pts| pts.to_string()),
-                });
-            };
-            let video = CompressedVideo {
-                timestamp: Some(time.stamp()),
-                frame_id: view.name.to_owned(),
-                data: picture.data,
-                format: format_of(view.packets.codec()).to_owned(),
-            };
-            file.send(&format!("/{}/video", view.name), time, &video)?;
-            let boxes = source.boxes_of(view.name, row.tick);
-            let found = match boxes_are {
-                BoxSource::Truth => {
-                    let topic = format!("/{}/boxes", view.name);
-                    file.send(&topic, time, &annotations(boxes, GREEN, time))?;
-                    source.beside(view.name, row.tick)
-                }
-                BoxSource::Detections => boxes,
-            };
-            if source.model.is_some() {
-                let topic = format!("/{}/detections", view.name);
-                file.send(&topic, time, &annotations(found, ORANGE, time))?;
-            }
-            picture_done();
-        }
-    }
-    file.finish()
-}
-
-/// Contents of the export.
-pub(crate) fn finish(scenarios: impl Iterator<Item = String>) -> Contents {
-    let names: Vec<String> = scenarios.map(|id| name_of(&id)).collect();
-    Contents {
-        files: names
-            .iter()
-            .map(|name| ListedFile::new(name, MEDIA_TYPE))
-            .collect(),
-        lists: vec![NameList {
-            id: "recordings",
-            what: "MCAP files for Foxglove, one per scenario, named after it.",
-            names,
-        }],
-        ..Contents::default()
-    }
 }
 
 /// A view whose packets are read.
