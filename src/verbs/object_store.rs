@@ -29,8 +29,8 @@ pub(super) fn failure_to_mirror(error: MirrorError) -> Failure {
     match error {
         MirrorError::Store(error) => failure_of(error),
         MirrorError::Folder(error) => Failure::bad_input(error),
-        error if error.is_bad_input() => Failure::bad_input(error),
-        error => Failure::Failed(error.into()),
+        MirrorError::Refused { .. } => Failure::bad_input(error),
+        MirrorError::Damaged { .. } => Failure::Failed(error.into()),
     }
 }
 

@@ -252,9 +252,8 @@ fn verify_in_store(
     let listing = listing.map_err(failure_of)?;
     let committed = listing.committed();
     if committed.is_empty() {
-        return Err(failure_to_mirror(MirrorError::NothingCommitted {
-            store: store.name().to_owned(),
-        }));
+        let nothing = MirrorError::nothing_committed(&store);
+        return Err(failure_to_mirror(nothing));
     }
     let report = runtime.block_on(async {
         for name in Corpus::FILES {

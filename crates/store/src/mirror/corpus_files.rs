@@ -11,7 +11,7 @@ use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
 use dataset::plan::{Difference, Plan};
 
-use super::SweepLanguage;
+use super::{FileDecision, SweepLanguage};
 use crate::corpus_store::CorpusStore;
 use crate::error::StoreError;
 
@@ -73,16 +73,8 @@ enum Standing {
     AsThePlan,
 }
 
-/// Decision about a file that differs in the destination.
-#[derive(Debug)]
-pub(super) enum Verdict {
-    Replace(Replaced),
-    /// The destination's stays; true if it contains more.
-    Keep {
-        has_more: bool,
-    },
-    Conflict(String),
-}
+/// A difference between two files that cannot be of copies of one corpus.
+pub(super) struct Conflict(pub(super) String);
 
 /// One of the files, read and valid.
 enum CorpusFile {
@@ -281,37 +273,37 @@ impl<'a> Judge<'a> {
         Self { source, plan_there }
     }
 
-    /// Decides which version of a file stays. `is_plan_replaced`: the plan of the destination was replaced, or was missing.
+    /// Decides which version of a file stays; `None` if there is no difference to speak of. `is_plan_replaced`: the plan of the destination was replaced, or was missing.
     pub(super) fn verdict(
         &mut self,
         name: &'static str,
         there: &[u8],
         is_plan_replaced: bool,
-    ) -> Verdict {
+    ) -> Result<Option<FileDecision>, Conflict> {
         let parsed = CorpusFile::parse(name, there, self.source.sweeps);
         if name == Corpus::PLAN {
             self.plan_there = None;
         }
         let there_file = match parsed {
             Ok(file) => file,
-            Err(bad) => return Verdict::Replace(Replaced::Damaged(bad)),
+            Err(bad) => return Ok(Some(FileDecision::Replaced(Replaced::Damaged(bad)))),
         };
         let ours = self.source.files.get(name);
         let standing = ours.map_or(Standing::HasLess, |(_, ours)| ours.standing(&there_file));
         if let CorpusFile::Plan(plan) = there_file {
             self.plan_there = Some(*plan);
         }
-        match standing {
-            Standing::HasMore => Verdict::Replace(Replaced::HadLess),
-            Standing::HasLess => Verdict::Keep { has_more: true },
-            Standing::Same => Verdict::Keep { has_more: false },
-            Standing::Conflict(difference) => Verdict::Conflict(difference),
-            Standing::AsThePlan if is_plan_replaced => Verdict::Replace(Replaced::WithPlan),
+        let reason = match standing {
+            Standing::Conflict(difference) => return Err(Conflict(difference)),
+            Standing::HasLess => return Ok(Some(FileDecision::HasMore)),
+            Standing::HasMore => Replaced::HadLess,
+            Standing::AsThePlan if is_plan_replaced => Replaced::WithPlan,
             Standing::AsThePlan if self.is_of_other_plan(there) && self.has_sweep_of_plan() => {
-                Verdict::Replace(Replaced::NotOfPlan)
+                Replaced::NotOfPlan
             }
-            Standing::AsThePlan => Verdict::Keep { has_more: false },
-        }
+            Standing::Same | Standing::AsThePlan => return Ok(None),
+        };
+        Ok(Some(FileDecision::Replaced(reason)))
     }
 
     /// True if this is not the sweep of the plan in the destination.

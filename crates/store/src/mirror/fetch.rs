@@ -10,7 +10,7 @@ use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
 use dataset::plan::{Plan, PlannedScenarios};
 
-use super::corpus_files::{BadFile, CorpusFiles, Judge, Verdict};
+use super::corpus_files::{BadFile, Conflict, CorpusFiles, Judge};
 use super::{FileDecision, Mirror, MirrorError};
 use crate::corpus_store::Listing;
 use crate::error::StoreError;
@@ -96,15 +96,19 @@ impl Mirror<'_> {
         mut committed: BTreeSet<String>,
         only: &[String],
     ) -> Result<BTreeSet<String>, MirrorError> {
-        let store = || self.store.name().to_owned();
         if committed.is_empty() {
-            return Err(MirrorError::NothingCommitted { store: store() });
+            return Err(MirrorError::nothing_committed(self.store));
         }
         if let Some(id) = only.iter().find(|id| !committed.contains(*id)) {
-            return Err(MirrorError::NoSuchScenario {
-                store: store(),
-                id: id.clone(),
-                committed: committed.len(),
+            let count = match committed.len() {
+                1 => "1 scenario".to_owned(),
+                more => format!("{more} scenarios"),
+            };
+            return Err(MirrorError::Refused {
+                message: format!(
+                    "{}: has no committed scenario {id} ({count} committed)",
+                    self.store.name()
+                ),
             });
         }
         committed.retain(|id| only.is_empty() || only.contains(id));
@@ -139,9 +143,9 @@ impl Mirror<'_> {
         corpus: &Corpus,
     ) -> Result<Vec<(&'static str, FileDecision)>, MirrorError> {
         let store = self.store.name();
-        let damaged = |bad: BadFile| MirrorError::BadStore {
-            store: store.into(),
-            bad,
+        let damaged = |bad: BadFile| MirrorError::Damaged {
+            place: format!("{store}/{}", bad.name),
+            message: bad.fault,
         };
         let theirs = CorpusFiles::of_store(self.store, self.sweeps).await?;
         let theirs = theirs.map_err(damaged)?;
@@ -154,42 +158,32 @@ impl Mirror<'_> {
         let mut to_write = Vec::new();
         for (name, bytes) in theirs.contents() {
             let path = own_path(corpus.root(), name).map_err(MirrorError::Folder)?;
-            let ours = if path.exists() {
+            if path.exists() {
                 let ours = outside_file::read(&path, FileKind::PLAN.unlinked());
-                Some(ours.map_err(MirrorError::Folder)?)
-            } else {
-                None
-            };
-            let shown = || path.display().to_string();
-            let verdict = match &ours {
-                None => None,
-                Some(ours) if ours == bytes => continue,
-                Some(ours) if name == Corpus::SWEEP && !has_plan && !ours.is_empty() => {
-                    return Err(MirrorError::SweepWithoutPlan {
-                        path: shown(),
-                        store: store.into(),
-                        name,
-                    });
-                }
-                Some(ours) => Some(judge.verdict(name, ours, is_plan_replaced)),
-            };
-            match verdict {
-                None => {}
-                Some(Verdict::Replace(reason)) => {
-                    decisions.push((name, FileDecision::Replaced(reason)));
-                }
-                Some(Verdict::Keep { has_more }) => {
-                    if has_more {
-                        decisions.push((name, FileDecision::HasMore));
-                    }
+                let ours = ours.map_err(MirrorError::Folder)?;
+                if ours == bytes {
                     continue;
                 }
-                Some(Verdict::Conflict(difference)) => {
-                    return Err(MirrorError::OtherInFolder {
-                        path: shown(),
-                        store: store.into(),
-                        difference,
-                    });
+                // Without a plan, it may be anybody's work.
+                if name == Corpus::SWEEP && !has_plan && !ours.is_empty() {
+                    let message = format!(
+                        "{} differs from {store}/{name}, and there was no plan.json that was made from it. Nothing was fetched; move it away, \
+                         or name another folder",
+                        path.display()
+                    );
+                    return Err(MirrorError::Refused { message });
+                }
+                let decision = judge.verdict(name, &ours, is_plan_replaced);
+                let decision = decision.map_err(|Conflict(difference)| MirrorError::Refused {
+                    message: format!(
+                        "{} is of another corpus than {store}: {difference}. Nothing was fetched; name another folder",
+                        path.display()
+                    ),
+                })?;
+                let is_replaced = matches!(decision, Some(FileDecision::Replaced(_)));
+                decisions.extend(decision.map(|decision| (name, decision)));
+                if !is_replaced {
+                    continue;
                 }
             }
             is_plan_replaced |= name == Corpus::PLAN;

@@ -7,7 +7,7 @@ use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
 use dataset::plan::PlannedScenarios;
 
-use super::corpus_files::{BadFile, CorpusFiles, Judge, Verdict};
+use super::corpus_files::{BadFile, Conflict, CorpusFiles, Judge};
 use super::settle::Keep;
 use super::{FileDecision, Mirror, MirrorError};
 use crate::corpus_store::Listing;
@@ -115,10 +115,12 @@ impl Mirror<'_> {
         result: &mut PushedCorpus,
     ) -> Result<CorpusFiles<'_>, MirrorError> {
         let root = corpus.root();
-        let refuse = |bad: BadFile| MirrorError::BadSource {
-            path: root.join(bad.name).display().to_string(),
-            bad,
-            store: self.store.name().into(),
+        let refuse = |bad: BadFile| MirrorError::Refused {
+            message: format!(
+                "{}: {bad}. Nothing was pushed; `dtd fetch {} --out FOLDER` brings the store's own",
+                root.join(bad.name).display(),
+                self.store.name()
+            ),
         };
         let read = |name| -> Result<Vec<u8>, MirrorError> {
             let path = own_path(root, name).map_err(MirrorError::Folder)?;
@@ -165,23 +167,20 @@ impl Mirror<'_> {
             .settle_files(files.contents(), |name, theirs, plan| {
                 // Judged again if another process wrote it in the meantime.
                 decisions.retain(|(of, _)| *of != name);
-                match judge.verdict(name, theirs, plan == Keep::Ours) {
-                    Verdict::Replace(reason) => {
-                        decisions.push((name, FileDecision::Replaced(reason)));
-                        Ok(Keep::Ours)
-                    }
-                    Verdict::Keep { has_more } => {
-                        if has_more {
-                            decisions.push((name, FileDecision::HasMore));
-                        }
-                        Ok(Keep::Theirs)
-                    }
-                    Verdict::Conflict(difference) => Err(MirrorError::OtherInStore {
-                        store: self.store.name().into(),
-                        name,
-                        difference,
-                    }),
-                }
+                let decision = judge.verdict(name, theirs, plan == Keep::Ours);
+                let decision = decision.map_err(|Conflict(difference)| MirrorError::Refused {
+                    message: format!(
+                        "{}: the corpus was started from a different sweep or split, {name} differs: {difference}. A corpus can only be added \
+                         to: push to another prefix",
+                        self.store.name()
+                    ),
+                })?;
+                let keep = match decision {
+                    Some(FileDecision::Replaced(_)) => Keep::Ours,
+                    _ => Keep::Theirs,
+                };
+                decisions.extend(decision.map(|decision| (name, decision)));
+                Ok(keep)
             });
         settled.await?;
         result.files.append(&mut decisions);
