@@ -97,7 +97,7 @@ impl FileFormat for Coco {
     fn finish(&self, written: &Written<'_>) -> Result<Contents> {
         let boxes = written.export.request.boxes;
         finish(&written.folder(), boxes, &written.export.sides, || {
-            written.parts()
+            written.parts::<Part>()
         })
     }
 }

@@ -138,7 +138,7 @@ impl FileFormat for LeRobot {
     fn finish(&self, written: &Written<'_>) -> Result<Contents> {
         let folder = written.folder();
         let mut dataset = Dataset::new(&folder, self.form()?)?;
-        for (source, videos) in written.sources().zip(written.parts()) {
+        for (source, videos) in written.sources().zip(written.parts::<Vec<VideoPart>>()) {
             dataset.add(&source?, videos?)?;
         }
         dataset.finish(&written.export.about)
@@ -262,7 +262,7 @@ fn key_of(view: &str) -> String {
 
 /// A video that was written.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-struct VideoPart {
+pub(super) struct VideoPart {
     codec: String,
     pixels: String,
     /// Pictures whose colours were counted.

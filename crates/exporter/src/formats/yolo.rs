@@ -53,7 +53,7 @@ impl FileFormat for Yolo {
 
     fn finish(&self, written: &Written<'_>) -> Result<Contents> {
         let folder = written.folder();
-        for part in written.parts() {
+        for part in written.parts::<Part>() {
             write_labels(&folder, &part?)?;
         }
         let data = data_yaml(&written.export.sides);

@@ -4,8 +4,6 @@
 //! A crop has the pixels of its picture, and always the same size: at an edge it is moved into the picture, not padded. A box larger than
 //! the crop leaves it on both sides. Samples of all scenarios of a side are mixed ([`super::mixed_shards`]).
 
-use std::path::Path;
-
 use dataset::corpus::calibration::CameraEntry;
 use dataset::tables::pixel_box::PixelBox;
 use serde::Serialize;
@@ -183,7 +181,11 @@ impl FileFormat for Crops {
 
     fn finish(&self, written: &Written<'_>) -> Result<Contents> {
         let seed = written.export.request.seed.unwrap_or_default();
-        let scenarios = written.export.scenarios.iter().zip(written.parts());
+        let scenarios = written
+            .export
+            .scenarios
+            .iter()
+            .zip(written.parts::<Vec<Stored>>());
         let stored = scenarios.map(|(scenario, stored)| {
             let selected = &scenario.selected;
             Ok((selected.id(), split_of(selected.side), stored?))
