@@ -41,6 +41,11 @@ pub(crate) enum Failure {
     Failed(anyhow::Error),
     /// A temporary failure; the same call may work later.
     TryAgain(anyhow::Error),
+    /// Stopped by a signal, without loss.
+    Interrupted {
+        /// True if the same call continues where this one stopped. Otherwise it starts over.
+        resumes: bool,
+    },
 }
 
 impl Failure {
@@ -63,6 +68,14 @@ impl Failure {
             error if error.is_passing() => Self::TryAgain(error.into()),
             error if error.is_bad_content() => Self::bad_input(error),
             error => Self::Failed(error.into()),
+        }
+    }
+
+    /// The same of a verb that starts over after it was stopped.
+    pub(crate) fn without_results(self) -> Self {
+        match self {
+            Self::Interrupted { .. } => Self::Interrupted { resumes: false },
+            failure => failure,
         }
     }
 
@@ -91,6 +104,17 @@ pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
         Err(Failure::BadInput(error)) => (BAD_INPUT, Some(error)),
         Err(Failure::Failed(error)) => (FAILED, Some(error)),
         Err(Failure::TryAgain(error)) => (TRY_AGAIN, Some(error)),
+        Err(Failure::Interrupted { resumes }) => {
+            eprintln!(
+                "interrupted: {}",
+                if resumes {
+                    "run the same command again to resume"
+                } else {
+                    "there are no results; run the same command again"
+                }
+            );
+            (TRY_AGAIN, None)
+        }
     };
     if let Some(error) = error {
         eprint_error!("{error:#}");

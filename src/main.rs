@@ -18,6 +18,7 @@ mod shipped;
 mod signals;
 mod stderr;
 mod telemetry;
+mod verb_watch;
 mod verbs;
 mod view_args;
 

@@ -1,17 +1,17 @@
 //! Ctrl-C and SIGTERM, from a user, a scheduler or a stopping container.
 //!
-//! A verb that supports a clean stop registers its switch with [`in_good_order`]; the first signal sets it. Without a switch, and
-//! at the second signal, the process ends at once with the exit code for "try again": everything that `dtd` writes tolerates being
-//! cut off at any moment.
+//! The first signal sets one switch while a verb is at work that ends cleanly when it is set ([`CleanStop`]). Otherwise, and at the second
+//! signal, the process ends at once with the exit code for "try again": everything that `dtd` writes tolerates being cut off at any moment.
 
 use std::io;
 use std::process;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::LazyLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use generator::generate::Cancel;
 use tokio::runtime::Builder;
 use tokio::signal::unix::{SignalKind, signal};
+use tokio_util::sync::CancellationToken;
 
 use crate::failure::TRY_AGAIN;
 use crate::repeats;
@@ -19,11 +19,32 @@ use crate::repeats;
 /// SIGXFSZ, when a file would exceed `ulimit -f`: unhandled it kills the process; handled, the write fails with an error.
 const FILE_TOO_LARGE: i32 = 25;
 
-/// The switch of the running verb, if it has one.
-static SWITCH: Mutex<Option<Cancel>> = Mutex::new(None);
+/// The switch. Once set, it stays set.
+static STOP: LazyLock<CancellationToken> = LazyLock::new(CancellationToken::new);
 
-fn switch() -> MutexGuard<'static, Option<Cancel>> {
-    SWITCH.lock().unwrap_or_else(PoisonError::into_inner)
+/// True while the first signal sets the switch instead of ending the process.
+static IS_CLEAN: AtomicBool = AtomicBool::new(false);
+
+/// While this exists, work goes on that ends cleanly when the switch is set.
+pub(crate) struct CleanStop(());
+
+impl CleanStop {
+    /// Until this is dropped, the first signal sets the switch.
+    pub(crate) fn begin() -> Self {
+        IS_CLEAN.store(true, Ordering::Relaxed);
+        Self(())
+    }
+
+    /// The switch.
+    pub(crate) fn switch(&self) -> &'static CancellationToken {
+        &STOP
+    }
+}
+
+impl Drop for CleanStop {
+    fn drop(&mut self) {
+        IS_CLEAN.store(false, Ordering::Relaxed);
+    }
 }
 
 /// Handles Ctrl-C, SIGTERM and SIGXFSZ for the rest of the process.
@@ -59,27 +80,12 @@ pub(crate) fn watch() -> io::Result<()> {
 }
 
 fn react() {
-    match switch().take() {
-        Some(cancel) => {
-            eprintln!("stopping cleanly; a second signal ends at once");
-            cancel.cancel();
-        }
-        None => {
-            eprintln!("interrupted: run the same command again");
-            repeats::write_counts();
-            process::exit(TRY_AGAIN.into());
-        }
+    if IS_CLEAN.load(Ordering::Relaxed) && !STOP.is_cancelled() {
+        eprintln!("stopping cleanly; a second signal ends at once");
+        STOP.cancel();
+    } else {
+        eprintln!("interrupted: run the same command again");
+        repeats::write_counts();
+        process::exit(TRY_AGAIN.into());
     }
-}
-
-/// While the returned value exists, the first signal sets `cancel`.
-pub(crate) fn in_good_order(cancel: &Cancel) -> impl Drop {
-    struct Lent;
-    impl Drop for Lent {
-        fn drop(&mut self) {
-            switch().take();
-        }
-    }
-    *switch() = Some(cancel.clone());
-    Lent
 }

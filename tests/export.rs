@@ -15,6 +15,7 @@ use dataset::corpus::detections::models_of;
 use dataset::corpus::splits::{Assignment, Side, Splits};
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{CodedPicture, PacketReader};
+use dataset::work::watch::Silent;
 use serde_json::Value;
 use testkit::command::{Dtd, said};
 use testkit::files::contents;
@@ -222,7 +223,7 @@ fn on_sides(folder: &Path, sides: &[Side]) -> Corpus {
     });
     let splits = Splits::new(assigned.collect()).unwrap();
     splits.write(&corpus.splits_path()).unwrap();
-    labeller::label_corpus(&corpus, &|_| {}).unwrap();
+    labeller::label_corpus(&corpus, &Silent).unwrap();
     corpus
 }
 

@@ -15,6 +15,7 @@ use dataset::tables::columns::{Table, TableWriter};
 use dataset::tables::frames::Frames;
 use dataset::verify::{Finding, VerifyOptions, VerifyReport, verify, verify_with};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
+use dataset::work::watch::Silent;
 use serde_json::Value;
 use testkit::command::{Dtd, text};
 use testkit::files::copy_folder;
@@ -128,7 +129,7 @@ impl Copy {
     /// Labels the scenario again, which seals it, too.
     fn label(&self) {
         self.seal();
-        let outcome = labeller::label_corpus(&self.corpus, &|_| {}).unwrap();
+        let outcome = labeller::label_corpus(&self.corpus, &Silent).unwrap();
         assert_eq!(outcome.labelled, [CLEAR], "{outcome:?}");
     }
 
@@ -142,7 +143,9 @@ impl Copy {
             decode: false,
             ..VerifyOptions::default()
         };
-        verify_with(&self.corpus, options, &mut |_, _| {}).findings
+        verify_with(&self.corpus, options, &Silent)
+            .unwrap()
+            .findings
     }
 
     fn change_record(&self, change: impl FnOnce(&mut ScenarioRecord)) {

@@ -30,12 +30,13 @@ use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::tables::registrations::Registration;
+use dataset::work::watch::Watch;
 use dataset::work::workers;
 use serde::Serialize;
 
 use crate::detector::{Detector, Device, ModelFile, ModelProfile, OrtDetector, OrtOptions};
 use crate::error::{Error, Result};
-use crate::outcome::{Failure, Progress, Watch};
+use crate::outcome::Failure;
 use crate::statistics::DetectionCounts;
 use crate::tiling::TilingSettings;
 pub use cpu_time::CpuTime;
@@ -195,7 +196,7 @@ pub fn detect_corpus(
     corpus: &Corpus,
     model_path: &Path,
     options: &DetectOptions,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<DetectOutcome> {
     let ort = options.ort();
     // Done first: a model that does not load is an error even if there are no scenarios to search.
@@ -211,7 +212,7 @@ fn detect_with(
     model: &Model,
     make: MakeDetector<'_>,
     options: &DetectOptions,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<DetectOutcome> {
     options.check()?;
     let mut outcome = DetectOutcome {
@@ -228,7 +229,7 @@ fn detect_with(
         let mut jobs = Vec::new();
         for folder in mem::take(&mut pending) {
             let id = folder.id();
-            if (watch.is_stopped)() {
+            if watch.is_stopped() {
                 outcome.left.push(id);
                 continue;
             }
@@ -254,7 +255,7 @@ fn detect_with(
                     done.push(id);
                 }
                 End::Elsewhere => pending.push(corpus.scenario(&id)),
-                End::Failed(Error::Stopped) | End::NotBegun => outcome.left.push(id),
+                End::Failed(Error::Stopped(_)) | End::NotBegun => outcome.left.push(id),
                 // For the caller to change, not a fault of the scenario.
                 End::Failed(error @ Error::Option { .. }) => return Err(error),
                 End::Failed(error) => outcome.failed.push(Failure {
@@ -266,13 +267,13 @@ fn detect_with(
         if let Some(first) = pending.first() {
             wait_for_other(first, watch)?;
         }
-        if (watch.is_stopped)() {
+        if watch.is_stopped() {
             outcome
                 .left
                 .extend(pending.drain(..).map(|folder| folder.id()));
         }
     }
-    outcome.stopped = (watch.is_stopped)();
+    outcome.stopped = watch.is_stopped();
     let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];
     for id in done.into_iter().flatten() {
         let scenario = corpus.scenario(id).open()?;
@@ -286,9 +287,9 @@ fn detect_with(
 }
 
 /// Waits until no other process searches a scenario.
-fn wait_for_other(folder: &ScenarioFolder, watch: Watch<'_>) -> Result<()> {
+fn wait_for_other(folder: &ScenarioFolder, watch: &dyn Watch) -> Result<()> {
     let mut said = false;
-    while !(watch.is_stopped)()
+    while !watch.is_stopped()
         && let Claimed::Theirs(holder) = folder.claim_search()?
     {
         if !said && let Some(holder) = holder {
@@ -305,20 +306,20 @@ fn work_through(
     jobs: &[ScenarioJob],
     make: MakeDetector<'_>,
     options: &DetectOptions,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<()> {
     let views: Vec<ViewJob<'_>> = jobs.iter().flat_map(ScenarioJob::views).collect();
-    let total = views.iter().map(ViewJob::pictures).sum();
+    watch.begin("", views.iter().map(ViewJob::pictures).sum());
     let next = AtomicUsize::new(0);
     let done = Mutex::new(0);
     let picture_done = || {
         let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
         *done += 1;
-        (watch.progress)(Progress { done: *done, total });
+        watch.advance(*done, "");
     };
     let work = || -> Result<()> {
         let mut detector = None;
-        while !(watch.is_stopped)()
+        while !watch.is_stopped()
             && let Some(view) = views.get(next.fetch_add(1, Ordering::Relaxed))
         {
             let detector = match &mut detector {
@@ -327,7 +328,7 @@ fn work_through(
                 none => Some(none.insert(make()?)),
             };
             let detector = detector.map(|detector| &mut **detector as &mut dyn Detector);
-            view.search(detector, &picture_done, watch.is_stopped);
+            view.search(detector, &picture_done, watch);
         }
         Ok(())
     };

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use dataset::work::watch::Stopped;
+
 use crate::detector::LibraryError;
 
 /// A labelling or detection error. Every message names its subject.
@@ -19,8 +21,8 @@ pub enum Error {
         message: String,
     },
     /// The caller stopped the run.
-    #[error("stopped")]
-    Stopped,
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// ONNX Runtime cannot be found or started.
     #[error("ONNX Runtime: {0}")]
     Runtime(LibraryError),

@@ -15,11 +15,12 @@ use dataset::geometry::camera::Camera;
 use dataset::geometry::pose::Controls;
 use dataset::tables::frames::Frames;
 use dataset::tables::pixel_box::{TruthBox, write_truth_boxes};
+use dataset::work::watch::Watch;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::outcome::{Failure, Progress};
+use crate::outcome::Failure;
 use crate::track::labels_of;
 use crate::truth_box::project;
 
@@ -37,30 +38,37 @@ pub struct LabelOutcome {
     pub unchanged: Vec<String>,
     /// Scenarios that could not be labelled.
     pub failed: Vec<Failure>,
+    /// Scenarios that were left to the next run, because the caller stopped this one.
+    pub left: Vec<String>,
+    /// True if the caller stopped it, even if no work was left.
+    pub stopped: bool,
 }
 
 /// Labels all committed scenarios, several in parallel. A scenario that fails is reported and does not stop the others; an error is
-/// returned only if the corpus cannot be listed.
-pub fn label_corpus(corpus: &Corpus, progress: &(dyn Fn(Progress) + Sync)) -> Result<LabelOutcome> {
+/// returned only if the corpus cannot be listed. Scenarios that are done when `watch` stops the run stay.
+pub fn label_corpus(corpus: &Corpus, watch: &dyn Watch) -> Result<LabelOutcome> {
     let scenarios = corpus.scenarios()?;
-    let total = scenarios.len() as u64;
+    watch.begin("", scenarios.len() as u64);
     let done = AtomicU64::new(0);
-    let results: Vec<_> = scenarios
+    let label = |folder| {
+        watch.check()?;
+        let result = label_scenario(folder);
+        watch.advance(done.fetch_add(1, Ordering::Relaxed) + 1, "");
+        result
+    };
+    let results: Vec<(String, Result<bool>)> = scenarios
         .par_iter()
-        .map(|folder| {
-            let result = label_scenario(folder);
-            progress(Progress {
-                done: done.fetch_add(1, Ordering::Relaxed) + 1,
-                total,
-            });
-            (folder.id(), result)
-        })
+        .map(|folder| (folder.id(), label(folder)))
         .collect();
-    let mut outcome = LabelOutcome::default();
+    let mut outcome = LabelOutcome {
+        stopped: watch.is_stopped(),
+        ..LabelOutcome::default()
+    };
     for (id, result) in results {
         match result {
             Ok(true) => outcome.labelled.push(id),
             Ok(false) => outcome.unchanged.push(id),
+            Err(Error::Stopped(_)) => outcome.left.push(id),
             Err(error) => outcome.failed.push(Failure {
                 id,
                 reason: error.to_string(),
@@ -239,7 +247,9 @@ mod tests {
     use std::path::Path;
 
     use dataset::corpus::seal::seal_folder;
+    use dataset::work::watch::Silent;
     use testkit::short_corpus;
+    use testkit::watch::Calls;
 
     use super::*;
 
@@ -263,7 +273,7 @@ mod tests {
     fn labelling_writes_both_tables_and_keeps_the_seal_valid() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = short_corpus::write(temporary.path(), &["0001-a", "0002-b"]);
-        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        let outcome = label_corpus(&corpus, &Silent).unwrap();
         assert_eq!(outcome.labelled, ["0001-a", "0002-b"]);
         assert_eq!(outcome.failed, []);
         let folder = corpus.scenario("0001-a");
@@ -282,10 +292,10 @@ mod tests {
     fn labelling_again_changes_no_byte() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = short_corpus::write(temporary.path(), &["0001-a"]);
-        label_corpus(&corpus, &|_| {}).unwrap();
+        label_corpus(&corpus, &Silent).unwrap();
         let folder = corpus.scenario("0001-a");
         let before = files(folder.root());
-        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        let outcome = label_corpus(&corpus, &Silent).unwrap();
         assert_eq!(
             (outcome.labelled, outcome.unchanged),
             (vec![], vec!["0001-a".to_owned()])
@@ -297,7 +307,7 @@ mod tests {
     fn a_wrong_label_is_made_right() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = short_corpus::write(temporary.path(), &["0001-a"]);
-        label_corpus(&corpus, &|_| {}).unwrap();
+        label_corpus(&corpus, &Silent).unwrap();
         let folder = corpus.scenario("0001-a");
         let right = files(folder.root());
         let mut frames = folder.open().unwrap().frames().unwrap();
@@ -309,8 +319,29 @@ mod tests {
             |_, path| frames.write(path),
         )
         .unwrap();
-        assert_eq!(label_corpus(&corpus, &|_| {}).unwrap().labelled, ["0001-a"]);
+        assert_eq!(label_corpus(&corpus, &Silent).unwrap().labelled, ["0001-a"]);
         assert_eq!(files(folder.root()), right);
+    }
+
+    #[test]
+    fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
+        let temporary = tempfile::tempdir().unwrap();
+        let ids = ["0001-a", "0002-b", "0003-c", "0004-d"];
+        let corpus = short_corpus::write(temporary.path(), &ids);
+        let asked = AtomicU64::new(0);
+        let after_two = Calls {
+            advance: |_| {},
+            is_stopped: || asked.fetch_add(1, Ordering::Relaxed) >= 2,
+        };
+        let stopped = label_corpus(&corpus, &after_two).unwrap();
+        assert!(stopped.stopped);
+        assert_eq!((stopped.labelled.len(), stopped.left.len()), (2, 2));
+        let rest = label_corpus(&corpus, &Silent).unwrap();
+        assert_eq!(
+            (rest.labelled, rest.unchanged),
+            (stopped.left, stopped.labelled)
+        );
+        assert!(rest.left.is_empty() && !rest.stopped);
     }
 
     #[test]
@@ -322,7 +353,7 @@ mod tests {
         record.views.push("tower".into());
         record.write(&folder.record_path()).unwrap();
         seal_folder(folder.root(), "config").unwrap();
-        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        let outcome = label_corpus(&corpus, &Silent).unwrap();
         assert_eq!(outcome.labelled, ["0002-b"]);
         assert_eq!(outcome.failed[0].id, "0001-a");
         assert!(
@@ -352,7 +383,7 @@ mod tests {
                 .unwrap();
             }
             let label = || {
-                let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+                let outcome = label_corpus(&corpus, &Silent).unwrap();
                 assert_eq!(outcome.failed, []);
             };
             let read = || {
@@ -370,7 +401,7 @@ mod tests {
                 scope.spawn(read);
             });
             read();
-            assert_eq!(label_corpus(&corpus, &|_| {}).unwrap().unchanged, ids);
+            assert_eq!(label_corpus(&corpus, &Silent).unwrap().unchanged, ids);
         }
         assert!(!temporary.path().join("claims").exists());
     }
@@ -384,7 +415,7 @@ mod tests {
         frames.rows[0].pose.altitude_msl_m += 1.0;
         frames.write(&folder.frames_path()).unwrap();
         let before = files(folder.root());
-        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        let outcome = label_corpus(&corpus, &Silent).unwrap();
         let reason = &outcome.failed[0].reason;
         assert!(
             reason.contains("frames.parquet: does not match its seal"),
@@ -398,7 +429,7 @@ mod tests {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = short_corpus::write(temporary.path(), &["0001-a", "0002-b", "0003-c"]);
         std::fs::write(corpus.scenario("0002-b").root().join("DONE.json"), "").unwrap();
-        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        let outcome = label_corpus(&corpus, &Silent).unwrap();
         assert_eq!(outcome.labelled, ["0001-a", "0003-c"]);
         let [failure] = &outcome.failed[..] else {
             panic!("{:?}", outcome.failed);

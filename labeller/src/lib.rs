@@ -32,5 +32,5 @@ pub use detect::{
 pub use detector::Device;
 pub use error::{Error, Result};
 pub use label::{LabelOutcome, label_corpus};
-pub use outcome::{Failure, Progress, Watch};
+pub use outcome::Failure;
 pub use row_band::{RowBand, SearchBands};

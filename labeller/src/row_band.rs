@@ -154,6 +154,7 @@ mod tests {
     use crate::label::label_corpus;
     use dataset::corpus::splits::{Assignment, Splits};
     use dataset::tables::pixel_box::PixelBox;
+    use dataset::work::watch::Silent;
     use testkit::short_corpus;
 
     #[test]
@@ -175,7 +176,7 @@ mod tests {
             "no labels"
         );
 
-        label_corpus(&corpus, &|_| {}).unwrap();
+        label_corpus(&corpus, &Silent).unwrap();
         let bands = SearchBands::of_training_side(&corpus).unwrap().unwrap();
         assert_eq!(bands.large, None, "all are far away");
         let band = bands.small;

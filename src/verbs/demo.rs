@@ -17,7 +17,7 @@ use super::Outcome;
 use super::detect::{detect, interrupted, refuse_other_models};
 use super::evaluate::{evaluate, print_metrics};
 use super::generate::{ending_of, generate, options};
-use super::label::label;
+use super::label::{self, label};
 use super::output::{Next, finish, print_json};
 use super::train::train;
 use crate::args::DemoArgs;
@@ -50,6 +50,9 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     }
     let corpus = Corpus::open(&folder.corpus())?;
     let labelled = label(&corpus)?;
+    if let Some(ending) = label::interrupted(&labelled) {
+        return Ok(ending);
+    }
     let detected = detect(
         &corpus,
         &model,

@@ -9,9 +9,9 @@ use dataset::corpus::Corpus;
 use dataset::corpus::detections::{choose, models_of};
 use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
-use generator::generate::Cancel;
+use dataset::work::watch::Watch;
 use generator::shard::Shard;
-use labeller::{DetectOptions, DetectOutcome, Progress, RegistrationCounts, Watch, detect_corpus};
+use labeller::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
@@ -19,9 +19,8 @@ use super::output::{Next, count, finish, print_json};
 use super::train::has_scenario_on;
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
 use crate::shipped::Detector;
-use crate::signals;
+use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
@@ -143,24 +142,15 @@ pub(crate) fn detect(
     options: DetectOptions,
 ) -> Result<DetectOutcome, Failure> {
     refuse_other_models(model)?;
-    let bar = Bar::new("detect", "pictures", None);
-    let cancel = Cancel::default();
-    let stoppable = signals::in_good_order(&cancel);
-    let watch = Watch {
-        progress: &|at: Progress| {
-            bar.set_total(at.total);
-            bar.set_done(at.done);
-        },
-        is_stopped: &|| cancel.is_cancelled(),
-    };
-    let outcome = detect_corpus(corpus, model, &options, watch);
-    drop(stoppable);
-    let outcome = outcome.map_err(|error| match error.is_bad_input() {
-        true => Failure::bad_input(error),
-        false => error.into(),
+    let watch = VerbWatch::new("detect", "pictures");
+    let outcome = detect_corpus(corpus, model, &options, &watch).map_err(|error| {
+        match error.is_bad_input() {
+            true => Failure::bad_input(error),
+            false => error.into(),
+        }
     })?;
     for failure in &outcome.failed {
-        bar.warn(&format!(
+        watch.warn(&format!(
             "scenario {} was not searched: {}",
             failure.id, failure.reason
         ));

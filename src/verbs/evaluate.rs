@@ -9,9 +9,10 @@ use trainer::{EvaluationConfig, JudgedSide, Metrics, RunFolder};
 use super::Outcome;
 use super::open_corpus::open_sound_corpus;
 use super::output::{Next, count, finish, print_json, print_table};
-use super::train::{Bars, failure_of};
+use super::train::failure_of;
 use crate::estimator_args::{EvaluateArgs, SideArg};
 use crate::failure::Failure;
+use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
@@ -45,8 +46,9 @@ pub(crate) fn evaluate(
     corpus: &Corpus,
     config: &EvaluationConfig,
 ) -> Result<Metrics, Failure> {
-    let bars = &mut Bars::of("evaluate");
-    trainer::evaluate(&RunFolder::at(run), corpus, config, bars).map_err(failure_of)
+    let watch = VerbWatch::new("evaluate", "steps");
+    trainer::evaluate(&RunFolder::at(run), corpus, config, &watch)
+        .map_err(|error| failure_of(error).without_results())
 }
 
 /// Prints the errors of each estimator.

@@ -2,11 +2,11 @@
 
 use std::time::Instant;
 
+use dataset::work::watch::Watch;
 use detector_evaluation::{
     Ended, Error, EvaluatedMode, Evaluation, EvaluationOptions, ModeFigures, evaluate_detector,
 };
-use generator::generate::Cancel;
-use labeller::{DetectOptions, Mode, Progress, Watch};
+use labeller::{DetectOptions, Mode};
 
 use super::Outcome;
 use super::detect::refuse_other_models;
@@ -14,10 +14,9 @@ use super::open_corpus::open_filled_corpus;
 use super::output::{Next, count, finish, print_json, print_table};
 use crate::args::EvaluateDetectorArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
 use crate::search_args::SearchMode;
 use crate::shipped::Detector;
-use crate::signals;
+use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
@@ -42,19 +41,8 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
             .collect(),
         out: args.out.clone(),
     };
-    let bar = Bar::new("evaluate", "pictures", None);
-    let cancel = Cancel::default();
-    let stoppable = signals::in_good_order(&cancel);
-    let watch = Watch {
-        progress: &|at: Progress| {
-            bar.set_total(at.total);
-            bar.set_done(at.done);
-        },
-        is_stopped: &|| cancel.is_cancelled(),
-    };
-    let ended = evaluate_detector(&corpus, &options, watch);
-    drop(stoppable);
-    let evaluation = match ended.map_err(failure_of)? {
+    let watch = VerbWatch::new("evaluate", "pictures");
+    let evaluation = match evaluate_detector(&corpus, &options, &watch).map_err(failure_of)? {
         Ended::Done(evaluation) => evaluation,
         Ended::Stopped { searched, left } => {
             eprintln!(
@@ -65,12 +53,12 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
         }
     };
     for failure in &evaluation.failed {
-        bar.warn(&format!(
+        watch.warn(&format!(
             "scenario {} was not searched: {}",
             failure.id, failure.reason
         ));
     }
-    bar.finish();
+    drop(watch);
     if evaluation.scenarios.is_empty() {
         eprint_warning!(
             "evaluate-detector: no scenario could be searched, so there are no figures"

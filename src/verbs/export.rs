@@ -3,17 +3,15 @@
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use exporter::{Error, ExportOutcome, Format, Watch};
-use generator::generate::Cancel;
+use exporter::{Error, ExportOutcome, Format};
 use serde::Serialize;
 
 use super::Outcome;
 use super::open_corpus::{open_sound_corpus, refuse_empty};
 use super::output::{Next, count, finish, print_json};
 use crate::export_args::{Asked, ExportArgs};
-use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
-use crate::signals;
+use crate::failure::Failure;
+use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &ExportArgs) -> Outcome {
@@ -27,27 +25,9 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
             return describe(&corpus, license, args.json).map(|()| ending);
         }
     };
-    let bar = Bar::new("export", "pictures", None);
-    let cancel = Cancel::default();
-    let stoppable = signals::in_good_order(&cancel);
-    let watch = Watch {
-        progress: &|done, total| {
-            bar.set_total(total);
-            bar.set_done(done);
-        },
-        is_stopped: &|| cancel.is_cancelled(),
-    };
-    let exported = exporter::export(&corpus, &request, out, watch);
-    drop(stoppable);
-    let outcome = match exported {
-        Ok(outcome) => outcome,
-        Err(Error::Stopped) => {
-            eprintln!("interrupted: run the same command again to resume");
-            return Ok(Ending::Interrupted);
-        }
-        Err(error) => return Err(failure(error)),
-    };
-    bar.finish();
+    let watch = VerbWatch::new("export", "pictures");
+    let outcome = exporter::export(&corpus, &request, out, &watch).map_err(failure)?;
+    drop(watch);
     if args.json {
         return print_json(&outcome).map(|()| ending);
     }
@@ -84,6 +64,7 @@ fn failure(error: Error) -> Failure {
     match error {
         Error::Dataset(error) => Failure::of_corpus(error),
         Error::Held { .. } => Failure::TryAgain(error.into()),
+        Error::Stopped(_) => Failure::Interrupted { resumes: true },
         error if error.is_bad_request() => Failure::bad_input(error),
         error => error.into(),
     }

@@ -8,15 +8,15 @@ use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
 use store::{
     CorpusStore, Fetched, FetchedCorpus, FileDecision, Mirror, Patience, Replaced, StoreError,
+    Transfer,
 };
 
 use super::Outcome;
-use super::async_runtime::async_runtime;
-use super::object_store::{OnBar, SPLIT_AGAIN, failure_of, failure_to_mirror, mend};
+use super::object_store::{SPLIT_AGAIN, failure_of, failure_to_mirror, mend, run_transfers};
 use super::output::{count, print_json};
 use crate::args::FetchArgs;
-use crate::failure::Ending;
-use crate::progress::Bar;
+use crate::failure::{Ending, Failure};
+use crate::verb_watch::VerbWatch;
 
 /// Characters of a foreign name that a message shows.
 const MOST_SHOWN: usize = 64;
@@ -42,6 +42,10 @@ struct Brought {
     corpus_files: Vec<String>,
     /// Bytes that were downloaded.
     bytes: u64,
+    /// Scenarios that were left to the next call, because this one was stopped.
+    left: Vec<String>,
+    /// True if this call was stopped.
+    stopped: bool,
 }
 
 /// Something that was not downloaded.
@@ -55,20 +59,26 @@ struct Lost {
 pub(crate) fn run(args: &FetchArgs) -> Outcome {
     let began = Instant::now();
     let store = CorpusStore::open(&args.url, false).map_err(failure_of)?;
-    let bar = Bar::new("fetch", "scenarios", None);
-    let watch = OnBar::new(&bar);
+    let watch = VerbWatch::new("fetch", "scenarios");
+    let transfer = Transfer::new(&watch);
     let mirror = Mirror {
         store: &store,
         sweeps: &Sweeps,
         patience: Patience(Duration::from_secs(args.timeout_s)),
-        watch: &watch,
+        transfer: &transfer,
     };
-    let fetched = async_runtime()?.block_on(mirror.fetch(&args.out, &args.only));
-    let fetched = fetched.map_err(failure_to_mirror)?;
-    bar.set_done(fetched.scenarios.len() as u64);
-    bar.finish();
+    let mut fetched = FetchedCorpus::default();
+    let fetching = async {
+        let result = mirror.fetch(&args.out, &args.only, &mut fetched).await;
+        result.map_err(failure_to_mirror)
+    };
+    let stopped = match run_transfers(&watch, fetching) {
+        Err(Failure::Interrupted { .. }) if !fetched.to_go.is_empty() => true,
+        result => result.map(|()| false)?,
+    };
     let mut brought = Brought::of(fetched, args, &store);
-    brought.bytes = watch.bytes();
+    (brought.stopped, brought.bytes) = (stopped, transfer.bytes());
+    drop(watch);
     if args.json {
         print_json(&brought)?;
     } else {
@@ -99,6 +109,14 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     for lost in &brought.failed {
         eprint_warning!("{} was not fetched: {}", lost.id, lost.reason);
     }
+    if brought.stopped {
+        eprintln!(
+            "interrupted: {} fetched, {} to go; run the same command again to resume",
+            count(brought.fetched.len(), "scenario"),
+            brought.left.len()
+        );
+        return Ok(Ending::Interrupted);
+    }
     let lost = brought.different.len() + brought.failed.len() + brought.left_detections.len();
     Ok(match lost {
         0 => Ending::Done,
@@ -126,6 +144,7 @@ impl Brought {
                     .into(),
             });
         }
+        brought.left = fetched.to_go.into();
         for scenario in fetched.scenarios {
             let id = scenario.id;
             let lost = match scenario.fetched {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use dataset::video::TRIAL_PICTURES;
 use generator::generate::{
-    Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
+    Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
     Simulators, Stopped, free_bytes, generate as record,
 };
 use generator::shard::Shard;
@@ -26,7 +26,7 @@ use super::output::{Next, count, finish, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::{Bar, Disk, Scenarios};
-use crate::signals;
+use crate::signals::CleanStop;
 
 /// Runs the verb.
 pub(crate) fn run(args: &GenerateArgs) -> Outcome {
@@ -201,12 +201,13 @@ pub(crate) fn generate(
     // A simulator that cannot be reached is retried; a wrong variable stays wrong.
     WebApiPlace::from_environment().map_err(Failure::bad_input)?;
     let mut show = ShowEvents::new(corpus);
-    let cancel = Cancel::default();
-    let stoppable = signals::in_good_order(&cancel);
-    let result = async_runtime()?.block_on(record(sweep, corpus, options, &cancel, &mut |event| {
-        show.take(event);
-    }));
-    drop(stoppable);
+    let stop = CleanStop::begin();
+    let stopping = stop.switch();
+    let result =
+        async_runtime()?.block_on(record(sweep, corpus, options, stopping, &mut |event| {
+            show.take(event);
+        }));
+    drop(stop);
     match result {
         // Stopped before anything was started.
         Err(GenerateError::Cancelled) => Ok(Generated {
@@ -379,7 +380,7 @@ impl ShowEvents {
             )),
             Event::StoreAway { id, reason } => self
                 .bar
-                .warn(&format!("{id} cannot be uploaded now, retrying: {reason}")),
+                .warn(&format!("{id} cannot be uploaded now; {reason}")),
             Event::MadeElsewhere { id, ticks } => {
                 self.bar.say(&format!("{id}: made by another process"));
                 self.finished_without_us(id, u64::from(ticks));

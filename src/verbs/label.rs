@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
+use dataset::work::watch::Watch;
 use labeller::{LabelOutcome, label_corpus};
 
 use super::Outcome;
@@ -10,7 +11,7 @@ use super::open_corpus::open_filled_corpus;
 use super::output::{Next, count, finish, print_json};
 use crate::args::LabelArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
+use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &LabelArgs) -> Outcome {
@@ -25,6 +26,9 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
             outcome.unchanged.len()
         );
     }
+    if let Some(ending) = interrupted(&outcome) {
+        return Ok(ending);
+    }
     if outcome.failed.is_empty() {
         finish("label", began, &Next::verb("detect", &args.corpus));
     }
@@ -35,15 +39,25 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
     })
 }
 
-/// Labels a corpus with a progress bar.
+/// The ending of a run that was stopped before its end; says what is left.
+pub(crate) fn interrupted(outcome: &LabelOutcome) -> Option<Ending> {
+    if outcome.left.is_empty() {
+        return None;
+    }
+    eprintln!(
+        "interrupted: {} labelled, {} to go; run the same command again to resume",
+        count(outcome.labelled.len(), "scenario"),
+        outcome.left.len()
+    );
+    Some(Ending::Interrupted)
+}
+
+/// Labels a corpus with a progress bar. Ctrl-C or SIGTERM ends it after the current scenarios, which stay.
 pub(crate) fn label(corpus: &Corpus) -> Result<LabelOutcome, Failure> {
-    let bar = Bar::new("label", "scenarios", None);
-    let outcome = label_corpus(corpus, &|progress| {
-        bar.set_total(progress.total);
-        bar.set_done(progress.done);
-    })?;
+    let watch = VerbWatch::new("label", "scenarios");
+    let outcome = label_corpus(corpus, &watch)?;
     for failure in &outcome.failed {
-        bar.warn(&format!(
+        watch.warn(&format!(
             "scenario {} was not labelled: {}",
             failure.id, failure.reason
         ));

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use generator::generate::Cancel;
 use mock_xplane::server::{
     Addresses, LinkPatience, LinkServer, MockError, PluginOptions, SceneBehind, ServerOptions,
     serve, serve_tape,
@@ -15,7 +14,7 @@ use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
 use crate::args::{MockXplaneArgs, WindowSize};
 use crate::failure::{Ending, Failure};
-use crate::signals;
+use crate::signals::CleanStop;
 
 /// A faster clock makes frames longer. Above this length, a flight cannot be followed from frame to frame.
 const LONGEST_FRAME_S: f64 = 0.1;
@@ -44,8 +43,7 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         stage,
         link: link(args)?,
     };
-    let stop = Cancel::new();
-    let _in_good_order = signals::in_good_order(&stop);
+    let stop = CleanStop::begin();
     let runtime = async_runtime()?;
     let ending = runtime.block_on(async {
         let ready = |addresses: Addresses| match serde_json::to_string(&addresses) {
@@ -64,7 +62,7 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
                 error @ MockError::NoToken { .. } => Failure::bad_input(error),
                 error => error.into(),
             })?,
-            () = stop.cancelled() => {}
+            () = stop.switch().cancelled() => {}
             () = stdin_ended(), if args.until_stdin_ends => {}
         }
         Ok(Ending::Done)

@@ -1,15 +1,19 @@
-//! Object stores on the command line: exit codes of their failures, decisions about a corpus's files, the stage, and how waiting is
-//! displayed.
+//! Object stores on the command line: exit codes of their failures, the stage, and transfers that can be stopped.
 
 use std::env;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use dataset::plan::PlannedScenarios;
-use store::{CorpusStore, MirrorError, StoreError, StoreUrl, Watch};
+use store::{CorpusStore, MirrorError, StoreError, StoreUrl};
+use tokio::time::sleep;
 
+use super::async_runtime::async_runtime;
 use crate::failure::Failure;
-use crate::progress::Bar;
+use crate::verb_watch::VerbWatch;
+
+/// Longest time for transfers to stop.
+const STOP_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The message about a regenerated split.
 pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenerated from plan and seed; if the corpus was ever added to, its \
@@ -19,6 +23,7 @@ pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenera
 pub(super) fn failure_of(error: StoreError) -> Failure {
     match error {
         StoreError::Local(error) => Failure::of_corpus(error),
+        StoreError::Stopped(_) => Failure::Interrupted { resumes: true },
         error if error.is_bad_input() => Failure::bad_input(error),
         error => Failure::Failed(error.into()),
     }
@@ -57,38 +62,23 @@ pub(super) fn default_stage(url: &StoreUrl) -> PathBuf {
     cache.join("dtd").join("staging").join(url.folder_name())
 }
 
-/// Shows on a bar when the store is being retried, and counts what was transferred.
-pub(super) struct OnBar<'a> {
-    bar: &'a Bar,
-    bytes: AtomicU64,
-}
-
-impl<'a> OnBar<'a> {
-    pub(super) fn new(bar: &'a Bar) -> Self {
-        Self {
-            bar,
-            bytes: AtomicU64::new(0),
+/// Runs a verb's transfers. If they do not end soon after the verb was stopped, because a store does not answer or another process holds
+/// a scenario, they are dropped, which is no worse than a kill.
+pub(super) fn run_transfers<T>(
+    watch: &VerbWatch,
+    transfers: impl Future<Output = Result<T, Failure>>,
+) -> Result<T, Failure> {
+    let runtime = async_runtime()?;
+    let result = runtime.block_on(async {
+        let no_longer = async {
+            watch.stopped().await;
+            sleep(STOP_TIMEOUT).await;
+        };
+        tokio::select! {
+            result = transfers => result,
+            () = no_longer => Err(Failure::Interrupted { resumes: true }),
         }
-    }
-
-    /// Bytes transferred so far, including failed attempts.
-    pub(super) fn bytes(&self) -> u64 {
-        self.bytes.load(Ordering::Relaxed)
-    }
-}
-
-impl Watch for OnBar<'_> {
-    fn scenario(&self, id: &str, done: usize, total: usize) {
-        self.bar.set_total(total as u64);
-        self.bar.working_on(id);
-        self.bar.set_done(done as u64);
-    }
-
-    fn passed(&self, bytes: u64) {
-        self.bytes.fetch_add(bytes, Ordering::Relaxed);
-    }
-
-    fn waiting(&self, reason: &StoreError) {
-        self.bar.warn(&format!("retrying the store: {reason}"));
-    }
+    });
+    runtime.shutdown_background();
+    result
 }

@@ -5,8 +5,9 @@ use trainer::RunFolder;
 use super::Outcome;
 use super::open_corpus::open_sound_corpus;
 use super::output::{count, print_json};
-use super::train::{Bars, failure_of};
+use super::train::failure_of;
 use crate::estimator_args::PredictArgs;
+use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &PredictArgs) -> Outcome {
@@ -16,9 +17,9 @@ pub(crate) fn run(args: &PredictArgs) -> Outcome {
         &corpus,
         args.detections.as_deref(),
         &args.out,
-        &mut Bars::of("predict"),
+        &VerbWatch::new("predict", "steps"),
     )
-    .map_err(failure_of)?;
+    .map_err(|error| failure_of(error).without_results())?;
     if args.json {
         print_json(&predicted)?;
         return Ok(ending);

@@ -8,17 +8,16 @@ use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
 use store::{
     BadFile, Before, CorpusStore, FileDecision, Mirror, MovedDetections, Patience, Pushed,
-    PushedCorpus, PushedScenario, Replaced,
+    PushedCorpus, PushedScenario, Replaced, Transfer,
 };
 
 use super::Outcome;
-use super::async_runtime::async_runtime;
-use super::object_store::{OnBar, SPLIT_AGAIN, failure_of, failure_to_mirror};
+use super::object_store::{SPLIT_AGAIN, failure_of, failure_to_mirror, run_transfers};
 use super::open_corpus::open_filled_corpus;
 use super::output::{count, print_json};
 use crate::args::PushArgs;
-use crate::failure::Ending;
-use crate::progress::Bar;
+use crate::failure::{Ending, Failure};
+use crate::verb_watch::VerbWatch;
 
 /// Result for the corpus.
 #[derive(Default, Serialize)]
@@ -45,6 +44,10 @@ struct Sent {
     cleared: usize,
     /// Bytes that were uploaded.
     bytes: u64,
+    /// Scenarios that were left to the next call, because this one was stopped.
+    left: Vec<String>,
+    /// True if this call was stopped.
+    stopped: bool,
 }
 
 /// A scenario that the store has whole again.
@@ -66,20 +69,26 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
     let corpus = open_filled_corpus(&args.corpus)?;
     let began = Instant::now();
     let store = CorpusStore::open(&args.url, true).map_err(failure_of)?;
-    let bar = Bar::new("push", "scenarios", None);
-    let watch = OnBar::new(&bar);
+    let watch = VerbWatch::new("push", "scenarios");
+    let transfer = Transfer::new(&watch);
     let mirror = Mirror {
         store: &store,
         sweeps: &Sweeps,
         patience: Patience(Duration::from_secs(args.timeout_s)),
-        watch: &watch,
+        transfer: &transfer,
     };
-    let pushed = async_runtime()?.block_on(mirror.push(&corpus));
-    let pushed = pushed.map_err(failure_to_mirror)?;
-    bar.set_done(pushed.scenarios.len() as u64);
-    bar.finish();
+    let mut pushed = PushedCorpus::default();
+    let pushing = async {
+        let result = mirror.push(&corpus, &mut pushed).await;
+        result.map_err(failure_to_mirror)
+    };
+    let stopped = match run_transfers(&watch, pushing) {
+        Err(Failure::Interrupted { .. }) if !pushed.to_go.is_empty() => true,
+        result => result.map(|()| false)?,
+    };
     let mut sent = Sent::of(pushed, &corpus, &store);
-    sent.bytes = watch.bytes();
+    (sent.stopped, sent.bytes) = (stopped, transfer.bytes());
+    drop(watch);
     if args.json {
         print_json(&sent)?;
     } else {
@@ -115,6 +124,14 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
     for Refused { what, reason } in &sent.refused {
         eprint_warning!("{what} was not pushed: {reason}");
     }
+    if sent.stopped {
+        eprintln!(
+            "interrupted: {} pushed, {} to go; run the same command again to resume",
+            count(sent.pushed.len(), "scenario"),
+            sent.left.len()
+        );
+        return Ok(Ending::Interrupted);
+    }
     Ok(match sent.refused.len() {
         0 => Ending::Done,
         _ => Ending::Losses,
@@ -133,11 +150,8 @@ impl Sent {
             what: bad.name.into(),
             reason: not_replaced(&bad, store),
         }));
-        match pushed.cleared {
-            Some(Ok(cleared)) => sent.cleared = cleared,
-            Some(Err(error)) => eprint_warning!("unfinished uploads are left there: {error}"),
-            None => {}
-        }
+        sent.cleared = pushed.cleared;
+        sent.left = pushed.to_go.into();
         for scenario in pushed.scenarios {
             sent.add(scenario, corpus, store);
         }

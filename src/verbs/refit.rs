@@ -7,8 +7,9 @@ use trainer::{RefitConfig, RunFolder};
 use super::Outcome;
 use super::open_corpus::open_sound_corpus;
 use super::output::{count, finish, print_json};
-use super::train::{Bars, failure_of, judged_next};
+use super::train::{failure_of, judged_next};
 use crate::estimator_args::RefitArgs;
+use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &RefitArgs) -> Outcome {
@@ -19,8 +20,10 @@ pub(crate) fn run(args: &RefitArgs) -> Outcome {
         approaches: args.scenarios,
     };
     let run = RunFolder::at(&args.run);
-    let bars = &mut Bars::of("refit");
-    let refit = trainer::refit(&run, &corpus, &args.out, &config, bars).map_err(failure_of)?;
+    let watch = VerbWatch::new("refit", "steps");
+    let refit = trainer::refit(&run, &corpus, &args.out, &config, &watch)
+        .map_err(|error| failure_of(error).without_results())?;
+    drop(watch);
     if args.json {
         print_json(&refit)?;
     } else {

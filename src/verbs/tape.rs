@@ -4,7 +4,6 @@ use std::env;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use generator::generate::Cancel;
 use generator::stand_in::{StandIn, StandInTask};
 use tokio::runtime::Runtime;
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
@@ -18,7 +17,7 @@ use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
 use crate::args::TapeArgs;
 use crate::failure::{Ending, Failure};
-use crate::signals;
+use crate::signals::CleanStop;
 
 /// Timeout for a running simulator to answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
@@ -49,12 +48,11 @@ pub(crate) fn run(args: &TapeArgs) -> Outcome {
         token: LinkToken::from_environment(),
         local_udp: noting,
     };
-    let cancel = Cancel::new();
-    let _in_good_order = signals::in_good_order(&cancel);
+    let clean = CleanStop::begin();
     let recorded = runtime.block_on(async {
         let stop = async {
             tokio::select! {
-                () = cancel.cancelled() => {}
+                () = clean.switch().cancelled() => {}
                 () = stdin_ended(), if args.until_stdin_ends => {}
             }
         };

@@ -10,7 +10,6 @@ use dataset::corpus::splits::Side;
 use dataset::files::json_file::read_json;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::toml_file::TomlFile;
-use dataset::work::progress::Progress;
 use serde::Serialize;
 use trainer::{Choice, TrainConfig, TrainOutcome};
 
@@ -19,7 +18,7 @@ use super::open_corpus::open_sound_corpus;
 use super::output::{Next, finish, print_json};
 use crate::estimator_args::TrainArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
+use crate::verb_watch::VerbWatch;
 
 /// The result of a training for programs.
 #[derive(Serialize)]
@@ -91,7 +90,8 @@ pub(crate) fn train(
     out: &Path,
     config: &TrainConfig,
 ) -> Result<TrainOutcome, Failure> {
-    trainer::train_on_all(corpora, out, config, &mut Bars::of("train")).map_err(failure_of)
+    let watch = VerbWatch::new("train", "steps");
+    trainer::train_on_all(corpora, out, config, &watch).map_err(failure_of)
 }
 
 /// An error of the trainer that the caller must fix, or one of the machine.
@@ -104,51 +104,9 @@ pub(crate) fn failure_of(error: trainer::Error) -> Failure {
         | trainer::Error::Exists { .. }
         | trainer::Error::Leak { .. } => Failure::bad_input(error),
         trainer::Error::Held { .. } => Failure::TryAgain(error.into()),
+        trainer::Error::Stopped(_) => Failure::Interrupted { resumes: true },
         trainer::Error::Dataset(cause) => Failure::of_corpus(cause),
         _ => error.into(),
-    }
-}
-
-/// One bar per stage of the work of a verb.
-pub(crate) struct Bars {
-    verb: &'static str,
-    stage: Option<(String, Bar)>,
-}
-
-impl Bars {
-    /// The bars of this verb.
-    pub(crate) fn of(verb: &'static str) -> Self {
-        Self { verb, stage: None }
-    }
-}
-
-impl Progress for Bars {
-    fn begin(&mut self, stage: &str, total: u64) {
-        let bar = Bar::new(self.verb, "steps", Some(total));
-        bar.working_on(stage);
-        self.stage = Some((stage.to_owned(), bar));
-    }
-
-    fn resume(&mut self, done: u64) {
-        if let Some((_, bar)) = &self.stage {
-            bar.resume(done);
-        }
-    }
-
-    fn say(&mut self, line: &str) {
-        match &self.stage {
-            Some((_, bar)) => bar.say(line),
-            None => Bar::new(self.verb, "steps", None).say(line),
-        }
-    }
-
-    fn advance(&mut self, done: u64, note: &str) {
-        if let Some((stage, bar)) = &self.stage {
-            if !note.is_empty() {
-                bar.working_on(&format!("{stage}: {note}"));
-            }
-            bar.set_done(done);
-        }
     }
 }
 

@@ -9,16 +9,17 @@ use detector_training::{DetectorConfig, Effort, Error, MOST_MINUTES, train_detec
 use super::Outcome;
 use super::open_corpus::open_sound_corpus;
 use super::output::print_json;
-use super::train::Bars;
 use crate::args::TrainDetectorArgs;
 use crate::failure::Failure;
+use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
     let (corpus, ending) = open_sound_corpus("train-detector", &args.corpus)?;
     let config = config(args)?;
-    let report = train_detector(&corpus, &args.out, &config, &mut Bars::of("train-detector"))
-        .map_err(failure_of)?;
+    let watch = VerbWatch::new("train-detector", "steps");
+    let report = train_detector(&corpus, &args.out, &config, &watch).map_err(failure_of)?;
+    drop(watch);
     if args.json {
         print_json(&report)?;
     } else {
@@ -80,6 +81,7 @@ fn failure_of(error: Error) -> Failure {
         | Error::Setting { .. }
         | Error::Start { .. } => Failure::bad_input(error),
         Error::Held { .. } => Failure::TryAgain(error.into()),
+        Error::Stopped(_) => Failure::Interrupted { resumes: true },
         Error::Dataset(cause) => Failure::of_corpus(cause),
         Error::Diverged { .. } => error.into(),
     }

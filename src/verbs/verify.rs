@@ -10,21 +10,22 @@ use dataset::corpus::seal::MANIFEST;
 use dataset::files::json_file::write_atomically;
 use dataset::plan::PlannedScenarios;
 use dataset::verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
+use dataset::work::watch::{Stopped, Watch};
 use generator::sweep_language::Sweeps;
 use serde::Serialize;
 use store::{
-    CorpusLocation, CorpusStore, Fetched, MirrorError, Patience, StoreError, StoreUrl, sweep_fault,
+    CorpusLocation, CorpusStore, Fetched, Listing, MirrorError, Patience, StoreError, Transfer,
+    sweep_fault,
 };
 use tempfile::TempDir;
 
 use super::Outcome;
-use super::async_runtime::async_runtime;
-use super::object_store::{OnBar, failure_of, failure_to_mirror, mend};
+use super::object_store::{failure_of, failure_to_mirror, mend, run_transfers};
 use super::open_corpus::open_corpus;
 use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
 use crate::failure::{Ending, Failure};
-use crate::progress::Bar;
+use crate::verb_watch::VerbWatch;
 
 /// Views whose empty boxes are listed, and ticks of each.
 const MOST_VIEWS_LISTED: usize = 8;
@@ -39,10 +40,11 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         decode: !args.no_decode,
         complete: args.complete,
     };
+    let watch = VerbWatch::new("verify", "scenarios");
     let (name, report, description) = match &args.corpus {
         CorpusLocation::Folder(root) => {
             let corpus = open_corpus(root)?;
-            let report = verify(&corpus, options);
+            let report = verify(&corpus, options, &watch)?;
             // An unreadable description counts as outdated.
             let described = exporter::is_described_as_it_is(&corpus).unwrap_or(Some(false));
             let description = described.map(|is_current| match is_current {
@@ -52,10 +54,13 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
             (root.display().to_string(), report, description)
         }
         CorpusLocation::Store(url) => {
-            let (name, report) = verify_in_store(url, options)?;
-            (name, report, None)
+            let store = CorpusStore::open(url, false).map_err(failure_of)?;
+            let report = run_transfers(&watch, verify_in_store(&store, options, &watch))
+                .map_err(Failure::without_results)?;
+            (store.name().to_owned(), report, None)
         }
     };
+    drop(watch);
     if args.json {
         print_json(&Verified {
             report: &report,
@@ -221,95 +226,92 @@ fn add_sweep_fault(corpus: &Corpus, report: &mut VerifyReport) {
 }
 
 /// Verifies with a progress bar.
-fn verify(corpus: &Corpus, options: VerifyOptions) -> VerifyReport {
-    let bar = Bar::new("verify", "scenarios", None);
-    let mut started = 0;
-    let mut report = verify_with(corpus, options, &mut |id, total| {
-        bar.set_total(total as u64);
-        bar.set_done(started);
-        bar.working_on(id);
-        started += 1;
-    });
-    bar.set_done(started);
+fn verify(
+    corpus: &Corpus,
+    options: VerifyOptions,
+    watch: &VerbWatch,
+) -> Result<VerifyReport, Failure> {
+    let report = verify_with(corpus, options, watch);
+    let mut report = report.map_err(|Stopped| Failure::Interrupted { resumes: false })?;
     add_sweep_fault(corpus, &mut report);
-    report
+    Ok(report)
 }
 
 /// Verifies a corpus in an object store: one scenario at a time is here.
-fn verify_in_store(
-    url: &StoreUrl,
+async fn verify_in_store(
+    store: &CorpusStore,
     options: VerifyOptions,
-) -> Result<(String, VerifyReport), Failure> {
-    let store = CorpusStore::open(url, false).map_err(failure_of)?;
+    watch: &VerbWatch,
+) -> Result<VerifyReport, Failure> {
     let temporary = env::temp_dir();
     let folder = TempDir::with_prefix("dtd-").map_err(Error::io("create", &temporary))?;
     let corpus = Corpus::create(folder.path())?;
-    let runtime = async_runtime()?;
-    let listing = runtime.block_on(async {
-        store.check().await?;
-        store.listing().await
-    });
-    let listing = listing.map_err(failure_of)?;
-    let committed = listing.committed();
-    if committed.is_empty() {
-        let nothing = MirrorError::nothing_committed(&store);
-        return Err(failure_to_mirror(nothing));
+    store.check().await.map_err(failure_of)?;
+    let listing = store.listing().await.map_err(failure_of)?;
+    if listing.committed().is_empty() {
+        return Err(failure_to_mirror(MirrorError::nothing_committed(store)));
     }
-    let report = runtime.block_on(async {
-        for name in Corpus::FILES {
-            if let Some(bytes) = store.read(name).await? {
-                write_atomically(&folder.path().join(name), &bytes)?;
-            }
+    let report = verify_listed(store, &listing, &corpus, options, watch).await;
+    report.map_err(failure_of)
+}
+
+async fn verify_listed(
+    store: &CorpusStore,
+    listing: &Listing,
+    corpus: &Corpus,
+    options: VerifyOptions,
+    watch: &VerbWatch,
+) -> Result<VerifyReport, StoreError> {
+    for name in Corpus::FILES {
+        if let Some(bytes) = store.read(name).await? {
+            write_atomically(&corpus.root().join(name), &bytes)?;
         }
-        // An unreadable plan is reported as a separate fault.
-        let planned = PlannedScenarios::read(&corpus).unwrap_or_default();
-        let bar = Bar::new("verify", "scenarios", Some(committed.len() as u64));
-        let (patience, watch) = (Patience(STORE_TIMEOUT), OnBar::new(&bar));
-        let mut verification = Verification::new(options);
-        for (done, id) in committed.iter().enumerate() {
-            bar.set_done(done as u64);
-            bar.working_on(id);
-            let objects = listing.of(id);
-            let fetched = patience.with(&watch, async |watch| {
-                store
-                    .fetch_scenario(id, &corpus, Some(&objects), watch)
-                    .await
-            });
-            match fetched.await {
-                Ok(Fetched::NotCommitted) => {}
-                Ok(_) => {
-                    let scenario = corpus.scenario(id);
-                    let detections = patience.with(&watch, async |watch| {
-                        store.fetch_detections(&scenario, watch).await
-                    });
-                    for left in detections.await?.left {
-                        let file = format!("detections/{}", left.model);
-                        verification.add_fault(id, &file, left.reason);
-                    }
-                    verification.add(scenario.clone());
-                    let videos = scenario.root().join("views");
-                    fs::remove_dir_all(&videos).map_err(Error::io("remove", &videos))?;
+    }
+    // An unreadable plan is reported as a separate fault.
+    let planned = PlannedScenarios::read(corpus).unwrap_or_default();
+    let committed = listing.committed();
+    watch.begin("", committed.len() as u64);
+    let (patience, transfer) = (Patience(STORE_TIMEOUT), Transfer::new(watch));
+    let mut verification = Verification::new(options, watch);
+    for (done, id) in committed.iter().enumerate() {
+        watch.advance(done as u64, id);
+        let objects = listing.of(id);
+        let fetched = patience.with(&transfer, async || {
+            store
+                .fetch_scenario(id, corpus, Some(&objects), &transfer)
+                .await
+        });
+        match fetched.await {
+            Ok(Fetched::NotCommitted) => {}
+            Ok(_) => {
+                let scenario = corpus.scenario(id);
+                let detections = patience.with(&transfer, async || {
+                    store.fetch_detections(&scenario, &transfer).await
+                });
+                for left in detections.await?.left {
+                    let file = format!("detections/{}", left.model);
+                    verification.add_fault(id, &file, left.reason);
                 }
-                Err(StoreError::Faulty { faults, .. }) => {
-                    let advice = mend(&store, &planned, id);
-                    let faults = faults.0.iter();
-                    verification.add_unreadable(
-                        id,
-                        faults.map(|it| (it.file(), format!("{it}; {advice}"))),
-                    );
-                }
-                Err(StoreError::Damaged { place, message }) => {
-                    let scenario = format!("{}/scenarios/{id}/", store.name());
-                    let file = place.strip_prefix(&scenario).unwrap_or(MANIFEST);
-                    verification.add_unreadable(id, [(file, message)]);
-                }
-                Err(error) => return Err(error),
+                verification.add(scenario.clone())?;
+                let videos = scenario.root().join("views");
+                fs::remove_dir_all(&videos).map_err(Error::io("remove", &videos))?;
             }
+            Err(StoreError::Faulty { faults, .. }) => {
+                let advice = mend(store, &planned, id);
+                let faults = faults.0.iter();
+                verification
+                    .add_unreadable(id, faults.map(|it| (it.file(), format!("{it}; {advice}"))));
+            }
+            Err(StoreError::Damaged { place, message }) => {
+                let scenario = format!("{}/scenarios/{id}/", store.name());
+                let file = place.strip_prefix(&scenario).unwrap_or(MANIFEST);
+                verification.add_unreadable(id, [(file, message)]);
+            }
+            Err(error) => return Err(error),
         }
-        let mut report = verification.finish(&corpus);
-        bar.set_done(committed.len() as u64);
-        add_sweep_fault(&corpus, &mut report);
-        Ok(report)
-    });
-    Ok((store.name().to_owned(), report.map_err(failure_of)?))
+    }
+    let mut report = verification.finish(corpus);
+    watch.advance(committed.len() as u64, "");
+    add_sweep_fault(corpus, &mut report);
+    Ok(report)
 }

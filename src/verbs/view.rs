@@ -6,7 +6,6 @@ use std::process::{Command, Stdio};
 use std::thread;
 
 use dataset::corpus::Corpus;
-use generator::generate::Cancel;
 use serde_json::json;
 use viewer::{ViewOptions, serve};
 
@@ -14,7 +13,7 @@ use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
 use crate::failure::{Ending, Failure};
-use crate::signals;
+use crate::signals::CleanStop;
 use crate::view_args::ViewArgs;
 
 /// Opens an address with the program that the user chose for it.
@@ -38,13 +37,12 @@ pub(crate) fn run(args: &ViewArgs) -> Outcome {
         runs: args.runs.clone(),
         port: args.port,
     };
-    let stop = Cancel::new();
-    let _in_good_order = signals::in_good_order(&stop);
+    let stop = CleanStop::begin();
     let runtime = async_runtime()?;
     let ending = runtime.block_on(async {
         tokio::select! {
             result = serve(options, |address| announce(address, args.no_open)) => result.map_err(Failure::bad_input)?,
-            () = stop.cancelled() => {}
+            () = stop.switch().cancelled() => {}
             () = stdin_ended(), if args.until_stdin_ends => {}
         }
         Ok(Ending::Done)

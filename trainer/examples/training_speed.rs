@@ -3,24 +3,31 @@
 //! `benches/training_speed.py` compares it with PyTorch.
 
 use std::process::ExitCode;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::Optimisation;
 use trainer::{TrainConfig, train};
 
 /// When the stages of a training were judged.
 #[derive(Default)]
-struct Times(Vec<(String, Vec<(u64, Instant)>)>);
+struct Times(Mutex<Vec<(String, Vec<(u64, Instant)>)>>);
 
-impl Progress for Times {
-    fn begin(&mut self, stage: &str, _total: u64) {
-        self.0.push((stage.to_owned(), Vec::new()));
+impl Times {
+    fn lock(&self) -> MutexGuard<'_, Vec<(String, Vec<(u64, Instant)>)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Watch for Times {
+    fn begin(&self, stage: &str, _total: u64) {
+        self.lock().push((stage.to_owned(), Vec::new()));
     }
 
-    fn advance(&mut self, done: u64, _note: &str) {
-        if let Some((_, judged)) = self.0.last_mut() {
+    fn advance(&self, done: u64, _note: &str) {
+        if let Some((_, judged)) = self.lock().last_mut() {
             judged.push((done, Instant::now()));
         }
     }
@@ -54,9 +61,9 @@ fn main() -> ExitCode {
         config.estimator.log_every = *steps;
         config.estimator.together_first = 1.0;
         config.mono.optimisation.steps = 1;
-        let mut times = Times::default();
-        train(&corpus, &folder.path().join("run"), &config, &mut times).expect("a training");
-        for (stage, judged) in &times.0[..2] {
+        let times = Times::default();
+        train(&corpus, &folder.path().join("run"), &config, &times).expect("a training");
+        for (stage, judged) in &times.lock()[..2] {
             let [(from, started), .., (to, ended)] = judged[..] else {
                 continue;
             };

@@ -26,7 +26,7 @@ use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use glam::{DVec2, DVec3};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
 use serde::{Deserialize, Serialize};
@@ -295,20 +295,21 @@ fn combined(measured: &[Located], focal_px: f64) -> Option<Located> {
 
 impl Backgrounds {
     /// References from the training side.
-    pub(crate) fn learn(samples: &Samples, progress: &mut dyn Progress) -> Result<Self> {
+    pub(crate) fn learn(samples: &Samples, watch: &dyn Watch) -> Result<Self> {
         let chosen = references(samples);
-        progress.begin("backgrounds", chosen.len() as u64);
+        watch.begin("backgrounds", chosen.len() as u64);
         let places: Vec<ViewPlace> = (samples.views.iter())
             .map(|view| ViewPlace::of(view, &samples.rig.nominal[view]))
             .collect();
         let mut pictures = vec![Vec::new(); places.len()];
         for (done, scenario) in chosen.iter().enumerate() {
+            watch.check()?;
             let opened = scenario.folder.open()?;
             for (place, pictures) in places.iter().zip(&mut pictures) {
                 let picture = place.picture(&opened)?;
                 pictures.extend(picture.map(|picture| (scenario.id.clone(), picture)));
             }
-            progress.advance(done as u64 + 1, &scenario.id);
+            watch.advance(done as u64 + 1, &scenario.id);
         }
         let views = places.into_iter().zip(pictures);
         Ok(Self {
@@ -323,11 +324,11 @@ impl Backgrounds {
         &self,
         samples: &mut Samples,
         sides: &[Side],
-        progress: &mut dyn Progress,
+        watch: &dyn Watch,
     ) -> Result<Alignment> {
         let mut observations = mem::take(&mut samples.samples);
         let observed = observations.iter_mut().map(|sample| &mut sample.observed);
-        let alignment = self.align_observations(samples, sides, observed, progress);
+        let alignment = self.align_observations(samples, sides, observed, watch);
         samples.samples = observations;
         alignment
     }
@@ -338,15 +339,16 @@ impl Backgrounds {
         samples: &mut Samples,
         sides: &[Side],
         observations: impl Iterator<Item = &'a mut Observation>,
-        progress: &mut dyn Progress,
+        watch: &dyn Watch,
     ) -> Result<Alignment> {
         let scenarios = &mut samples.scenarios;
-        progress.begin("alignment", scenarios.len() as u64);
+        watch.begin("alignment", scenarios.len() as u64);
         let mut alignment = Alignment::default();
         let mut sds_px = Vec::new();
         let mut turns: Vec<Vec<Option<DVec3>>> = Vec::new();
         for (done, scenario) in scenarios.iter_mut().enumerate() {
-            progress.advance(done as u64 + 1, &scenario.id);
+            watch.check()?;
+            watch.advance(done as u64 + 1, &scenario.id);
             if !sides.contains(&scenario.side) {
                 turns.push(vec![Some(DVec3::ZERO); self.views.len()]);
                 continue;

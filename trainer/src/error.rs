@@ -5,6 +5,8 @@ mod run_fault;
 
 use std::path::{Path, PathBuf};
 
+use dataset::work::watch::Stopped;
+
 pub use corpus_fault::CorpusFault;
 pub(crate) use corpus_fault::RigKind;
 pub use run_fault::RunFault;
@@ -97,6 +99,9 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// The caller stopped the work.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// The report cannot be made.
     #[error(transparent)]
     Report(#[from] report_page::Error),

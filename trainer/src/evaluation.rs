@@ -19,7 +19,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
 use dataset::files::json_file::write_json_unsynced;
 use dataset::tables::columns::{TableParts, TableWriter};
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::evaluation::answers::{Answered, Answers, JudgedTicks};
@@ -72,7 +72,7 @@ pub fn evaluate(
     run: &RunFolder,
     corpus: &Corpus,
     config: &EvaluationConfig,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<Metrics> {
     let rules = &EvaluationRules::current();
     let (sealed, place) = match &config.out {
@@ -94,7 +94,7 @@ pub fn evaluate(
     check_unseen(run, corpus, &trained, &samples)?;
     let backgrounds = trained.backgrounds.as_ref();
     let alignment = backgrounds
-        .map(|backgrounds| backgrounds.align(&mut samples, &[Side::Test], progress))
+        .map(|backgrounds| backgrounds.align(&mut samples, &[Side::Test], watch))
         .transpose()?;
     let samples = &samples;
     let recorded = || samples.ticks_of_side(Side::Test);
@@ -122,14 +122,14 @@ pub fn evaluate(
         rules,
     };
     let removals = ViewRemoval::all(samples.views.len(), &rules.removed_views);
-    progress.begin("evaluation", evaluation.steps(&removals));
+    watch.begin("evaluation", evaluation.steps(&removals));
     let new = place.begin()?;
     if config.out.is_none() {
         sealed.write(&new)?;
     }
     write_json_unsynced(&new.evaluation_path(), &judged)?;
     let mut predictions = TableParts::new(&new.predictions_path());
-    let mut steps = Steps { progress, done: 0 };
+    let mut steps = Steps { watch, done: 0 };
     let all = evaluation.answers(None, &mut steps, |flown| {
         Ok(predictions.add(evaluation.rows(flown))?)
     })?;
@@ -223,7 +223,7 @@ impl TrainedRun {
 
 /// Progress of an evaluation.
 struct Steps<'a> {
-    progress: &'a mut dyn Progress,
+    watch: &'a dyn Watch,
     done: u64,
 }
 
@@ -250,6 +250,7 @@ impl<'a> Evaluation<'a> {
         let judged = ticks.filter(|sample| self.rules.is_there(sample)).count();
         let mut answers = Answers::with_room_for(judged);
         for flight in self.flights() {
+            steps.watch.check()?;
             let observed: Vec<Observation> = flight.iter().map(|s| s.observed.clone()).collect();
             let Remaining {
                 observations,
@@ -273,7 +274,7 @@ impl<'a> Evaluation<'a> {
             })?;
             steps.done += 1;
             let id = &scenarios[flight[0].scenario].id;
-            steps.progress.advance(steps.done, id);
+            steps.watch.advance(steps.done, id);
         }
         Ok(answers)
     }

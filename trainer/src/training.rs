@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 
 use crate::background::Backgrounds;
 use crate::config::TrainConfig;
@@ -28,7 +28,7 @@ use crate::estimators::mono::pinhole::Pinhole;
 use crate::networks::checkpoint::{Checkpoints, Origin};
 use crate::networks::memory::{self, SampleCounts};
 use crate::networks::normalisation::Normalisation;
-use crate::networks::training_loop::Watch;
+use crate::networks::training_loop::Companions;
 use crate::run::choice::Choice;
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
@@ -54,14 +54,14 @@ pub struct TrainOutcome {
 
 /// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and writes the run to `out`, as a
 /// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights, also if the
-/// training was killed and starts again from its checkpoint.
+/// training was stopped or killed and starts again from its checkpoint.
 pub fn train(
     corpus: &Corpus,
     out: &Path,
     config: &TrainConfig,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
-    train_on_all(slice::from_ref(corpus), out, config, progress)
+    train_on_all(slice::from_ref(corpus), out, config, watch)
 }
 
 /// The same on several corpora of one rig. A flight that their splits have on different sides does not train.
@@ -69,9 +69,9 @@ pub fn train_on_all(
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
-    train_unless(Finished::IsReplaced, corpora, out, config, progress)
+    train_unless(Finished::IsReplaced, corpora, out, config, watch)
 }
 
 /// Treatment of a run that already exists at the destination.
@@ -89,13 +89,13 @@ pub(crate) fn train_unless(
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
     let started = Instant::now();
     config.check()?;
     let device = config.backend.open()?;
     let place = RunPlace::take(&RunFolder::at(out))?;
-    let flights = Flights::read(corpora, config, progress)?;
+    let flights = Flights::read(corpora, config, watch)?;
     let samples = &flights.samples;
     // Errors about all of them name the first.
     let corpus = &corpora[0];
@@ -133,20 +133,20 @@ pub(crate) fn train_unless(
     }
     let samples_blake3 = origin.samples_blake3.clone();
     let encoded = EncodedFlights::new(samples, &training, &validation, &normalisation, config);
-    let mut checkpoints = Checkpoints::open(&place.checkpoint(), origin, started, progress);
-    let watch = &mut Watch {
+    let mut checkpoints = Checkpoints::open(&place.checkpoint(), origin, started, watch);
+    let companions = &mut Companions {
         checkpoints: &mut checkpoints,
-        progress,
+        watch,
     };
     let known = start.as_ref().map(|start| &start.run.networks);
-    let learned = train_networks(known, &encoded, &samples.views, config, &device, watch)?;
+    let learned = train_networks(known, &encoded, &samples.views, config, &device, companions)?;
     let (baselines, residual) = fit_formulas(
         &flights,
         &validation,
         &normalisation,
         self_calibrated,
         config,
-        watch,
+        companions,
     )?;
 
     let choice = Choice::of(&baselines, &flights.with_true_boxes());
@@ -202,7 +202,7 @@ fn fit_formulas(
     normalisation: &Normalisation,
     self_calibrated: Option<SelfCalibrated>,
     config: &TrainConfig,
-    watch: &mut Watch,
+    companions: &mut Companions,
 ) -> Result<(Baselines, Option<ResidualRecord>)> {
     let samples = &flights.samples;
     let true_boxes = &flights.with_true_boxes();
@@ -212,7 +212,7 @@ fn fit_formulas(
         validation,
         &config.residual,
         Stream::Residual.generator(config.seed),
-        watch,
+        companions,
     )?;
     let views = 0..samples.views.len();
     let baselines = Baselines {

@@ -8,7 +8,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::seal;
 use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
-use dataset::work::progress::Silent;
+use dataset::work::watch::Silent;
 use tempfile::TempDir;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{
@@ -37,7 +37,7 @@ impl Trained {
         let folder = tempfile::tempdir().unwrap();
         let corpus = corpus_in(&folder.path().join("corpus"), corpus);
         let out = folder.path().join("run");
-        let run = train(&corpus, &out, &hardly_trained(), &mut Silent)
+        let run = train(&corpus, &out, &hardly_trained(), &Silent)
             .unwrap()
             .run;
         Self { folder, run }
@@ -60,7 +60,7 @@ impl Trained {
     }
 
     fn evaluate(&self, corpus: &Corpus, config: &EvaluationConfig) -> Result<Metrics, Error> {
-        evaluate(&self.run, corpus, config, &mut Silent)
+        evaluate(&self.run, corpus, config, &Silent)
     }
 }
 
@@ -242,7 +242,7 @@ fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them(
     }
     fs::remove_file(trained.corpus().splits_path()).unwrap();
     let out = trained.path("distances.parquet");
-    let predicted = predict(&trained.run, &trained.corpus(), None, &out, &mut Silent).unwrap();
+    let predicted = predict(&trained.run, &trained.corpus(), None, &out, &Silent).unwrap();
     assert_eq!(predicted.scenarios, 7);
     for (there, expected) in [
         (out.clone(), "is not replaced"),
@@ -250,7 +250,7 @@ fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them(
         (trained.run.root().join("new.parquet"), "lies in a run"),
     ] {
         let before = fs::read(&there).ok();
-        let refused = predict(&trained.run, &trained.corpus(), None, &there, &mut Silent);
+        let refused = predict(&trained.run, &trained.corpus(), None, &there, &Silent);
         let message = refused.unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
         assert_eq!(fs::read(&there).ok(), before);
@@ -303,10 +303,10 @@ fn a_left_out_time_is_the_test_side_and_trains_nothing() {
         ..hardly_trained()
     };
     let out = trained.path("without");
-    let run = train(&corpus, &out, &config("time=03:00"), &mut Silent)
+    let run = train(&corpus, &out, &config("time=03:00"), &Silent)
         .unwrap()
         .run;
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
     let split = &metrics.split;
     assert_eq!((split.train.scenarios, split.validation.scenarios), (3, 2));
     let flights = &metrics.estimators["inverse_range"].by_flight;
@@ -319,12 +319,7 @@ fn a_left_out_time_is_the_test_side_and_trains_nothing() {
         ("time=04:00", "no scenario with time=04:00"),
         ("noon", "weather=NAME"),
     ] {
-        let message = train(
-            &corpus,
-            &trained.path("none"),
-            &config(setting),
-            &mut Silent,
-        );
+        let message = train(&corpus, &trained.path("none"), &config(setting), &Silent);
         let message = message.unwrap_err().to_string();
         assert!(message.contains(needed), "{message}");
     }
@@ -347,7 +342,7 @@ fn a_training_into_the_folder_of_a_judged_run_leaves_none_of_its_results() {
         seed: 1,
         ..hardly_trained()
     };
-    train(&corpus, trained.run.root(), &config, &mut Silent).unwrap();
+    train(&corpus, trained.run.root(), &config, &Silent).unwrap();
     assert!(results.iter().all(|path| !path.exists()));
     trained
         .evaluate(&corpus, &EvaluationConfig::default())

@@ -3,8 +3,9 @@
 #![cfg(feature = "wgpu")]
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
 
-use dataset::work::progress::{Progress, Silent};
+use dataset::work::watch::{Silent, Watch};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{TrainConfig, TrainingBackend, train};
@@ -44,16 +45,19 @@ fn config(backend: TrainingBackend) -> TrainConfig {
 /// Ends the training while it trains the LSTM.
 #[derive(Default)]
 struct Killer {
-    stage: String,
+    stage: Mutex<String>,
 }
 
-impl Progress for Killer {
-    fn begin(&mut self, stage: &str, _total: u64) {
-        self.stage = stage.into();
+impl Watch for Killer {
+    fn begin(&self, stage: &str, _total: u64) {
+        *self.stage.lock().unwrap() = stage.into();
     }
 
-    fn advance(&mut self, _done: u64, _note: &str) {
-        assert!(self.stage != "distance estimator", "killed");
+    fn advance(&self, _done: u64, _note: &str) {
+        assert!(
+            *self.stage.lock().unwrap() != "distance estimator",
+            "killed"
+        );
     }
 }
 
@@ -65,7 +69,7 @@ fn a_gpu_comes_to_the_numbers_of_the_processor() {
         .unwrap();
     let error_pct = |name: &str, backend| {
         let out = root.path().join(name);
-        let outcome = train(&corpus, &out, &config(backend), &mut Silent).unwrap();
+        let outcome = train(&corpus, &out, &config(backend), &Silent).unwrap();
         outcome.validation_mape_pct
     };
     let by_hand = error_pct("processor", TrainingBackend::Cpu);
@@ -81,7 +85,7 @@ fn a_gpu_comes_to_the_numbers_of_the_processor() {
             &corpus,
             &out,
             &config(TrainingBackend::Wgpu),
-            &mut Killer::default(),
+            &Killer::default(),
         )
     }));
     assert!(killed.is_err());

@@ -7,7 +7,7 @@ use std::{env, fs};
 
 use dataset::corpus::Corpus;
 use dataset::numbers::frame_rate::FrameRate;
-use dataset::work::progress::Silent;
+use dataset::work::watch::Silent;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{EvaluationConfig, JudgedSide, RunFolder, evaluate, predict, train};
 
@@ -62,7 +62,7 @@ fn run_verb(verb: &str, folder: &Path, times: &str) {
     match verb {
         "train" => {
             let out = path(&format!("run-{times}"));
-            train(&open("seen"), &out, &hardly_trained(), &mut Silent).unwrap();
+            train(&open("seen"), &out, &hardly_trained(), &Silent).unwrap();
         }
         "evaluate" => {
             let config = EvaluationConfig {
@@ -70,11 +70,11 @@ fn run_verb(verb: &str, folder: &Path, times: &str) {
                 out: Some(path(&format!("judged-{times}"))),
                 ..EvaluationConfig::default()
             };
-            evaluate(&run, &open("new"), &config, &mut Silent).unwrap();
+            evaluate(&run, &open("new"), &config, &Silent).unwrap();
         }
         _ => {
             let out = path(&format!("predicted-{times}.parquet"));
-            predict(&run, &open("new"), None, &out, &mut Silent).unwrap();
+            predict(&run, &open("new"), None, &out, &Silent).unwrap();
         }
     }
     let status = fs::read_to_string("/proc/self/status").unwrap();

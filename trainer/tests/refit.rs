@@ -1,12 +1,13 @@
 //! A camera that was turned and zoomed is fitted again to ten approaches; everything else stays the same.
 
 use std::path::Path;
+use std::sync::Mutex;
 
 use dataset::corpus::Corpus;
 use dataset::files::json_file::read_json;
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::columns::Table;
-use dataset::work::progress::{Progress, Silent};
+use dataset::work::watch::{Silent, Watch};
 use serde_json::Value;
 use testkit::synthetic::{Changed, SyntheticCorpus};
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
@@ -64,19 +65,16 @@ fn settings(steps: usize) -> TrainConfig {
 }
 
 fn evaluated(run: &RunFolder, corpus: &Corpus) -> Metrics {
-    evaluate(run, corpus, &EvaluationConfig::default(), &mut Silent).unwrap()
+    evaluate(run, corpus, &EvaluationConfig::default(), &Silent).unwrap()
 }
 
 /// Messages of a refit.
-struct Said(Vec<String>);
+#[derive(Default)]
+struct Said(Mutex<Vec<String>>);
 
-impl Progress for Said {
-    fn begin(&mut self, _stage: &str, _total: u64) {}
-
-    fn advance(&mut self, _done: u64, _note: &str) {}
-
-    fn say(&mut self, line: &str) {
-        self.0.push(line.to_owned());
+impl Watch for Said {
+    fn say(&self, line: &str) {
+        self.0.lock().unwrap().push(line.to_owned());
     }
 }
 
@@ -92,18 +90,13 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
     let folder = tempfile::tempdir().unwrap();
     let before = corpus(folder.path(), "before", None);
     let after = corpus(folder.path(), "after", Some(CHANGED));
-    let run = train(
-        &before,
-        &folder.path().join("run"),
-        &settings(800),
-        &mut Silent,
-    );
+    let run = train(&before, &folder.path().join("run"), &settings(800), &Silent);
     let run = run.unwrap().run;
-    let refused = evaluate(&run, &after, &EvaluationConfig::default(), &mut Silent);
+    let refused = evaluate(&run, &after, &EvaluationConfig::default(), &Silent);
     assert!(refused.is_err(), "the left camera is not that of the run");
 
     let out = folder.path().join("refitted");
-    let record = refit(&run, &after, &out, &of_left(10), &mut Silent).unwrap();
+    let record = refit(&run, &after, &out, &of_left(10), &Silent).unwrap();
     assert_eq!(record.frozen_before_blake3, record.frozen_after_blake3);
     assert_eq!(record.scenarios.len(), 10);
     let residual = record.residual.unwrap();
@@ -157,18 +150,14 @@ fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse()
     };
     let after = after.write(&folder.path().join("after")).unwrap();
     let run = folder.path().join("run");
-    let run = train(&before, &run, &settings(20), &mut Silent)
-        .unwrap()
-        .run;
+    let run = train(&before, &run, &settings(20), &Silent).unwrap().run;
 
     let out = folder.path().join("refitted");
-    let mut said = Said(Vec::new());
-    refit(&run, &after, &out, &of_left(3), &mut said).unwrap();
-    let warned = said
-        .0
-        .iter()
-        .any(|line| line.contains("too narrow") && line.contains("3 here"));
-    assert!(warned, "{:?}", said.0);
+    let said = Said::default();
+    refit(&run, &after, &out, &of_left(3), &said).unwrap();
+    let said = said.0.into_inner().unwrap();
+    let warned = (said.iter()).any(|line| line.contains("too narrow") && line.contains("3 here"));
+    assert!(warned, "{said:?}");
 
     let metrics = evaluated(&RunFolder::at(&out), &after);
     let stated = metrics.estimators["inverse_range_filtered"].stated_intervals;
@@ -181,16 +170,11 @@ fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse()
 fn a_view_that_is_none_too_many_approaches_too_few_ticks_and_another_second_camera_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let before = corpus(folder.path(), "before", None);
-    let run = train(
-        &before,
-        &folder.path().join("run"),
-        &settings(5),
-        &mut Silent,
-    );
+    let run = train(&before, &folder.path().join("run"), &settings(5), &Silent);
     let run = run.unwrap().run;
     let out = folder.path().join("refitted");
     let refusal = |corpus: &Corpus, config: &RefitConfig| {
-        let refused = refit(&run, corpus, &out, config, &mut Silent);
+        let refused = refit(&run, corpus, &out, config, &Silent);
         assert!(!out.exists());
         refused.unwrap_err().to_string()
     };
@@ -207,7 +191,7 @@ fn a_view_that_is_none_too_many_approaches_too_few_ticks_and_another_second_came
         let message = refusal(&before, &of_left(approaches));
         assert!(message.contains("1 to 10"), "{message}");
     }
-    let in_place = refit(&run, &before, run.root(), &of_left(4), &mut Silent);
+    let in_place = refit(&run, &before, run.root(), &of_left(4), &Silent);
     let message = in_place.unwrap_err().to_string();
     assert!(message.contains("name another folder"), "{message}");
     let both = Changed {

@@ -3,15 +3,18 @@
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::{Side, Splits};
-use dataset::work::progress::{Progress, Silent};
+use dataset::work::watch::{Silent, Watch};
 use testkit::synthetic::SyntheticCorpus;
+use testkit::watch::Calls;
 use trainer::config::{
     CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation, ResidualConfig,
 };
-use trainer::{RunFolder, TrainConfig, train};
+use trainer::{Error, RunFolder, TrainConfig, train};
 
 const STEPS: usize = 24;
 
@@ -64,36 +67,41 @@ fn config() -> TrainConfig {
 
 /// Ends the training at a report of progress, as a kill would, and writes down what it heard.
 struct Killer {
-    reports_left: usize,
-    heard: Vec<String>,
+    reports_left: AtomicUsize,
+    heard: Mutex<Vec<String>>,
 }
 
 impl Killer {
     fn after(reports: usize) -> Self {
         Self {
-            reports_left: reports,
-            heard: Vec::new(),
+            reports_left: AtomicUsize::new(reports),
+            heard: Mutex::default(),
         }
+    }
+
+    fn hear(&self, line: String) {
+        self.heard.lock().unwrap().push(line);
     }
 }
 
-impl Progress for Killer {
-    fn begin(&mut self, stage: &str, _total: u64) {
-        self.heard.push(stage.into());
+impl Watch for Killer {
+    fn begin(&self, stage: &str, _total: u64) {
+        self.hear(stage.into());
     }
 
-    fn advance(&mut self, done: u64, _note: &str) {
-        self.heard.push(format!("at {done}"));
-        assert!(self.reports_left > 0, "killed");
-        self.reports_left -= 1;
+    fn advance(&self, done: u64, _note: &str) {
+        self.hear(format!("at {done}"));
+        let left = self.reports_left.load(Ordering::Relaxed);
+        assert!(left > 0, "killed");
+        self.reports_left.store(left - 1, Ordering::Relaxed);
     }
 
-    fn resume(&mut self, done: u64) {
-        self.heard.push(format!("from {done}"));
+    fn resume(&self, done: u64) {
+        self.hear(format!("from {done}"));
     }
 
-    fn say(&mut self, line: &str) {
-        self.heard.push(line.into());
+    fn say(&self, line: &str) {
+        self.hear(line.into());
     }
 }
 
@@ -113,10 +121,10 @@ fn killed(
     config: &TrainConfig,
     reports: usize,
 ) -> Option<Vec<String>> {
-    let mut killer = Killer::after(reports);
-    let training = || train(corpus, run, config, &mut killer).unwrap();
+    let killer = Killer::after(reports);
+    let training = || train(corpus, run, config, &killer).unwrap();
     let ended = catch_unwind(AssertUnwindSafe(training)).is_ok();
-    (!ended).then_some(killer.heard)
+    (!ended).then(|| killer.heard.into_inner().unwrap())
 }
 
 /// Result of a training, except for its duration.
@@ -144,7 +152,7 @@ fn a_training_that_is_killed_again_and_again_comes_to_the_same_numbers() {
         let mut config = config();
         (config.calibration.patience, config.estimator.patience) = (patience, patience);
         let straight = folder.path().join("straight");
-        let outcome = train(&corpus, &straight, &config, &mut Silent).unwrap();
+        let outcome = train(&corpus, &straight, &config, &Silent).unwrap();
         let baselines = fs::read_to_string(straight.join("baselines.json")).unwrap();
         assert!(
             baselines.contains("\"layers\""),
@@ -163,10 +171,37 @@ fn a_training_that_is_killed_again_and_again_comes_to_the_same_numbers() {
         assert!(kills > 5, "only {kills} kills");
         assert_eq!(learned(&run), learned(&straight), "patience {patience:?}");
         assert!(!RunFolder::place_beside(&run).exists());
-        let again = train(&corpus, &straight, &config, &mut Silent).unwrap();
+        let again = train(&corpus, &straight, &config, &Silent).unwrap();
         assert_eq!(again.validation_mape_pct, outcome.validation_mape_pct);
         fs::remove_dir_all(&run).unwrap();
     }
+}
+
+#[test]
+fn a_training_that_is_stopped_again_and_again_comes_to_the_same_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = tiny(folder.path());
+    let [straight, run] = ["straight", "stopped"].map(|name| folder.path().join(name));
+    train(&corpus, &straight, &config(), &Silent).unwrap();
+    let mut stops = 0;
+    loop {
+        let asked = AtomicUsize::new(0);
+        let later = Calls {
+            advance: |_| {},
+            is_stopped: || asked.fetch_add(1, Ordering::Relaxed) >= 50,
+        };
+        match train(&corpus, &run, &config(), &later) {
+            Err(Error::Stopped(_)) => stops += 1,
+            trained => {
+                trained.unwrap();
+                break;
+            }
+        }
+        assert!(!run.exists());
+    }
+    // A step is made between two questions, and none is made twice.
+    assert!((10..20).contains(&stops), "{stops}");
+    assert_eq!(learned(&run), learned(&straight));
 }
 
 #[test]
@@ -195,9 +230,9 @@ fn a_checkpoint_of_another_training_is_replaced() {
     fs::write(corpus.splits_path(), split).unwrap();
     // A damaged one is of no training.
     fs::write(&checkpoint, &fs::read(&checkpoint).unwrap()[..1_000]).unwrap();
-    train(&corpus, &run, &other, &mut Silent).unwrap();
+    train(&corpus, &run, &other, &Silent).unwrap();
     let straight = folder.path().join("straight");
-    train(&corpus, &straight, &other, &mut Silent).unwrap();
+    train(&corpus, &straight, &other, &Silent).unwrap();
     assert_eq!(learned(&run), learned(&straight));
 }
 
@@ -211,7 +246,7 @@ fn with_patience_a_training_stops_early_and_keeps_its_best_weights() {
     // Too high a rate gets worse sooner or later.
     config.estimator.optimisation.learning_rate = 0.3;
     config.estimator.patience = Some(2);
-    let outcome = train(&corpus, &run, &config, &mut Silent).unwrap();
+    let outcome = train(&corpus, &run, &config, &Silent).unwrap();
     let log: serde_json::Value =
         serde_json::from_slice(&fs::read(run.join("convergence.json")).unwrap()).unwrap();
     let entries = log["estimator"].as_array().unwrap();

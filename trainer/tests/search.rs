@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::sync::Mutex;
 
-use dataset::work::progress::{Progress, Silent};
+use dataset::work::watch::{Silent, Watch};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{EvaluationConfig, RunFolder, Search, TrainConfig, evaluate, search};
@@ -37,18 +38,16 @@ fn with_lstm(width: usize, learning_rate: f64) -> TrainConfig {
 }
 
 /// Bears no training, and writes down which ones are looked at.
-#[derive(Default)]
-struct Idle(Vec<String>);
+#[derive(Debug, Default)]
+struct Idle(Mutex<Vec<String>>);
 
-impl Progress for Idle {
-    fn begin(&mut self, stage: &str, _total: u64) {
+impl Watch for Idle {
+    fn begin(&self, stage: &str, _total: u64) {
         panic!("trains {stage}");
     }
 
-    fn advance(&mut self, _done: u64, _note: &str) {}
-
-    fn say(&mut self, line: &str) {
-        self.0.push(line.into());
+    fn say(&self, line: &str) {
+        self.0.lock().unwrap().push(line.into());
     }
 }
 
@@ -66,7 +65,7 @@ fn each_variant_is_trained_with_each_seed_once_and_the_best_is_linked() {
         ]),
         seeds: vec![3, 4],
     };
-    let table = search(&corpora, &out, &what, &mut Silent).unwrap();
+    let table = search(&corpora, &out, &what, &Silent).unwrap();
     let [learns, sleeps] = table.variants.as_slice() else {
         panic!("{table:?}");
     };
@@ -93,13 +92,7 @@ fn each_variant_is_trained_with_each_seed_once_and_the_best_is_linked() {
     };
     assert_eq!(table.best.as_deref(), Some(best));
     let linked = RunFolder::at(&out.join("best"));
-    evaluate(
-        &linked,
-        &corpora[0],
-        &EvaluationConfig::default(),
-        &mut Silent,
-    )
-    .unwrap();
+    evaluate(&linked, &corpora[0], &EvaluationConfig::default(), &Silent).unwrap();
     assert!(out.join(best).join("metrics.json").is_file());
     let written = fs::read(out.join("search.json")).unwrap();
     assert_eq!(
@@ -108,20 +101,20 @@ fn each_variant_is_trained_with_each_seed_once_and_the_best_is_linked() {
     );
 
     // The folder of a run is not the folder of a search.
-    let in_run = search(&corpora, &out.join(best), &what, &mut Silent);
+    let in_run = search(&corpora, &out.join(best), &what, &Silent);
     assert!(in_run.unwrap_err().to_string().contains("is a run"));
 
     // No run is trained twice, and the evaluation stays.
-    let mut idle = Idle::default();
-    assert_eq!(search(&corpora, &out, &what, &mut idle).unwrap(), table);
-    assert_eq!(idle.0.len(), 4, "{:?}", idle.0);
+    let idle = Idle::default();
+    assert_eq!(search(&corpora, &out, &what, &idle).unwrap(), table);
+    assert_eq!(idle.0.lock().unwrap().len(), 4, "{idle:?}");
     assert!(out.join(best).join("metrics.json").is_file());
     // One seed more is one training of each variant more.
     let more = Search {
         seeds: vec![3, 4, 5],
         ..what
     };
-    let larger = search(&corpora, &out, &more, &mut Silent).unwrap();
+    let larger = search(&corpora, &out, &more, &Silent).unwrap();
     assert_eq!(larger.variants[0].trainings[..2], learns.trainings);
     assert!(out.join("sleeps-5").is_dir());
     // Registrations count as well, though no network reads them.
@@ -132,7 +125,7 @@ fn each_variant_is_trained_with_each_seed_once_and_the_best_is_linked() {
     let registered = [registered.write(&folder.path().join("registered")).unwrap()];
     let formulas = || fs::read(out.join("learns-3/baselines.json")).unwrap();
     let before = formulas();
-    search(&registered, &out, &more, &mut Silent).unwrap();
+    search(&registered, &out, &more, &Silent).unwrap();
     assert_ne!(formulas(), before);
 }
 
@@ -156,13 +149,13 @@ fn a_variant_that_diverges_has_no_mean_and_nonsense_is_refused_before_anything_i
         (of("wild", &wild, &[]), "seeds"),
         (of("wild", &wild, &[1, 1]), "seeds"),
     ] {
-        let error = search(&corpora, &out, &nonsense, &mut Silent).unwrap_err();
+        let error = search(&corpora, &out, &nonsense, &Silent).unwrap_err();
         assert!(error.to_string().contains(word), "{error}");
     }
     assert!(!out.exists());
     let mut both = of("wild", &wild, &[0]);
     both.variants.insert("tame".into(), with_lstm(16, 5e-3));
-    let table = search(&corpora, &out, &both, &mut Silent).unwrap();
+    let table = search(&corpora, &out, &both, &Silent).unwrap();
     assert_eq!(table.variants[1].mean_pct, None, "{table:?}");
     assert_eq!(table.best.as_deref(), Some("tame-0"));
 }

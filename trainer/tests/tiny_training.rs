@@ -11,7 +11,7 @@ use dataset::corpus::splits::{Side, Splits};
 use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
 use dataset::tables::pixel_box::PixelBox;
-use dataset::work::progress::Silent;
+use dataset::work::watch::Silent;
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus, model};
 use testkit::{program_of_venv, repository};
 use trainer::config::{
@@ -50,7 +50,7 @@ fn small() -> TrainConfig {
 
 fn trained(root: &Path) -> (Corpus, RunFolder) {
     let corpus = SyntheticCorpus::tiny().write(&root.join("corpus")).unwrap();
-    let outcome = train(&corpus, &root.join("run"), &small(), &mut Silent).unwrap();
+    let outcome = train(&corpus, &root.join("run"), &small(), &Silent).unwrap();
     (corpus, outcome.run)
 }
 
@@ -66,7 +66,7 @@ fn mape(metrics: &Metrics, name: &str) -> f64 {
 fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
     let folder = tempfile::tempdir().unwrap();
     let (corpus, run) = trained(folder.path());
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
 
     // A constant predictor is off by tens of percent; so is one that has learned from the wrong view.
     assert!(
@@ -155,14 +155,9 @@ fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
             seed,
             ..config.clone()
         };
-        let outcome = train(&corpus, &folder.path().join(name), &config, &mut Silent).unwrap();
-        let evaluated = evaluate(
-            &outcome.run,
-            &corpus,
-            &EvaluationConfig::default(),
-            &mut Silent,
-        )
-        .unwrap();
+        let outcome = train(&corpus, &folder.path().join(name), &config, &Silent).unwrap();
+        let evaluated =
+            evaluate(&outcome.run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
         let bytes = fs::read(outcome.run.weights_path()).unwrap();
         (mape(&evaluated, "paper_lstm"), bytes)
     };
@@ -192,21 +187,16 @@ fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
         corpus.write(&folder.path().join(name)).unwrap()
     };
     let corpus = sides("three", 1, 1, 1);
-    let run = train(
-        &corpus,
-        &folder.path().join("run"),
-        &few_steps(),
-        &mut Silent,
-    )
-    .unwrap()
-    .run;
-    evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let run = train(&corpus, &folder.path().join("run"), &few_steps(), &Silent)
+        .unwrap()
+        .run;
+    evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
     for (name, empty, [train_count, validation]) in
         [("one", "Validation", [1, 0]), ("other", "Train", [0, 1])]
     {
         let corpus = sides(name, train_count, validation, 0);
         let out = folder.path().join(format!("run-{name}"));
-        let message = train(&corpus, &out, &few_steps(), &mut Silent)
+        let message = train(&corpus, &out, &few_steps(), &Silent)
             .unwrap_err()
             .to_string();
         assert!(
@@ -215,7 +205,7 @@ fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
         );
     }
     let two = sides("two", 1, 1, 0);
-    let message = evaluate(&run, &two, &EvaluationConfig::default(), &mut Silent)
+    let message = evaluate(&run, &two, &EvaluationConfig::default(), &Silent)
         .unwrap_err()
         .to_string();
     assert!(message.contains("no samples on the test side"), "{message}");
@@ -266,8 +256,8 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
     });
     let run = |name: &str, config: &TrainConfig| {
         let out = folder.path().join(name);
-        let run = train(&corpus, &out, config, &mut Silent).unwrap().run;
-        let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+        let run = train(&corpus, &out, config, &Silent).unwrap().run;
+        let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
         let summary: serde_json::Value = read_json(&out.join("run.json"), "summary").unwrap();
         let report = fs::read_to_string(run.report_path()).unwrap();
         (metrics.deviations_from_paper, summary, report)
@@ -321,8 +311,8 @@ fn inverse_range_is_what_scipy_solves_and_what_the_predictions_hold() {
     .write(&folder.path().join("corpus"))
     .unwrap();
     let out = folder.path().join("run");
-    let run = train(&corpus, &out, &few_steps(), &mut Silent).unwrap().run;
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let run = train(&corpus, &out, &few_steps(), &Silent).unwrap().run;
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
     let judged = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges/inverse_range.py"))
         .args([corpus.root(), run.root()])
@@ -366,8 +356,8 @@ fn filters_answer_where_a_view_was_removed_and_state_intervals() {
     .write(&folder.path().join("corpus"))
     .unwrap();
     let out = folder.path().join("run");
-    let run = train(&corpus, &out, &few_steps(), &mut Silent).unwrap().run;
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let run = train(&corpus, &out, &few_steps(), &Silent).unwrap().run;
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
     let of = |name: &str| &metrics.estimators[name];
     let removed = |name: &str| {
         of(name).views_removed["random_15_pct"]
@@ -422,16 +412,11 @@ fn no_estimator_answers_where_every_box_is_unlike_any_of_the_training_side() {
     let corpus = SyntheticCorpus::tiny()
         .write(&folder.path().join("corpus"))
         .unwrap();
-    let run = train(
-        &corpus,
-        &folder.path().join("run"),
-        &few_steps(),
-        &mut Silent,
-    )
-    .unwrap()
-    .run;
+    let run = train(&corpus, &folder.path().join("run"), &few_steps(), &Silent)
+        .unwrap()
+        .run;
     with_boxes(&corpus, Side::Test, speck);
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
     for (name, figures) in &metrics.estimators {
         assert_eq!(figures.overall.combination.samples, 0, "{name}");
         assert_eq!(figures.overall.combination.mape_pct, None, "{name}");
@@ -454,14 +439,9 @@ fn sides_without_a_box_that_can_be_used_are_explained() {
         .write(&folder.path().join("corpus"))
         .unwrap();
     let message = |corpus: &Corpus| {
-        train(
-            corpus,
-            &folder.path().join("run"),
-            &few_steps(),
-            &mut Silent,
-        )
-        .unwrap_err()
-        .to_string()
+        train(corpus, &folder.path().join("run"), &few_steps(), &Silent)
+            .unwrap_err()
+            .to_string()
     };
     with_boxes(&corpus, Side::Validation, speck);
     let validation = message(&corpus);
@@ -482,7 +462,7 @@ fn a_run_that_was_copied_predicts_exactly_what_it_predicted_before() {
     let folder = tempfile::tempdir().unwrap();
     let (corpus, run) = trained(folder.path());
     let predictions = |run: &RunFolder| {
-        evaluate(run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+        evaluate(run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
         Table::read(&run.predictions_path(), u64::MAX)
             .unwrap()
             .optional_f64("paper_lstm_dtd_m")
@@ -506,7 +486,7 @@ fn a_corpus_whose_test_trajectory_was_trained_on_is_refused_by_name() {
     let trained_on = splits.side(Side::Train).next().unwrap().to_owned();
     splits.scenarios.get_mut(&trained_on).unwrap().side = Side::Test;
     splits.write(&corpus.splits_path()).unwrap();
-    let message = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent)
+    let message = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent)
         .unwrap_err()
         .to_string();
     assert!(
@@ -529,12 +509,12 @@ fn a_folder_without_a_run_and_a_corpus_without_a_validation_side_are_explained()
     }
     .write(folder.path())
     .unwrap();
-    let message = train(&corpus, &folder.path().join("run"), &small(), &mut Silent)
+    let message = train(&corpus, &folder.path().join("run"), &small(), &Silent)
         .unwrap_err()
         .to_string();
     assert!(message.contains("Validation"), "{message}");
     let nowhere = RunFolder::at(&folder.path().join("nowhere"));
-    let message = evaluate(&nowhere, &corpus, &EvaluationConfig::default(), &mut Silent)
+    let message = evaluate(&nowhere, &corpus, &EvaluationConfig::default(), &Silent)
         .unwrap_err()
         .to_string();
     assert!(message.contains("dtd train"), "{message}");

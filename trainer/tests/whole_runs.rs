@@ -2,12 +2,12 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc;
+use std::sync::{Mutex, mpsc};
 use std::thread;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::seal;
-use dataset::work::progress::{Progress, Silent};
+use dataset::work::watch::{Silent, Watch};
 use tempfile::{TempDir, tempdir};
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{Error, EvaluationConfig, RunFolder, TrainConfig, evaluate, train};
@@ -44,18 +44,12 @@ impl Workshop {
     }
 
     fn train(&self, name: &str, seed: u64) -> Result<RunFolder, Error> {
-        train(&self.corpus, &self.path(name), &config(seed), &mut Silent).map(|outcome| outcome.run)
+        train(&self.corpus, &self.path(name), &config(seed), &Silent).map(|outcome| outcome.run)
     }
 
     fn evaluate(&self, name: &str) -> Result<(), Error> {
         let run = RunFolder::at(&self.path(name));
-        evaluate(
-            &run,
-            &self.corpus,
-            &EvaluationConfig::default(),
-            &mut Silent,
-        )
-        .map(|_| ())
+        evaluate(&run, &self.corpus, &EvaluationConfig::default(), &Silent).map(|_| ())
     }
 
     fn refusal(&self, name: &str) -> String {
@@ -409,19 +403,17 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
 /// Signals when a training is running, and holds it there until it is released.
 struct Gate {
     at_work: mpsc::Sender<()>,
-    go_on: mpsc::Receiver<()>,
-    passed: bool,
+    /// `None` once it is passed.
+    go_on: Mutex<Option<mpsc::Receiver<()>>>,
 }
 
-impl Progress for Gate {
-    fn begin(&mut self, _stage: &str, _total: u64) {
-        if !std::mem::replace(&mut self.passed, true) {
+impl Watch for Gate {
+    fn begin(&self, _stage: &str, _total: u64) {
+        if let Some(go_on) = self.go_on.lock().unwrap().take() {
             self.at_work.send(()).unwrap();
-            self.go_on.recv().unwrap();
+            go_on.recv().unwrap();
         }
     }
-
-    fn advance(&mut self, _done: u64, _note: &str) {}
 }
 
 #[test]
@@ -432,18 +424,11 @@ fn two_who_work_on_one_run_exclude_each_other_and_neighbours_do_not() {
     let (go_on, may_go_on) = mpsc::channel();
     thread::scope(|scope| {
         let first = scope.spawn(|| {
-            let mut gate = Gate {
+            let gate = Gate {
                 at_work,
-                go_on: may_go_on,
-                passed: false,
+                go_on: Mutex::new(Some(may_go_on)),
             };
-            train(
-                &workshop.corpus,
-                &workshop.path("run"),
-                &config(1),
-                &mut gate,
-            )
-            .unwrap();
+            train(&workshop.corpus, &workshop.path("run"), &config(1), &gate).unwrap();
         });
         is_at_work.recv().unwrap();
         for error in [

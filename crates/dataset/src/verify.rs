@@ -33,6 +33,7 @@ use crate::error::{Error, Result};
 use crate::numbers::limits::FieldOutOfLimits;
 use crate::plain::one_line;
 use crate::tables::columns::ColumnOutOfLimits;
+use crate::work::watch::{Silent, Stopped, Watch};
 use pixels::ViewProof;
 
 /// Maximum number of listed rows per kind of fault; the others are counted.
@@ -129,30 +130,36 @@ impl VerifyReport {
 
 /// Verifies a corpus.
 pub fn verify(corpus: &Corpus) -> VerifyReport {
-    verify_with(corpus, VerifyOptions::default(), &mut |_, _| {})
+    verify_with(corpus, VerifyOptions::default(), &Silent).expect("`Silent` stops nothing")
 }
 
-/// Verifies a corpus and reports which scenario is next, and how many there are.
+/// Verifies a corpus; the watch counts its scenarios.
+///
+/// # Errors
+/// The watch stopped it.
 pub fn verify_with(
     corpus: &Corpus,
     options: VerifyOptions,
-    next: &mut dyn FnMut(&str, usize),
-) -> VerifyReport {
-    let mut verification = Verification::new(options);
+    watch: &dyn Watch,
+) -> std::result::Result<VerifyReport, Stopped> {
+    let mut verification = Verification::new(options, watch);
     // One folder that cannot be read must not hide the others.
     let folders = verification.faults.keep("scenarios", corpus.folders());
     let mut scenarios = folders.unwrap_or_default();
     scenarios.retain(|folder| !matches!(folder.seal(), Ok(None)));
-    for folder in &scenarios {
-        next(&folder.id(), scenarios.len());
-        verification.add(folder.clone());
+    watch.begin("", scenarios.len() as u64);
+    for (done, folder) in scenarios.iter().enumerate() {
+        watch.advance(done as u64, &folder.id());
+        verification.add(folder.clone())?;
     }
-    verification.finish(corpus)
+    watch.advance(scenarios.len() as u64, "");
+    Ok(verification.finish(corpus))
 }
 
 /// A verification scenario by scenario, for a corpus whose scenarios are never all there at once.
-pub struct Verification {
+pub struct Verification<'w> {
     options: VerifyOptions,
+    watch: &'w dyn Watch,
     report: VerifyReport,
     /// Of the corpus's own files.
     faults: Faults,
@@ -161,11 +168,12 @@ pub struct Verification {
     calibrations: BTreeMap<String, Calibration>,
 }
 
-impl Verification {
-    /// A verification that has not checked any scenario yet.
-    pub fn new(options: VerifyOptions) -> Self {
+impl<'w> Verification<'w> {
+    /// A verification that has not checked any scenario yet. Only the cancellation of `watch` is used.
+    pub fn new(options: VerifyOptions, watch: &'w dyn Watch) -> Self {
         Self {
             options,
+            watch,
             report: VerifyReport::default(),
             faults: Faults::default(),
             scenarios: Vec::new(),
@@ -175,9 +183,14 @@ impl Verification {
     }
 
     /// Verifies a scenario. Its videos are not needed any more afterwards.
-    pub fn add(&mut self, folder: ScenarioFolder) {
+    ///
+    /// # Errors
+    /// The watch stopped it: this scenario, and so the report, is incomplete.
+    pub fn add(&mut self, folder: ScenarioFolder) -> std::result::Result<(), Stopped> {
         let id = folder.id();
-        let (read, faults) = verify_undisturbed(&folder, self.options, &mut self.report);
+        let (read, faults) =
+            verify_undisturbed(&folder, self.options, &mut self.report, self.watch);
+        self.watch.check()?;
         if let Some((record, calibration)) = read {
             let calibration = calibration.map(|calibration| (id.clone(), calibration));
             self.calibrations.extend(calibration);
@@ -186,6 +199,7 @@ impl Verification {
         self.report.scenarios += 1;
         self.report.findings.extend(faults.into_findings());
         self.scenarios.push(folder);
+        Ok(())
     }
 
     /// Records a scenario that could not even be read, with the faults of its files.
@@ -226,13 +240,14 @@ fn verify_undisturbed(
     folder: &ScenarioFolder,
     options: VerifyOptions,
     report: &mut VerifyReport,
+    watch: &dyn Watch,
 ) -> (Option<(ScenarioRecord, Option<Calibration>)>, Faults) {
     let before = report.clone();
     loop {
         let seal = folder.seal().ok();
         let mut faults = Faults::of_scenario(&folder.id());
-        let read = verify_scenario(folder, options, &mut faults, report);
-        if faults.findings.is_empty() || folder.seal().ok() == seal {
+        let read = verify_scenario(folder, options, &mut faults, report, watch);
+        if faults.findings.is_empty() || folder.seal().ok() == seal || watch.is_stopped() {
             return (read, faults);
         }
         report.clone_from(&before);
@@ -244,6 +259,7 @@ fn verify_scenario(
     options: VerifyOptions,
     faults: &mut Faults,
     report: &mut VerifyReport,
+    watch: &dyn Watch,
 ) -> Option<(ScenarioRecord, Option<Calibration>)> {
     match seal::faults(folder.root()) {
         Ok(found) => found
@@ -282,7 +298,8 @@ fn verify_scenario(
             frames: frames.as_ref(),
             boxes: boxes.as_deref().unwrap_or_default(),
         };
-        let (pictures, proofs) = videos::check(folder, &scenario, calibration.as_ref(), faults);
+        let (pictures, proofs) =
+            videos::check(folder, &scenario, calibration.as_ref(), faults, watch);
         report.pictures += pictures;
         report.views.extend(proofs);
     }

@@ -1,5 +1,5 @@
-//! Long work: its progress, its threads and the memory that it may use.
+//! Long work: its progress and cancellation, its threads and the memory that it may use.
 
 pub mod memory;
-pub mod progress;
+pub mod watch;
 pub mod workers;

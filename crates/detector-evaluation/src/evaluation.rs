@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use dataset::corpus::Corpus;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::files::json_file::{write_atomically, write_json};
-use labeller::{DetectOptions, Failure, Findings, Progress, Searcher, Watch};
+use dataset::work::watch::Watch;
+use labeller::{DetectOptions, Failure, Findings, Searcher};
 
 use crate::error::{Error, Result};
 use crate::example::Candidates;
@@ -53,7 +54,7 @@ pub enum Ended {
 pub fn evaluate_detector(
     corpus: &Corpus,
     options: &EvaluationOptions,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<Ended> {
     let mut modes = options.modes.clone();
     modes.sort();
@@ -84,17 +85,17 @@ pub fn evaluate_detector(
         store,
         searchers,
         pictures_done: AtomicU64::new(0),
-        pictures: 0,
         counted: BTreeMap::new(),
         visibility_m: BTreeMap::new(),
     };
-    run.pictures = modes.len() as u64 * ids.iter().map(|(_, pictures)| pictures).sum::<u64>();
+    let pictures: u64 = ids.iter().map(|(_, pictures)| pictures).sum();
+    watch.begin("", modes.len() as u64 * pictures);
     let (mut searched, mut failed) = (Vec::new(), Vec::new());
     for (id, pictures) in &ids {
         let before = run.pictures_done.load(Ordering::Relaxed);
         match run.scenario(id, watch) {
             Ok(()) => searched.push(id.clone()),
-            Err(Error::Search(labeller::Error::Stopped)) => {
+            Err(Error::Search(labeller::Error::Stopped(_))) => {
                 return Ok(Ended::Stopped {
                     searched: searched.len(),
                     left: ids.len() - searched.len() - failed.len(),
@@ -142,7 +143,6 @@ struct Run<'a> {
     store: SearchStore,
     searchers: Vec<(EvaluatedMode, Searcher)>,
     pictures_done: AtomicU64,
-    pictures: u64,
     counted: BTreeMap<EvaluatedMode, (Tally, Candidates)>,
     /// The shortest visibility of each weather, metres.
     visibility_m: BTreeMap<String, f64>,
@@ -150,7 +150,7 @@ struct Run<'a> {
 
 impl Run<'_> {
     /// Searches a scenario in all modes and counts it. One that cannot be searched in one mode is counted in none.
-    fn scenario(&mut self, id: &str, watch: Watch<'_>) -> Result<()> {
+    fn scenario(&mut self, id: &str, watch: &dyn Watch) -> Result<()> {
         let scenario = self.corpus.scenario(id).open()?;
         let record = scenario.record()?;
         let pictures = pictures_of(&scenario)?;
@@ -180,21 +180,18 @@ impl Run<'_> {
         mode: EvaluatedMode,
         searcher: &Searcher,
         scenario: &OpenScenario,
-        watch: Watch<'_>,
+        watch: &dyn Watch,
     ) -> Result<Findings> {
         let progress = |done: u64| {
-            let (done, total) = (
-                self.pictures_done.fetch_add(done, Ordering::Relaxed) + done,
-                self.pictures,
-            );
-            (watch.progress)(Progress { done, total });
+            let done = self.pictures_done.fetch_add(done, Ordering::Relaxed) + done;
+            watch.advance(done, "");
         };
         let identity = searcher.identity();
         if let Some(findings) = self.store.load(mode, &identity, scenario)? {
             progress(scenario.record()?.pictures());
             return Ok(findings);
         }
-        let findings = searcher.search(scenario, &|| progress(1), watch.is_stopped)?;
+        let findings = searcher.search(scenario, &|| progress(1), watch)?;
         self.store.keep(mode, &identity, scenario, &findings)?;
         Ok(findings)
     }

@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use dataset::corpus::Corpus;
 use dataset::corpus::open_scenario::OpenScenario;
@@ -12,6 +13,7 @@ use dataset::corpus::splits::Side;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::pixel_box::TruthBox;
 use dataset::work::memory;
+use dataset::work::watch::Watch;
 use rayon::prelude::*;
 
 use super::cover::Cover;
@@ -88,8 +90,8 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
 /// All training samples of the videos.
 ///
 /// # Errors
-/// A video or table cannot be read, or the pictures need more memory than available.
-pub(crate) fn read_samples(videos: &[Video]) -> Result<Samples> {
+/// A video or table cannot be read, the pictures need more memory than available, or the watch stopped it.
+pub(crate) fn read_samples(videos: &[Video], watch: &dyn Watch) -> Result<Samples> {
     let mut needed_bytes = decoding_bytes(videos)?.max(TRAINING_BYTES);
     for video in videos {
         let backgrounds = BACKGROUNDS_PER_VIDEO.min(video.frames()?) as u64;
@@ -105,10 +107,15 @@ pub(crate) fn read_samples(videos: &[Video]) -> Result<Samples> {
     }
     memory::check("training a detector with these pictures", needed_bytes)
         .map_err(dataset::Error::from)?;
-    let parts = videos
-        .par_iter()
-        .map(samples_of)
-        .collect::<Result<Vec<_>>>()?;
+    watch.begin("detector: reading videos", videos.len() as u64);
+    let done = AtomicU64::new(0);
+    let read = |video| {
+        watch.check()?;
+        let samples = samples_of(video)?;
+        watch.advance(done.fetch_add(1, Ordering::Relaxed) + 1, "");
+        Ok(samples)
+    };
+    let parts = videos.par_iter().map(read).collect::<Result<Vec<_>>>()?;
     let mut all = Samples::default();
     for part in parts {
         all.backgrounds.extend(part.backgrounds);

@@ -8,7 +8,7 @@ use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::seal::{hash_bytes, hash_file};
 use dataset::corpus::splits::Side;
 use dataset::files::json_file::{read_json, write_atomically, write_json};
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -75,7 +75,7 @@ pub struct DetectorReport {
 }
 
 /// Trains a detector on a corpus and writes the model to `out`, a report to `out` with the extension `.json`. Until it is done, the
-/// folder `out` with the extension `.checkpoint` contains what a killed training needs to resume.
+/// folder `out` with the extension `.checkpoint` contains what a stopped or killed training needs to resume.
 ///
 /// Trains on the scenarios of the training and validation sides (no decisions are made during training) and evaluates on the test
 /// side.
@@ -83,7 +83,7 @@ pub fn train_detector(
     corpus: &Corpus,
     out: &Path,
     config: &DetectorConfig,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<DetectorReport> {
     let checkpoint = beside(out, "checkpoint");
     let _claim = claim(out, &checkpoint)?;
@@ -93,21 +93,17 @@ pub fn train_detector(
     }
     let test = corpus_samples::videos(corpus, &[Side::Test])?;
     let learned = corpus_samples::videos(corpus, &[Side::Train, Side::Validation])?;
-    progress.begin("detector: reading videos", learned.len() as u64);
-    let samples = corpus_samples::read_samples(&learned)?;
-    progress.advance(learned.len() as u64, "");
+    let samples = corpus_samples::read_samples(&learned, watch)?;
     if samples.aircraft_count() == 0 {
         return Err(Error::Corpus {
             path: corpus.root().to_owned(),
             fault: CorpusFault::NothingVisible,
         });
     }
-    let trained = train(&samples, &config.training, Some(&checkpoint), progress)?;
+    let trained = train(&samples, &config.training, Some(&checkpoint), watch)?;
 
     let frames = corpus_samples::read_frames(&test, config.judged_frames)?;
-    progress.begin("detector: judging", frames.len() as u64);
-    let held_out = evaluate(&trained.network, &frames, config.threshold);
-    progress.advance(frames.len() as u64, "");
+    let held_out = evaluate(&trained.network, &frames, config.threshold, watch)?;
 
     let model = export::onnx_bytes(&trained.network);
     let model_blake3 = hash_bytes(&model);

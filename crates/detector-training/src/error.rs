@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use burn::store::RecordError;
 use dataset::corpus::splits::Side;
+use dataset::work::watch::Stopped;
 
 /// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +57,9 @@ pub enum Error {
         /// Process that holds the lock.
         holder: String,
     },
+    /// The caller stopped the training.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// The network's numbers are no longer finite.
     #[error(
         "training of detector diverged at step {step}: the loss is not finite; lower its learning_rate"

@@ -5,10 +5,12 @@
 //! each hit.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use burn::tensor::Device;
 pub use dataset::numbers::spread::Spread;
 use dataset::tables::pixel_box::PixelBox;
+use dataset::work::watch::{Stopped, Watch};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -67,15 +69,30 @@ pub struct WidthBin {
 }
 
 /// Runs the network on all frames and compares with the truth.
-pub fn evaluate(network: &Network, frames: &[JudgedFrame], threshold: f64) -> Evaluation {
-    let outcomes: Vec<Outcome> = frames
+///
+/// # Errors
+/// The watch stopped it.
+pub fn evaluate(
+    network: &Network,
+    frames: &[JudgedFrame],
+    threshold: f64,
+    watch: &dyn Watch,
+) -> Result<Evaluation, Stopped> {
+    watch.begin("detector: judging", frames.len() as u64);
+    let done = AtomicU64::new(0);
+    let outcomes = frames
         .par_iter()
         .map_init(
             || GatherTables::new(&Device::flex()),
-            |tables, frame| Outcome::of(frame, &detect(network, tables, &frame.picture, threshold)),
+            |tables, frame| {
+                watch.check()?;
+                let found = detect(network, tables, &frame.picture, threshold);
+                watch.advance(done.fetch_add(1, Ordering::Relaxed) + 1, "");
+                Ok(Outcome::of(frame, &found))
+            },
         )
-        .collect();
-    summary(outcomes, threshold)
+        .collect::<Result<Vec<_>, Stopped>>()?;
+    Ok(summary(outcomes, threshold))
 }
 
 /// Compares what any detector found in all frames with the truth. `found` holds the boxes of each frame, best first.

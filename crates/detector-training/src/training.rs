@@ -11,7 +11,7 @@ use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
 use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams};
 use burn::tensor::Device;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -48,12 +48,12 @@ pub struct Trained {
     pub hard_places: usize,
 }
 
-/// Trains; if a folder is given, from and to the checkpoint in it.
+/// Trains; if a folder is given, from and to the checkpoint in it, which has the last step if the training is stopped.
 pub fn train(
     samples: &Samples,
     config: &TrainingConfig,
     checkpoint_folder: Option<&Path>,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<Trained> {
     config.check()?;
     let mut training = Training::new(config)?;
@@ -62,7 +62,7 @@ pub fn train(
         training.saved = checkpoint.load(training.saved)?;
         training.saved.hard.forget_beyond(samples.backgrounds.len());
     }
-    progress.begin("detector", PROGRESS_PARTS as u64);
+    watch.begin("detector", PROGRESS_PARTS as u64);
     let spent_before_s = training.saved.position.seconds;
     let started = Instant::now();
     while training.done_share(config) < 1.0 {
@@ -75,13 +75,15 @@ pub fn train(
                 "step {step}, loss {loss:.3}, {} hard places",
                 training.saved.hard.len()
             );
-            progress.advance((share * PROGRESS_PARTS) as u64, &note);
+            watch.advance((share * PROGRESS_PARTS) as u64, &note);
         }
+        let stopped = watch.check();
         if let Some(checkpoint) = &checkpoint
-            && step.is_multiple_of(CHECKPOINT_STEPS)
+            && (stopped.is_err() || step.is_multiple_of(CHECKPOINT_STEPS))
         {
             checkpoint.save(&training.saved)?;
         }
+        stopped?;
     }
     if let Some(checkpoint) = &checkpoint {
         checkpoint.save(&training.saved)?;
@@ -254,7 +256,7 @@ mod tests {
     use crate::picture::TrainingPicture;
     use crate::targets::CropTruth;
     use dataset::tables::pixel_box::PixelBox;
-    use dataset::work::progress::Silent;
+    use dataset::work::watch::Silent;
     use rand::RngExt;
 
     /// A sky with a soft-edged dark fuselage and wings, and the box around them.
@@ -319,7 +321,7 @@ mod tests {
             augmentation: Augmentation::none(),
             ..Default::default()
         };
-        let trained = train(&samples, &config, None, &mut Silent).unwrap();
+        let trained = train(&samples, &config, None, &Silent).unwrap();
         let mut tables = GatherTables::new(&Device::flex());
         let mut errors = Vec::new();
         for _ in 0..40 {
@@ -373,7 +375,7 @@ mod tests {
         Checkpoint::new(folder.path(), &config)
             .save(&begun(5).saved)
             .unwrap();
-        let resumed = train(&samples, &config, Some(folder.path()), &mut Silent).unwrap();
+        let resumed = train(&samples, &config, Some(folder.path()), &Silent).unwrap();
         let straight = begun(8).saved;
         assert_eq!(
             (resumed.position.step, resumed.position.crops),

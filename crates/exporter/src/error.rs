@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use dataset::numbers::frame_rate::FrameRate;
+use dataset::work::watch::Stopped;
 
 /// An error of an export. Every message names its subject.
 #[derive(Debug, thiserror::Error)]
@@ -231,8 +232,8 @@ pub enum Error {
         holder: String,
     },
     /// The caller stopped it.
-    #[error("stopped")]
-    Stopped,
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
 }
 
 /// Results of this crate.

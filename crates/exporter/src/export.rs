@@ -11,6 +11,7 @@ use dataset::corpus::detections::{NoChoice, choose};
 use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
 use dataset::video::VideoSettings;
+use dataset::work::watch::Watch;
 use dataset::work::workers;
 use serde::Serialize;
 
@@ -21,15 +22,6 @@ use crate::formats::{BoxUse, FileFormat, Writing, Written};
 use crate::place::{Found, Place, refuse_corpus};
 use crate::request::{BoxSource, ExportRequest};
 use crate::scenarios::{Selected, Source, select};
-
-/// Progress callback and cancellation for an export.
-#[derive(Clone, Copy)]
-pub struct Watch<'a> {
-    /// Called after every picture with the number of pictures done and the total.
-    pub progress: &'a (dyn Fn(u64, u64) + Sync),
-    /// Polled before every picture; true stops the export.
-    pub is_stopped: &'a (dyn Fn() -> bool + Sync),
-}
 
 /// Counts and remarks of an export.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -84,7 +76,7 @@ pub fn export(
     corpus: &Corpus,
     request: &ExportRequest,
     out: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<ExportOutcome> {
     request.check()?;
     refuse_corpus(corpus, out)?;
@@ -106,7 +98,7 @@ pub fn export(
 pub(crate) fn export_as<F: FileFormat>(
     mut export: Export<'_>,
     out: &Path,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<ExportOutcome> {
     let mut format = F::default();
     format.prepare(&export)?;
@@ -211,12 +203,13 @@ impl Export<'_> {
         format: &F,
         place: &Place,
         total: u64,
-        watch: Watch<'_>,
+        watch: &dyn Watch,
     ) -> Result<()> {
+        watch.begin("", total);
         let done = AtomicU64::new(0);
         let count = |pictures: u64| {
             let done = done.fetch_add(pictures, Ordering::Relaxed) + pictures;
-            (watch.progress)(done, total);
+            watch.advance(done, "");
         };
         let (noted, pending): (Vec<&Planned>, Vec<&Planned>) = self
             .scenarios
@@ -279,8 +272,10 @@ mod tests {
     use std::sync::atomic::AtomicU64;
 
     use dataset::numbers::frame_rate::FrameRate;
+    use dataset::work::watch::Silent;
     use testkit::files::contents;
     use testkit::short_corpus;
+    use testkit::watch::Calls;
 
     use super::*;
     use crate::request::{Format, Ticks};
@@ -314,24 +309,20 @@ mod tests {
         most: u64,
     ) -> Result<ExportOutcome> {
         let asked = AtomicU64::new(0);
-        let watch = Watch {
-            progress: &|_, _| {},
-            is_stopped: &|| asked.fetch_add(1, Ordering::Relaxed) >= most,
+        let watch = Calls {
+            advance: |_| {},
+            is_stopped: || asked.fetch_add(1, Ordering::Relaxed) >= most,
         };
-        export(corpus, &request(format, 1), out, watch)
+        export(corpus, &request(format, 1), out, &watch)
     }
 
     #[test]
     fn pictures_hold_exactly_the_decoded_pixels() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = corpus(&temporary.path().join("corpus"));
-        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        labeller::label_corpus(&corpus, &Silent).unwrap();
         let out = temporary.path().join("out");
-        let watch = Watch {
-            progress: &|_, _| {},
-            is_stopped: &|| false,
-        };
-        let outcome = export(&corpus, &request(Format::Coco, 2), &out, watch).unwrap();
+        let outcome = export(&corpus, &request(Format::Coco, 2), &out, &Silent).unwrap();
         assert_eq!(
             (outcome.scenarios, outcome.pictures),
             (3, 6),
@@ -361,7 +352,7 @@ mod tests {
     fn an_export_that_was_stopped_goes_on_and_becomes_what_it_would_have_been() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = corpus(&temporary.path().join("corpus"));
-        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        labeller::label_corpus(&corpus, &Silent).unwrap();
         for format in [
             Format::Coco,
             Format::Yolo,
@@ -377,7 +368,7 @@ mod tests {
             let out = temporary.path().join(name);
             for most in [0, 2, 0] {
                 let stopped = export_until(&corpus, format, &out, most).unwrap_err();
-                assert!(matches!(stopped, Error::Stopped), "{name}: {stopped}");
+                assert!(matches!(stopped, Error::Stopped(_)), "{name}: {stopped}");
                 assert!(
                     !out.exists(),
                     "{name}: something is under the final name before it is whole"
@@ -406,25 +397,21 @@ mod tests {
             error.to_string()
         };
         assert!(refused().contains("`dtd label`"), "{}", refused());
-        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        labeller::label_corpus(&corpus, &Silent).unwrap();
         let words = "0002-b has 2 pictures a second, right of 160x96";
         assert!(refused().contains(words), "{}", refused());
-        let watch = Watch {
-            progress: &|_, _| {},
-            is_stopped: &|| false,
-        };
         let one = ExportRequest {
             only: Some(vec!["0002-b".into()]),
             ..request(Format::LeRobot, 1)
         };
-        assert_eq!(export(&corpus, &one, &out, watch).unwrap().pictures, 3);
+        assert_eq!(export(&corpus, &one, &out, &Silent).unwrap().pictures, 3);
     }
 
     #[test]
     fn notes_of_an_export_that_was_moved_before_a_kill_do_not_stand_for_pictures() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = corpus(&temporary.path().join("corpus"));
-        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        labeller::label_corpus(&corpus, &Silent).unwrap();
         let out = temporary.path().join("out");
         export_until(&corpus, Format::Coco, &out, 4).unwrap_err();
         // As a kill between the move and the removal of the notes leaves it, and the user then removes the export.

@@ -13,12 +13,13 @@ mod yolo;
 
 use std::path::{Path, PathBuf};
 
+use dataset::work::watch::Watch;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::description::croissant::Contents;
-use crate::error::{Error, Result};
-use crate::export::{Export, ExportOutcome, Watch, export_as};
+use crate::error::Result;
+use crate::export::{Export, ExportOutcome, export_as};
 use crate::place::Place;
 use crate::request::Format;
 use crate::scenarios::Source;
@@ -114,7 +115,7 @@ impl Format {
         self,
         export: Export<'_>,
         out: &Path,
-        watch: Watch<'_>,
+        watch: &dyn Watch,
     ) -> Result<ExportOutcome> {
         match self {
             Self::Coco => export_as::<coco::Coco>(export, out, watch),
@@ -136,7 +137,7 @@ pub(crate) struct Writing<'a> {
     pub(crate) number: usize,
     /// Folder of the export.
     pub(crate) folder: PathBuf,
-    pub(crate) watch: Watch<'a>,
+    pub(crate) watch: &'a dyn Watch,
     pub(crate) count: &'a (dyn Fn(u64) + Sync),
 }
 
@@ -145,17 +146,13 @@ impl Writing<'_> {
     fn pictures_done(&self, pictures: u64) {
         (self.count)(pictures);
     }
-
-    fn refuse_if_stopped(&self) -> Result<()> {
-        refuse_if_stopped(self.watch)
-    }
 }
 
 /// An export whose scenarios are all written.
 pub(crate) struct Written<'a> {
     pub(crate) export: &'a Export<'a>,
     pub(crate) place: &'a Place,
-    pub(crate) watch: Watch<'a>,
+    pub(crate) watch: &'a dyn Watch,
 }
 
 impl<'a> Written<'a> {
@@ -174,13 +171,5 @@ impl<'a> Written<'a> {
     fn parts<P: DeserializeOwned>(&self) -> impl Iterator<Item = Result<P>> {
         let scenarios = self.export.scenarios.iter();
         scenarios.map(|scenario| self.place.part(&scenario.selected.id()))
-    }
-}
-
-fn refuse_if_stopped(watch: Watch<'_>) -> Result<()> {
-    if (watch.is_stopped)() {
-        Err(Error::Stopped)
-    } else {
-        Ok(())
     }
 }

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::numbers::frame_rate::FrameRate;
-use exporter::{ExportRequest, Format, Watch, export};
+use dataset::work::watch::Silent;
+use exporter::{ExportRequest, Format, export};
 use testkit::peak::peak_bytes;
 use testkit::short_corpus;
 
@@ -37,7 +38,7 @@ fn corpus(root: &Path, scenarios: u32) -> Corpus {
         state = noise.get();
     }
     let corpus = Corpus::open(root).unwrap();
-    labeller::label_corpus(&corpus, &|_| {}).unwrap();
+    labeller::label_corpus(&corpus, &Silent).unwrap();
     corpus
 }
 
@@ -53,10 +54,6 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
         added_mib > 5.0 * MOST_GROWTH_MIB,
         "{added_mib} MiB of pictures"
     );
-    let watch = Watch {
-        progress: &|_, _| {},
-        is_stopped: &|| false,
-    };
     for format in [
         Format::Coco,
         Format::Yolo,
@@ -70,7 +67,7 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
         for (size, corpus) in sizes.iter().zip(&corpora) {
             let out = folder.path().join(format!("{format:?}-{size}"));
             let run = || {
-                export(corpus, &ExportRequest::whole(format), &out, watch).unwrap();
+                export(corpus, &ExportRequest::whole(format), &out, &Silent).unwrap();
             };
             peaks.push(peak_bytes(run) / MIB);
             fs::remove_dir_all(&out).unwrap();

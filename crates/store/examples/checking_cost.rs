@@ -11,7 +11,8 @@ use std::{env, fs};
 
 use dataset::corpus::Corpus;
 use dataset::corpus::seal::seal_folder;
-use store::{CorpusStore, Pushed, StoreUrl};
+use dataset::work::watch::Silent;
+use store::{CorpusStore, Pushed, StoreUrl, Transfer};
 
 /// The files of a labelled scenario with two views.
 const FILES: [&str; 6] = [
@@ -43,7 +44,9 @@ async fn main() -> Result<(), Box<dyn Error>> {
         let mut unchanged = 0;
         for folder in corpus.scenarios()? {
             let seen = listing.of(&folder.id());
-            let pushed = store.push_scenario(&folder, Some(&seen), &()).await?;
+            let pushed = store
+                .push_scenario(&folder, Some(&seen), &Transfer::new(&Silent))
+                .await?;
             unchanged += usize::from(pushed == Pushed::Same);
         }
         println!(

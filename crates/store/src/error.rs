@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::io;
 
+use dataset::work::watch::Stopped;
 use object_store::client::{HttpError, HttpErrorKind};
 
 use crate::scenario::StoredFaults;
@@ -100,9 +101,9 @@ pub enum StoreError {
     /// The local side cannot be read or written.
     #[error(transparent)]
     Local(#[from] dataset::Error),
-    /// The caller cancelled.
-    #[error("stopped")]
-    Stopped,
+    /// The caller stopped the transfer.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
 }
 
 /// Denials with other codes than 401 or 403: S3 returns 400 for an expired token.

@@ -38,7 +38,7 @@ pub use mirror::{
     BadFile, FetchedCorpus, FetchedScenario, FileDecision, Keep, Mirror, MirrorError, PushedCorpus,
     PushedScenario, Replaced, SweepLanguage, sweep_fault,
 };
-pub use patience::{Patience, Watch};
+pub use patience::{Patience, Transfer};
 pub use scenario::{
     Before, Committed, Fetched, LeftDetections, MovedDetections, Pushed, StoredFault, StoredFaults,
 };

@@ -18,7 +18,7 @@ use dataset::corpus::splits::{Leak, Splits};
 use dataset::plan::Plan;
 
 use crate::corpus_store::CorpusStore;
-use crate::patience::{Patience, Watch};
+use crate::patience::{Patience, Transfer};
 
 pub use corpus_files::{BadFile, Replaced, sweep_fault};
 pub use error::MirrorError;
@@ -34,8 +34,8 @@ pub struct Mirror<'a> {
     pub sweeps: &'a dyn SweepLanguage,
     /// Timeout for a store that does not answer.
     pub patience: Patience,
-    /// Observer of the transfers.
-    pub watch: &'a dyn Watch,
+    /// The transfers; their watch counts the scenarios.
+    pub transfer: &'a Transfer<'a>,
 }
 
 /// The language of sweeps, in which `corpus.toml` is written. The generator implements it.

@@ -1,11 +1,12 @@
-//! Retries for a store that does not answer, and progress reports.
+//! Retries for a store that does not answer, and progress and cancellation of transfers.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use dataset::work::watch::Watch;
 use tokio::time::sleep;
 
-use crate::error::{Result, StoreError};
+use crate::error::Result;
 
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
 const LONGEST_PAUSE: Duration = Duration::from_secs(30);
@@ -16,52 +17,51 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Patience(pub Duration);
 
-/// Observer of a transfer.
-pub trait Watch: Sync {
-    /// Of the scenarios of a corpus, `done` of `total` are transferred, and this one is next.
-    fn scenario(&self, _id: &str, _done: usize, _total: usize) {}
-    /// This many more bytes were transferred.
-    fn passed(&self, _bytes: u64) {}
-    /// A file was transferred completely: no later attempt transfers it again.
-    fn kept(&self) {}
-    /// The store does not answer and is being retried. Reported once per interruption.
-    fn waiting(&self, _reason: &StoreError) {}
-    /// Returns true to stop the transfer.
-    fn stopped(&self) -> bool {
-        false
-    }
-}
-
-/// No observer.
-impl Watch for () {}
-
-/// Measures how far an attempt gets.
-struct Counting<'a> {
-    watch: &'a dyn Watch,
+/// A transfer with its repeated attempts: progress, and cancellation by its watch.
+pub struct Transfer<'a> {
+    pub(crate) watch: &'a dyn Watch,
+    /// Bytes of all attempts.
+    bytes: AtomicU64,
     /// Files that are complete, of all attempts.
     kept: AtomicU64,
     /// Bytes of this attempt since the last complete file. A next attempt transfers them again.
     unkept_bytes: AtomicU64,
 }
 
-impl Watch for Counting<'_> {
-    fn passed(&self, bytes: u64) {
-        self.unkept_bytes.fetch_add(bytes, Ordering::Relaxed);
-        self.watch.passed(bytes);
+impl<'a> Transfer<'a> {
+    /// A transfer that has not begun. The watch is warned when the store does not answer, once per interruption.
+    pub const fn new(watch: &'a dyn Watch) -> Self {
+        Self {
+            watch,
+            bytes: AtomicU64::new(0),
+            kept: AtomicU64::new(0),
+            unkept_bytes: AtomicU64::new(0),
+        }
     }
 
-    fn kept(&self) {
+    /// Bytes transferred so far, including failed attempts.
+    pub fn bytes(&self) -> u64 {
+        self.bytes.load(Ordering::Relaxed)
+    }
+
+    /// This many more bytes were transferred.
+    pub(crate) fn passed(&self, bytes: u64) {
+        self.bytes.fetch_add(bytes, Ordering::Relaxed);
+        self.unkept_bytes.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    /// A file was transferred completely: no later attempt transfers it again.
+    pub(crate) fn kept(&self) {
         self.kept.fetch_add(1, Ordering::Relaxed);
         self.unkept_bytes.store(0, Ordering::Relaxed);
-        self.watch.kept();
     }
 
-    fn waiting(&self, reason: &StoreError) {
-        self.watch.waiting(reason);
-    }
-
-    fn stopped(&self) -> bool {
-        self.watch.stopped()
+    /// [`Watch::check`] of its watch.
+    ///
+    /// # Errors
+    /// The transfer should stop.
+    pub fn check(&self) -> Result<()> {
+        Ok(self.watch.check()?)
     }
 }
 
@@ -71,26 +71,22 @@ impl Patience {
     /// again are no progress: a store that always breaks off at the same place would be retried forever.
     pub async fn with<T>(
         self,
-        watch: &dyn Watch,
-        mut attempt: impl AsyncFnMut(&dyn Watch) -> Result<T>,
+        transfer: &Transfer<'_>,
+        mut attempt: impl AsyncFnMut() -> Result<T>,
     ) -> Result<T> {
-        let counting = Counting {
-            watch,
-            kept: AtomicU64::new(0),
-            unkept_bytes: AtomicU64::new(0),
-        };
-        let (mut kept, mut furthest_bytes) = (0, 0);
+        let kept_so_far = || transfer.kept.load(Ordering::Relaxed);
+        let (mut kept, mut furthest_bytes) = (kept_so_far(), 0);
         let mut waiting_since: Option<Instant> = None;
         let mut pause = FIRST_PAUSE;
         loop {
             let began = Instant::now();
-            counting.unkept_bytes.store(0, Ordering::Relaxed);
-            let error = match attempt(&counting).await {
+            transfer.unkept_bytes.store(0, Ordering::Relaxed);
+            let error = match attempt().await {
                 Err(error) if error.is_passing() => error,
                 other => return other,
             };
-            let now_kept = counting.kept.load(Ordering::Relaxed);
-            let now_bytes = counting.unkept_bytes.load(Ordering::Relaxed);
+            let now_kept = kept_so_far();
+            let now_bytes = transfer.unkept_bytes.load(Ordering::Relaxed);
             let got_further = now_kept > kept || now_bytes > furthest_bytes;
             if now_kept > kept {
                 furthest_bytes = 0;
@@ -101,7 +97,8 @@ impl Patience {
                 pause = FIRST_PAUSE;
             }
             if waiting_since.is_none() {
-                watch.waiting(&error);
+                let line = format!("retrying the store: {error}");
+                transfer.watch.warn(&line);
             }
             let since =
                 *waiting_since.get_or_insert(if got_further { Instant::now() } else { began });
@@ -110,9 +107,7 @@ impl Patience {
             }
             let until = Instant::now() + pause;
             while Instant::now() < until {
-                if watch.stopped() {
-                    return Err(StoreError::Stopped);
-                }
+                transfer.check()?;
                 sleep(LOOK_UP.min(until.saturating_duration_since(Instant::now()))).await;
             }
             pause = (pause * 2).min(LONGEST_PAUSE);
@@ -123,6 +118,8 @@ impl Patience {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::StoreError;
+    use dataset::work::watch::Silent;
     use std::sync::atomic::AtomicU32;
 
     fn away() -> StoreError {
@@ -139,11 +136,11 @@ mod tests {
     }
 
     impl Watch for Listener {
-        fn waiting(&self, _reason: &StoreError) {
+        fn warn(&self, _line: &str) {
             self.told.fetch_add(1, Ordering::Relaxed);
         }
 
-        fn stopped(&self) -> bool {
+        fn is_stopped(&self) -> bool {
             self.stop
         }
     }
@@ -160,7 +157,7 @@ mod tests {
         let mut tries = 0;
         let listener = listener(false);
         let done = Patience(Duration::from_secs(60))
-            .with(&listener, async |_| {
+            .with(&Transfer::new(&listener), async || {
                 tries += 1;
                 if tries < 3 { Err(away()) } else { Ok(tries) }
             })
@@ -173,11 +170,12 @@ mod tests {
     async fn patience_ends_with_the_last_error_and_begins_anew_when_something_passes() {
         let mut tries = 0;
         let listener = listener(false);
+        let transfer = Transfer::new(&listener);
         let error = Patience(Duration::from_millis(600))
-            .with(&listener, async |watch: &dyn Watch| {
+            .with(&transfer, async || {
                 tries += 1;
                 if tries == 2 {
-                    watch.passed(5);
+                    transfer.passed(5);
                 }
                 Err::<(), _>(away())
             })
@@ -192,13 +190,14 @@ mod tests {
     async fn bytes_that_are_transferred_again_and_again_are_no_progress() {
         let mut tries = 0;
         // Complete files are: the second attempt gets further with fewer bytes.
+        let transfer = Transfer::new(&Silent);
         let error = Patience(Duration::from_millis(600))
-            .with(&(), async |watch: &dyn Watch| {
+            .with(&transfer, async || {
                 tries += 1;
-                watch.passed(if tries == 1 { 7 } else { 5 });
+                transfer.passed(if tries == 1 { 7 } else { 5 });
                 if tries == 2 {
-                    watch.kept();
-                    watch.passed(5);
+                    transfer.kept();
+                    transfer.passed(5);
                 }
                 Err::<(), _>(away())
             })
@@ -212,7 +211,7 @@ mod tests {
     async fn what_will_not_pass_is_not_repeated_and_a_wish_to_stop_is_heard() {
         let mut tries = 0;
         let refused = Patience(Duration::from_secs(60))
-            .with(&(), async |_| {
+            .with(&Transfer::new(&Silent), async || {
                 tries += 1;
                 Err::<(), _>(StoreError::Refused {
                     url: String::new(),
@@ -224,8 +223,10 @@ mod tests {
         assert!(matches!(refused, Err(StoreError::Refused { .. })));
         assert_eq!(tries, 1);
         let stopped = Patience(Duration::from_secs(60))
-            .with(&listener(true), async |_| Err::<(), _>(away()))
+            .with(&Transfer::new(&listener(true)), async || {
+                Err::<(), _>(away())
+            })
             .await;
-        assert!(matches!(stopped, Err(StoreError::Stopped)));
+        assert!(matches!(stopped, Err(StoreError::Stopped(_))));
     }
 }

@@ -18,6 +18,7 @@ use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::seal::{self, DONE, MANIFEST, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::tables::pixel_box::PixelBox;
+use dataset::work::watch::{Silent, Watch};
 use object_store::ObjectStoreExt;
 use tempfile::TempDir;
 
@@ -77,7 +78,7 @@ fn same_files(a: &ScenarioFolder, b: &ScenarioFolder) {
 
 async fn push(store: &CorpusStore, corpus: &Corpus) -> Result<Pushed> {
     let folder = corpus.scenario(ID);
-    store.push_scenario(&folder, None, &()).await
+    store.push_scenario(&folder, None, &UNWATCHED).await
 }
 
 /// A store in memory, and the corpus whose scenario it has.
@@ -122,31 +123,29 @@ async fn put_as_before(store: &CorpusStore, id: &str, folder: &ScenarioFolder) {
 /// The error of fetching a scenario; no part of it may be left in the folder afterwards.
 async fn refusal(store: &CorpusStore, id: &str) -> String {
     let (_theirs, theirs) = empty();
-    let fetched = store.fetch_scenario(id, &theirs, None, &()).await;
+    let fetched = store.fetch_scenario(id, &theirs, None, &UNWATCHED).await;
     assert!(theirs.scenarios().unwrap().is_empty());
     fetched.unwrap_err().to_string()
 }
 
-/// Stops a transfer after this many bytes.
+static UNWATCHED: Transfer<'_> = Transfer::new(&Silent);
+
+/// Stops a transfer after this many files and parts of files.
 struct StopAfter {
     limit: u64,
-    passed: AtomicU64,
+    asked: AtomicU64,
 }
 
 impl Watch for StopAfter {
-    fn passed(&self, bytes: u64) {
-        self.passed.fetch_add(bytes, Ordering::Relaxed);
-    }
-
-    fn stopped(&self) -> bool {
-        self.passed.load(Ordering::Relaxed) >= self.limit
+    fn is_stopped(&self) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed) >= self.limit
     }
 }
 
 fn stop_after(limit: u64) -> StopAfter {
     StopAfter {
         limit,
-        passed: AtomicU64::new(0),
+        asked: AtomicU64::new(0),
     }
 }
 
@@ -169,7 +168,7 @@ async fn a_scenario_goes_there_and_comes_back_byte_for_byte() {
         let committed = store.listing().await.unwrap().committed();
         assert_eq!(committed.into_iter().collect::<Vec<_>>(), [ID]);
         let (_theirs, theirs) = empty();
-        let fetch = || store.fetch_scenario(ID, &theirs, None, &());
+        let fetch = || store.fetch_scenario(ID, &theirs, None, &UNWATCHED);
         assert_eq!(
             fetch().await.unwrap(),
             Fetched::Whole {
@@ -190,15 +189,20 @@ async fn an_upload_that_ends_early_commits_nothing_and_is_gone_on_with() {
         let (_ours, ours) = corpus_with("table");
         let folder = ours.scenario(ID);
         // After the table, and in the middle of the video.
-        for (limit, there_then) in [(1, 1), (8 << 20, 1)] {
-            let stopped = store.push_scenario(&folder, None, &stop_after(limit)).await;
-            assert!(matches!(stopped, Err(StoreError::Stopped)));
+        for (limit, there_then) in [(1, 1), (3, 1)] {
+            let stop = stop_after(limit);
+            let transfer = Transfer::new(&stop);
+            let stopped = store.push_scenario(&folder, None, &transfer).await;
+            assert!(matches!(stopped, Err(StoreError::Stopped(_))));
             assert!(store.listing().await.unwrap().committed().is_empty());
             let there = store.objects(ID).await.unwrap();
             assert_eq!(there.0.len(), there_then, "{there:?}");
         }
         let (_theirs, theirs) = empty();
-        let fetched = store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+        let fetched = store
+            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+            .await
+            .unwrap();
         assert_eq!(fetched, Fetched::NotCommitted);
         let pushed = push(&store, &ours).await.unwrap();
         assert_eq!(
@@ -218,12 +222,15 @@ async fn what_has_the_right_size_but_another_content_is_sent_again() {
     for store in stores {
         let (_other, other) = corpus_with("tafel");
         let _ = store
-            .push_scenario(&other.scenario(ID), None, &stop_after(1))
+            .push_scenario(&other.scenario(ID), None, &Transfer::new(&stop_after(1)))
             .await;
         let (_ours, ours) = corpus_with("table");
         push(&store, &ours).await.unwrap();
         let (_theirs, theirs) = empty();
-        store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+        store
+            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+            .await
+            .unwrap();
         same_files(&ours.scenario(ID), &theirs.scenario(ID));
     }
 }
@@ -267,7 +274,10 @@ async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
     fs::create_dir_all(partial.join("views")).unwrap();
     fs::write(partial.join("frames.parquet"), "table").unwrap();
     fs::write(partial.join("views/left.mp4"), "half").unwrap();
-    let fetched = store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+    let fetched = store
+        .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+        .await
+        .unwrap();
     assert_eq!(
         fetched,
         Fetched::Whole {
@@ -279,7 +289,7 @@ async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
 
     let (_labelled, labelled) = corpus_with("table with labels");
     let fetched = store
-        .fetch_scenario(ID, &labelled, None, &())
+        .fetch_scenario(ID, &labelled, None, &UNWATCHED)
         .await
         .unwrap();
     assert_eq!(fetched, Fetched::Other);
@@ -362,13 +372,16 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
             moved: models.iter().map(ToString::to_string).collect(),
             ..MovedDetections::default()
         };
-        let push = async || store.push_detections(&folder, &()).await.unwrap();
+        let push = async || store.push_detections(&folder, &UNWATCHED).await.unwrap();
         assert_eq!(push().await, moved(&["abc"]));
         assert_eq!(push().await, moved(&[]));
         let (_theirs, theirs) = empty();
-        store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+        store
+            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+            .await
+            .unwrap();
         let there = theirs.scenario(ID);
-        let fetch = async || store.fetch_detections(&there, &()).await.unwrap();
+        let fetch = async || store.fetch_detections(&there, &UNWATCHED).await.unwrap();
         assert_eq!(fetch().await, moved(&["abc"]));
         assert_eq!(fetch().await, moved(&[]));
         for path in [
@@ -387,8 +400,13 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
             .await
             .unwrap();
         let (_third, third) = empty();
-        store.fetch_scenario(ID, &third, None, &()).await.unwrap();
-        let left = store.fetch_detections(&third.scenario(ID), &()).await;
+        store
+            .fetch_scenario(ID, &third, None, &UNWATCHED)
+            .await
+            .unwrap();
+        let left = store
+            .fetch_detections(&third.scenario(ID), &UNWATCHED)
+            .await;
         let left = left.unwrap().left;
         assert!(
             left[0].reason.contains("their record is missing"),
@@ -462,10 +480,10 @@ async fn an_interrupted_download_of_detections_resumes_and_replaces_no_other_tab
     push(&store, &ours).await.unwrap();
     detect(&ours, 0.5);
     let scenario = ours.scenario(ID);
-    store.push_detections(&scenario, &()).await.unwrap();
+    store.push_detections(&scenario, &UNWATCHED).await.unwrap();
     // The record is written last.
     fs::remove_file(detections::record_path(&scenario, "abc")).unwrap();
-    let fetched = store.fetch_detections(&scenario, &()).await.unwrap();
+    let fetched = store.fetch_detections(&scenario, &UNWATCHED).await.unwrap();
     assert_eq!(fetched.moved, ["abc"]);
     assert_eq!(
         scenario
@@ -481,7 +499,7 @@ async fn an_interrupted_download_of_detections_resumes_and_replaces_no_other_tab
     fs::remove_file(detections::record_path(&scenario, "abc")).unwrap();
     let table = scenario.detections_path("abc");
     fs::write(&table, "another table").unwrap();
-    let fetched = store.fetch_detections(&scenario, &()).await.unwrap();
+    let fetched = store.fetch_detections(&scenario, &UNWATCHED).await.unwrap();
     assert!(fetched.left[0].reason.contains("without its record"));
     assert_eq!(fs::read(&table).unwrap(), b"another table");
 }
@@ -493,17 +511,20 @@ async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
     push(&store, &ours).await.unwrap();
     detect(&ours, 0.5);
     store
-        .push_detections(&ours.scenario(ID), &())
+        .push_detections(&ours.scenario(ID), &UNWATCHED)
         .await
         .unwrap();
     let (_theirs, theirs) = empty();
-    store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+    store
+        .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+        .await
+        .unwrap();
     let there = theirs.scenario(ID);
     // Another process detects there, and finishes while the fetch is waiting.
     let claim = there.claim().unwrap();
     let fetching = tokio::spawn({
         let (store, there) = (store.clone(), there.clone());
-        async move { store.fetch_detections(&there, &()).await }
+        async move { store.fetch_detections(&there, &UNWATCHED).await }
     });
     // A store in memory answers at once, so the claim is the only thing to wait for.
     for _ in 0..100 {
@@ -539,11 +560,13 @@ async fn a_scenario_under_another_name_or_of_other_parameters_is_neither_sent_no
     let message = refusal(&store, "copy").await;
     assert!(message.contains("expected \"copy\""), "{message}");
     let (_theirs, theirs) = empty();
-    let fetched = store.fetch_scenario("copy", &theirs, None, &()).await;
+    let fetched = store
+        .fetch_scenario("copy", &theirs, None, &UNWATCHED)
+        .await;
     assert!(fetched.is_err() && !theirs.partial_scenario("copy").root().exists());
     let copy = ours.scenario("copy");
     fs::rename(ours.scenario(ID).root(), copy.root()).unwrap();
-    let pushed = store.push_scenario(&copy, None, &()).await;
+    let pushed = store.push_scenario(&copy, None, &UNWATCHED).await;
     let error = pushed.unwrap_err();
     assert!(matches!(error, StoreError::Damaged { .. }), "{error:?}");
     assert!(error.to_string().contains("expected \"copy\""), "{error}");
@@ -570,7 +593,7 @@ async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario()
             _ => fs::write(partial.join(name), "mine").unwrap(),
         }
         let error = store
-            .fetch_scenario(ID, &theirs, None, &())
+            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
             .await
             .unwrap_err();
         assert!(
@@ -583,7 +606,10 @@ async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario()
             _ => fs::remove_file(partial.join(name)).unwrap(),
         }
     }
-    store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+    store
+        .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+        .await
+        .unwrap();
     let folder = theirs.scenario(ID);
     assert_eq!(seal::faults(folder.root()).unwrap(), Vec::<String>::new());
     same_files(&ours.scenario(ID), &folder);
@@ -631,7 +657,10 @@ async fn stores_of_earlier_versions_are_read_and_added_to() {
         let state = store.committed_state(ID, None).await.unwrap();
         assert!(matches!(state, Committed::Whole(_)), "{state:?}");
         let (_theirs, theirs) = empty();
-        store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+        store
+            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+            .await
+            .unwrap();
         same_files(&ours.scenario(ID), &theirs.scenario(ID));
         assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
         // An object that the store lost is sent again, the others are not.
@@ -649,7 +678,10 @@ async fn stores_of_earlier_versions_are_read_and_added_to() {
             }
         );
         let (_again, again) = empty();
-        store.fetch_scenario(ID, &again, None, &()).await.unwrap();
+        store
+            .fetch_scenario(ID, &again, None, &UNWATCHED)
+            .await
+            .unwrap();
         same_files(&ours.scenario(ID), &again.scenario(ID));
     }
 }
@@ -662,7 +694,10 @@ async fn a_download_keeps_the_time_of_the_seal() {
         crate::scenario::unix_ms(fs::metadata(seal).unwrap().modified().unwrap())
     };
     let (_theirs, theirs) = empty();
-    store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+    store
+        .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+        .await
+        .unwrap();
     assert_eq!(time(&ours), time(&theirs));
 }
 
@@ -671,7 +706,7 @@ async fn a_local_scenario_that_lost_a_file_is_not_there_already() {
     let (store, _ours, ours) = pushed().await;
     let video = ours.scenario(ID).root().join("views/left.mp4");
     fs::remove_file(video).unwrap();
-    let fetched = store.fetch_scenario(ID, &ours, None, &()).await;
+    let fetched = store.fetch_scenario(ID, &ours, None, &UNWATCHED).await;
     let message = fetched.unwrap_err().to_string();
     assert!(message.contains("move it away"), "{message}");
 }

@@ -24,6 +24,7 @@ pub mod short_flight;
 mod skip;
 pub mod sweep;
 pub mod synthetic;
+pub mod watch;
 
 pub use chromium::judge_in_chromium;
 pub use free_port::free_udp_port;

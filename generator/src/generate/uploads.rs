@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::PlannedScenario;
-use store::{Objects, Pushed, StoreError, Watch};
+use dataset::work::watch::{self, Watch};
+use store::{Objects, Pushed, StoreError, Transfer};
 use tokio::sync::mpsc;
 use tokio::time::sleep;
 
@@ -122,14 +123,13 @@ struct Watching<'r, 'a> {
 }
 
 impl Watch for Watching<'_, '_> {
-    fn waiting(&self, reason: &StoreError) {
-        self.uploader.reporter.tell(Event::StoreAway {
-            id: self.id,
-            reason: &reason.to_string(),
-        });
+    fn warn(&self, reason: &str) {
+        let id = self.id;
+        let reporter = self.uploader.reporter;
+        reporter.tell(Event::StoreAway { id, reason });
     }
 
-    fn stopped(&self) -> bool {
+    fn is_stopped(&self) -> bool {
         self.uploader.tally.halt.is_cancelled()
     }
 }
@@ -176,7 +176,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
                     seconds: began.elapsed().as_secs_f64(),
                 });
             }
-            Err(StoreError::Stopped) => self.tally.stays_staged(scenario),
+            Err(StoreError::Stopped(_)) => self.tally.stays_staged(scenario),
             // The others are unaffected.
             Err(error @ StoreError::Damaged { .. }) => {
                 let reason = format!(
@@ -224,10 +224,11 @@ impl<'r, 'a> Uploader<'r, 'a> {
         // A scenario that was recorded just now has no objects in the store yet: one listing, after the upload, is enough.
         let mut seen = (!is_resumed).then(Objects::default);
         let watching = Watching { uploader: self, id };
-        let pushing = store::Patience(self.patience).with(&watching, async |watch| {
+        let transfer = Transfer::new(&watching);
+        let pushing = store::Patience(self.patience).with(&transfer, async || {
             let store = &self.remote.store;
             let seen = seen.take();
-            store.push_scenario(&folder, seen.as_ref(), watch).await
+            store.push_scenario(&folder, seen.as_ref(), &transfer).await
         });
         let no_longer = async {
             self.tally.halt.cancelled().await;
@@ -235,7 +236,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
         };
         tokio::select! {
             pushed = pushing => pushed,
-            () = no_longer => Err(StoreError::Stopped),
+            () = no_longer => Err(watch::Stopped.into()),
         }
     }
 }

@@ -10,6 +10,7 @@ use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::detections::{self, Detections, NewTables};
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::scenario::ScenarioRecord;
+use dataset::work::watch::Watch;
 
 use super::mode::ModeSettings;
 use super::pairs::Pairs;
@@ -335,7 +336,7 @@ impl ViewJob<'_> {
         &self,
         mut detector: Option<&mut (dyn Detector + '_)>,
         picture_done: &dyn Fn(),
-        is_stopped: &dyn Fn() -> bool,
+        watch: &dyn Watch,
     ) {
         match self.scenario.is_my_turn() {
             Ok(true) => {}
@@ -366,10 +367,7 @@ impl ViewJob<'_> {
                         pairs.take(self.index, picture.tick, picture.patch);
                     }
                     picture_done();
-                    match is_stopped() {
-                        true => Err(Error::Stopped),
-                        false => Ok(()),
-                    }
+                    Ok(watch.check()?)
                 },
             )
         });

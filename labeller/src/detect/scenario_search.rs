@@ -10,6 +10,7 @@ use dataset::corpus::detections::Detections;
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::tables::registrations::Registration;
+use dataset::work::watch::Watch;
 use dataset::work::workers;
 
 use super::cpu_time::CpuTime;
@@ -18,7 +19,7 @@ use super::pictures::ViewTicks;
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, MakeDetector, Model};
 use crate::detector::{Detector, ModelFile, OrtDetector};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::registration::METHOD;
 
 /// A model and the way in which it searches.
@@ -74,18 +75,18 @@ impl Searcher {
     /// Searches all views of a scenario, several at a time.
     ///
     /// # Errors
-    /// A video does not have the pictures that it should have, the detector fails, or the caller stops it ([`Error::Stopped`]).
+    /// A video does not have the pictures that it should have, the detector fails, or the caller stops it ([`crate::Error::Stopped`]).
     pub fn search(
         &self,
         scenario: &OpenScenario,
         picture_done: &(dyn Fn() + Sync),
-        is_stopped: &(dyn Fn() -> bool + Sync),
+        watch: &dyn Watch,
     ) -> Result<Findings> {
         let make = || {
             self.detector()
                 .map(|detector| Box::new(detector) as Box<dyn Detector>)
         };
-        search_scenario(scenario, &make, &self.options, picture_done, is_stopped)
+        search_scenario(scenario, &make, &self.options, picture_done, watch)
     }
 
     fn detector(&self) -> Result<OrtDetector> {
@@ -99,7 +100,7 @@ pub(super) fn search_scenario(
     make: MakeDetector<'_>,
     options: &DetectOptions,
     picture_done: &(dyn Fn() + Sync),
-    is_stopped: &(dyn Fn() -> bool + Sync),
+    watch: &dyn Watch,
 ) -> Result<Findings> {
     let views = ViewTicks::of(&scenario.frames()?);
     let pairs = pairs_of(scenario, &scenario.record()?)?;
@@ -126,10 +127,7 @@ pub(super) fn search_scenario(
                     pairs.take(index, picture.tick, picture.patch);
                 }
                 picture_done();
-                match is_stopped() {
-                    true => Err(Error::Stopped),
-                    false => Ok(()),
-                }
+                Ok(watch.check()?)
             })?;
             *lock(&results[index]) = Some(findings);
         }
@@ -152,14 +150,16 @@ pub(super) fn search_scenario(
 #[cfg(test)]
 mod tests {
     use dataset::tables::pixel_box::PixelBox;
+    use dataset::work::watch::Silent;
     use testkit::files::contents;
     use testkit::short_corpus;
+    use testkit::watch::Calls;
 
     use super::super::{ModelIdentity, detect_with};
     use super::*;
     use crate::blob_finder::{BlobFinder, paint_blob};
     use crate::detect::{Mode, ModeSettings};
-    use crate::outcome::Watch;
+    use crate::error::Error;
 
     const MODEL: &str = "0123456789abcdef";
     const WIDTH: u32 = 1280;
@@ -196,15 +196,11 @@ mod tests {
                 workers: 2,
                 ..DetectOptions::default()
             };
-            let watch = Watch {
-                progress: &|_| {},
-                is_stopped: &|| false,
-            };
-            let written = detect_with(&corpus, &model, &make, &options, watch).unwrap();
+            let written = detect_with(&corpus, &model, &make, &options, &Silent).unwrap();
             assert_eq!(written.detected, ["0001-a"]);
             let before = contents(folder.path());
             let scenario = corpus.scenario("0001-a").open().unwrap();
-            let found = search_scenario(&scenario, &make, &options, &|| {}, &|| false).unwrap();
+            let found = search_scenario(&scenario, &make, &options, &|| {}, &Silent).unwrap();
             assert_eq!(found.detections, scenario.detections(MODEL).unwrap());
             assert_eq!(
                 Some(found.registrations),
@@ -212,8 +208,12 @@ mod tests {
             );
             assert!(found.cpu_s.total() > 0.0);
             assert!(before == contents(folder.path()), "something was written");
-            let stopped = search_scenario(&scenario, &make, &options, &|| {}, &|| true);
-            assert!(matches!(stopped, Err(Error::Stopped)));
+            let at_once = Calls {
+                advance: |_| {},
+                is_stopped: || true,
+            };
+            let stopped = search_scenario(&scenario, &make, &options, &|| {}, &at_once);
+            assert!(matches!(stopped, Err(Error::Stopped(_))));
         }
     }
 }

@@ -10,7 +10,9 @@ use dataset::corpus::seal::seal_folder;
 use dataset::files::json_file::read_json;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::{NoShift, Registration};
+use dataset::work::watch::Silent;
 use testkit::short_corpus;
+use testkit::watch::Calls;
 
 use super::record::DetectionRecord;
 use super::*;
@@ -47,15 +49,9 @@ fn corpus(root: &Path, ids: &[&str]) -> Corpus {
     short_corpus::write_with_videos(root, ids, WIDTH, HEIGHT, Some(&paint))
 }
 
-/// Goes on to the end.
-const ON: Watch<'_> = Watch {
-    progress: &|_| {},
-    is_stopped: &|| false,
-};
-
 fn detect(corpus: &Corpus, options: &DetectOptions) -> DetectOutcome {
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    detect_with(corpus, &model(), &make, options, ON).unwrap()
+    detect_with(corpus, &model(), &make, options, &Silent).unwrap()
 }
 
 /// The boxes of a scenario, or why they are refused.
@@ -78,18 +74,14 @@ fn decoded_videos_give_detections_at_their_ticks_and_views() {
     let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
     let steps = Mutex::new(Vec::new());
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    let progress = |at: Progress| steps.lock().unwrap().push((at.done, at.total));
-    let watch = Watch {
-        progress: &progress,
-        ..ON
+    let watch = Calls {
+        advance: |done| steps.lock().unwrap().push(done),
+        is_stopped: || false,
     };
-    let outcome = detect_with(&corpus, &model(), &make, &two_workers(), watch).unwrap();
+    let outcome = detect_with(&corpus, &model(), &make, &two_workers(), &watch).unwrap();
     assert_eq!(outcome.detected, ["0001-a", "0002-b"]);
     assert_eq!(outcome.model_hash, MODEL);
-    assert_eq!(
-        *steps.lock().unwrap(),
-        (1..=12).map(|done| (done, 12)).collect::<Vec<_>>()
-    );
+    assert!(steps.lock().unwrap().iter().copied().eq(1..=12));
     for id in ["0001-a", "0002-b"] {
         let found = stored(&corpus.scenario(id)).unwrap();
         let keys: Vec<_> = found
@@ -194,7 +186,7 @@ fn the_same_model_with_other_settings_has_detections_of_its_own() {
     });
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
     let searched = |model: &Model| {
-        let outcome = detect_with(&corpus, model, &make, &two_workers(), ON).unwrap();
+        let outcome = detect_with(&corpus, model, &make, &two_workers(), &Silent).unwrap();
         (outcome.detected.len(), outcome.model_hash)
     };
     let hash = blake3::hash(b"blobs").to_string();
@@ -306,7 +298,7 @@ fn a_scenario_of_another_name_or_of_other_parameters_is_not_opened() {
 fn detections_are_compared_with_labels_where_there_are_any() {
     let temporary = tempfile::tempdir().unwrap();
     let corpus = corpus(temporary.path(), &["0001-a"]);
-    label_corpus(&corpus, &|_| {}).unwrap();
+    label_corpus(&corpus, &Silent).unwrap();
     // The painted blobs are nowhere near the aircraft: all detections are false, and the aircraft is never found.
     let truth = detect(&corpus, &two_workers())
         .counts
@@ -343,7 +335,7 @@ fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
     let temporary = tempfile::tempdir().unwrap();
     let corpus = corpus(temporary.path(), &["0001-a"]);
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
-    let result = detect_with(&corpus, &model(), &make, &two_workers(), ON);
+    let result = detect_with(&corpus, &model(), &make, &two_workers(), &Silent);
     assert!(result.unwrap_err().to_string().contains("is not there"));
 }
 
@@ -425,7 +417,7 @@ fn registered(folder: &ScenarioFolder) -> Vec<Registration> {
 /// Detects without a detector: what is there must be enough.
 fn detect_without(corpus: &Corpus) -> DetectOutcome {
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
-    detect_with(corpus, &model(), &make, &two_workers(), ON).unwrap()
+    detect_with(corpus, &model(), &make, &two_workers(), &Silent).unwrap()
 }
 
 #[test]
@@ -551,17 +543,16 @@ fn a_scenario_is_written_as_soon_as_its_last_view_is_done() {
     };
     let first = corpus.scenario("0001-a");
     let there = Mutex::new(Vec::new());
-    let progress = |at: Progress| {
-        if [6, 7].contains(&at.done) {
-            there.lock().unwrap().push(stored(&first).is_ok());
-        }
-    };
-    let watch = Watch {
-        progress: &progress,
-        ..ON
+    let watch = Calls {
+        advance: |done| {
+            if [6, 7].contains(&done) {
+                there.lock().unwrap().push(stored(&first).is_ok());
+            }
+        },
+        is_stopped: || false,
     };
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    detect_with(&corpus, &model(), &make, &one_worker, watch).unwrap();
+    detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
     assert_eq!(*there.lock().unwrap(), [false, true]);
 }
 
@@ -575,12 +566,12 @@ fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
     };
     // In the second picture of the second scenario.
     let searched = AtomicUsize::new(0);
-    let watch = Watch {
-        progress: &|at| searched.store(at.done as usize, Ordering::Relaxed),
-        is_stopped: &|| searched.load(Ordering::Relaxed) >= 8,
+    let watch = Calls {
+        advance: |done| searched.store(done as usize, Ordering::Relaxed),
+        is_stopped: || searched.load(Ordering::Relaxed) >= 8,
     };
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    let stopped = detect_with(&corpus, &model(), &make, &one_worker, watch).unwrap();
+    let stopped = detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
     assert_eq!(stopped.detected, ["0001-a"]);
     assert_eq!(stopped.left, ["0002-b", "0003-c"]);
     assert_eq!(stopped.failed, []);

@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use generator::generate::{Cancel, GenerateError, SimulatorTarget, trial};
+use generator::generate::{GenerateError, SimulatorTarget, trial};
 use generator::plan::Pacing;
 use generator::sweep::Sweep;
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
@@ -13,7 +13,7 @@ use xplane_bridge::{
 
 use crate::args::PlanArgs;
 use crate::failure::Failure;
-use crate::signals;
+use crate::signals::CleanStop;
 use crate::verbs::async_runtime::async_runtime;
 use crate::verbs::generate::options;
 
@@ -44,11 +44,8 @@ fn tried(target: &SimulatorTarget, sweep: &Sweep) -> Result<Pacing, Failure> {
         "plan: recording a few pictures of every weather with the stand-in, to measure how long they take here"
     );
     let options = options(target.clone().into())?;
-    let cancel = Cancel::default();
-    let stoppable = signals::in_good_order(&cancel);
-    let costs = async_runtime()?.block_on(trial(sweep, &options, &cancel));
-    drop(stoppable);
-    match costs {
+    let stop = CleanStop::begin();
+    match async_runtime()?.block_on(trial(sweep, &options, stop.switch())) {
         Ok(costs) => Ok(Pacing::Trial(costs)),
         Err(GenerateError::Cancelled) => Err(Failure::TryAgain(GenerateError::Cancelled.into())),
         Err(error) if error.is_bad_input() => Err(Failure::bad_input(error)),

@@ -11,9 +11,10 @@ use serde::Deserialize;
 use toml::{Table, Value};
 use trainer::{Search, SearchTable, TrainConfig};
 
-use super::{Bars, checked, failure_of, judged_next, overridden};
+use super::{checked, failure_of, judged_next, overridden};
 use crate::estimator_args::TrainArgs;
 use crate::failure::{Ending, Failure};
+use crate::verb_watch::VerbWatch;
 use crate::verbs::Outcome;
 use crate::verbs::output::{finish, print_json, print_table};
 
@@ -34,8 +35,9 @@ struct SearchFile {
 pub(super) fn run(args: &TrainArgs, path: &Path, corpora: &[Corpus]) -> Outcome {
     let began = Instant::now();
     let search = search_in(path, args)?;
-    let bars = &mut Bars::of("train");
-    let table = trainer::search(corpora, &args.out, &search, bars).map_err(failure_of)?;
+    let watch = VerbWatch::new("train", "steps");
+    let table = trainer::search(corpora, &args.out, &search, &watch).map_err(failure_of)?;
+    drop(watch);
     match args.json {
         true => print_json(&table)?,
         false => print(&search, &table),

@@ -22,7 +22,7 @@ use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::lstm::{StackedLstm, ViewFeatures};
-use crate::networks::training_loop::{Kept, Setup, Task, Watch, learn};
+use crate::networks::training_loop::{Companions, Kept, Setup, Task, learn};
 use crate::networks::view_dropout::{BatchKind, ViewDropout, ViewSelection};
 
 /// The estimator behind the calibration networks.
@@ -100,7 +100,7 @@ pub(crate) fn train_estimator(
     config: &EstimatorConfig,
     features: usize,
     mut setup: Setup,
-    watch: &mut Watch,
+    companions: &mut Companions,
 ) -> Result<(Kept<PaperLstm>, Vec<EstimatorLogEntry>)> {
     let random = PaperLstm::new(features, config, &mut setup.random, &setup.device);
     let estimator = start.map_or(random, |start| start.clone().train());
@@ -112,7 +112,7 @@ pub(crate) fn train_estimator(
         log: Vec::new(),
         setup,
     };
-    let kept = learn(&mut task, estimator, &config.optimisation, watch)?;
+    let kept = learn(&mut task, estimator, &config.optimisation, companions)?;
     Ok((kept, task.log))
 }
 

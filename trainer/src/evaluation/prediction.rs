@@ -5,7 +5,7 @@ use std::path::Path;
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
 use dataset::tables::columns::{TableParts, TableWriter};
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use serde::{Serialize, Serializer};
 
 use crate::error::{CorpusFault, Error, Result};
@@ -45,7 +45,7 @@ pub fn predict(
     corpus: &Corpus,
     detections: Option<&str>,
     out: &Path,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<Predicted> {
     if out.symlink_metadata().is_ok() {
         return Err(Error::Exists {
@@ -65,15 +65,16 @@ pub fn predict(
             &mut corpus_read,
             &[Side::Test],
             flights.iter_mut(),
-            progress,
+            watch,
         )?;
-        progress.say(&alignment.to_string());
+        watch.say(&alignment.to_string());
     }
     let mut table = TableParts::new(out);
     let mut answered = Estimator::ALL.map(|estimator| (estimator.name(), 0));
-    progress.begin("prediction", corpus_read.scenarios.len() as u64);
+    watch.begin("prediction", corpus_read.scenarios.len() as u64);
     let mut done = 0;
     for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
+        watch.check()?;
         let believed = trained.believed(flight, &corpus_read);
         let of_flight = Answered::of_all(&Task::new(&trained, &corpus_read.scenarios, &believed));
         for ((_, count), of) in answered.iter_mut().zip(&of_flight) {
@@ -91,7 +92,7 @@ pub fn predict(
         let ticks: Vec<usize> = (0..believed.len()).collect();
         table.add(add_answers(columns, &ticks, &of_flight))?;
         done += 1;
-        progress.advance(done, scenario);
+        watch.advance(done, scenario);
     }
     match table.finish_new() {
         // Made by another process in the meantime.

@@ -18,7 +18,7 @@ use burn::store::{ModuleRecord, RecordError};
 use burn::tensor::Bytes;
 use dataset::files::json_file::write_json;
 use dataset::files::outside_file::{self, FileKind};
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -137,12 +137,7 @@ pub(crate) struct Checkpoints {
 
 impl Checkpoints {
     /// Goes on from the checkpoint at `path` if it has the same origin.
-    pub(crate) fn open(
-        path: &Path,
-        origin: Origin,
-        began: Instant,
-        progress: &mut dyn Progress,
-    ) -> Self {
+    pub(crate) fn open(path: &Path, origin: Origin, began: Instant, watch: &dyn Watch) -> Self {
         let saved = read(path, &origin).unwrap_or_else(|| Saved {
             origin,
             ..Saved::default()
@@ -152,7 +147,7 @@ impl Checkpoints {
                 Reached::Step(running) => format!("step {}", running.step),
                 Reached::End(_) => "the end".into(),
             };
-            progress.say(&format!(
+            watch.say(&format!(
                 "resuming at {place} of {}, from {}",
                 stage.network,
                 path.display()

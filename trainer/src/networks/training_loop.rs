@@ -9,7 +9,7 @@
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use rand_chacha::ChaCha12Rng;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -57,12 +57,12 @@ impl Setup {
     }
 }
 
-/// Companions of a training: checkpoints and progress.
-pub(crate) struct Watch<'a> {
+/// Companions of a training.
+pub(crate) struct Companions<'a> {
     /// Keeps it on disk.
     pub(crate) checkpoints: &'a mut Checkpoints,
-    /// Shows it.
-    pub(crate) progress: &'a mut dyn Progress,
+    /// Shows it, and may stop it.
+    pub(crate) watch: &'a dyn Watch,
 }
 
 /// Training task of a network.
@@ -123,25 +123,25 @@ struct Position<N> {
     since_best: usize,
 }
 
-/// Trains a network, from its beginning or from where a checkpoint has it.
+/// Trains a network, from its beginning or from where a checkpoint has it. If the training is stopped, the checkpoint has its last step.
 pub(crate) fn learn<T: Task>(
     task: &mut T,
     network: T::Network,
     settings: &Optimisation,
-    watch: &mut Watch,
+    Companions { checkpoints, watch }: &mut Companions,
 ) -> Result<Kept<T::Network>> {
-    watch.progress.begin(T::STAGE, settings.steps as u64);
-    let reached = watch.checkpoints.next_stage(task)?;
+    watch.begin(T::STAGE, settings.steps as u64);
+    let reached = checkpoints.next_stage(task)?;
     if let Some(reached) = &reached {
         let done = match reached {
             Reached::Step(running) => running.step,
             Reached::End(_) => settings.steps,
         };
-        watch.progress.resume(done as u64);
+        watch.resume(done as u64);
     }
     let mut at = match reached {
-        Some(Reached::End(kept)) => return Kept::restored(&kept, network, watch.checkpoints),
-        Some(Reached::Step(running)) => Position::restored(&running, network, watch.checkpoints)?,
+        Some(Reached::End(kept)) => return Kept::restored(&kept, network, checkpoints),
+        Some(Reached::Step(running)) => Position::restored(&running, network, checkpoints)?,
         None => Position::first(task, network)?,
     };
     while at.step < settings.steps && task.patience().is_none_or(|most| at.since_best < most) {
@@ -160,17 +160,19 @@ pub(crate) fn learn<T: Task>(
             let errors_pct = judge(task, &at.network, at.step)?;
             at.compare_with_best(mean(&errors_pct));
             let note = task.record(at.step, errors_pct);
-            watch.progress.advance(at.step as u64, &note);
+            watch.advance(at.step as u64, &note);
         }
-        if watch.checkpoints.is_due() {
+        let stopped = watch.check();
+        if stopped.is_err() || checkpoints.is_due() {
             let reached = |checkpoints: &Checkpoints| Ok(Reached::Step(at.saved(checkpoints)?));
-            watch.checkpoints.save(task, reached)?;
+            checkpoints.save(task, reached)?;
         }
+        stopped?;
     }
     let (kept, note) = at.end(task)?;
-    watch.progress.advance(settings.steps as u64, &note);
+    watch.advance(settings.steps as u64, &note);
     let reached = |checkpoints: &Checkpoints| Ok(Reached::End(kept.saved(checkpoints)?));
-    watch.checkpoints.save(task, reached)?;
+    checkpoints.save(task, reached)?;
     Ok(kept)
 }
 
@@ -301,6 +303,7 @@ mod tests {
     use crate::networks::encoded::numbers;
     use burn::tensor::Tensor;
     use rand::SeedableRng;
+    use std::sync::Mutex;
 
     #[test]
     fn the_rate_rises_to_its_highest_and_falls_to_almost_nothing() {
@@ -404,15 +407,15 @@ mod tests {
 
     /// Messages reported by a training.
     #[derive(Default)]
-    struct Notes(Vec<String>);
+    struct Notes(Mutex<Vec<String>>);
 
-    impl Progress for Notes {
-        fn begin(&mut self, stage: &str, total: u64) {
-            self.0.push(format!("{stage} of {total}"));
+    impl Watch for Notes {
+        fn begin(&self, stage: &str, total: u64) {
+            self.0.lock().unwrap().push(format!("{stage} of {total}"));
         }
 
-        fn advance(&mut self, done: u64, note: &str) {
-            self.0.push(format!("{done}: {note}"));
+        fn advance(&self, done: u64, note: &str) {
+            self.0.lock().unwrap().push(format!("{done}: {note}"));
         }
     }
 
@@ -424,13 +427,13 @@ mod tests {
             batch_size: 1,
             learning_rate: 0.01,
         };
-        let mut notes = Notes::default();
-        let mut watch = Watch {
+        let notes = Notes::default();
+        let mut companions = Companions {
             checkpoints: &mut Checkpoints::none(),
-            progress: &mut notes,
+            watch: &notes,
         };
-        let kept = learn(diary, network, &settings, &mut watch)?;
-        Ok((kept, notes.0))
+        let kept = learn(diary, network, &settings, &mut companions)?;
+        Ok((kept, notes.0.into_inner().unwrap()))
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 
 use crate::background::Backgrounds;
 use crate::config::TrainConfig;
@@ -30,23 +30,24 @@ impl Flights {
     pub(crate) fn read(
         corpora: &[Corpus],
         config: &TrainConfig,
-        progress: &mut dyn Progress,
+        watch: &dyn Watch,
     ) -> Result<Self> {
         let range = DistanceRange {
             min_nm: config.min_dtd_nm,
             max_nm: config.max_dtd_nm,
         };
         let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
+        watch.check()?;
         if !config.accept_weather {
             let left_out = marked_scenarios::leave_out(&mut samples);
             if !left_out.is_empty() {
-                progress.say(&marked_scenarios::left_out_line(&left_out));
+                watch.say(&marked_scenarios::left_out_line(&left_out));
             }
         }
         let corpus = &corpora[0];
         split_again(corpus, &mut samples, config.leave_out.as_deref())?;
         let backgrounds = if config.align_backgrounds {
-            Some(align(&mut samples, progress)?)
+            Some(align(&mut samples, watch)?)
         } else {
             None
         };
@@ -108,10 +109,10 @@ impl Flights {
 }
 
 /// Learns where the cameras look, and corrects boxes and shifts of the sides that a training uses.
-fn align(samples: &mut Samples, progress: &mut dyn Progress) -> Result<Backgrounds> {
-    let backgrounds = Backgrounds::learn(samples, progress)?;
-    let alignment = backgrounds.align(samples, &[Side::Train, Side::Validation], progress)?;
-    progress.say(&alignment.to_string());
+fn align(samples: &mut Samples, watch: &dyn Watch) -> Result<Backgrounds> {
+    let backgrounds = Backgrounds::learn(samples, watch)?;
+    let alignment = backgrounds.align(samples, &[Side::Train, Side::Validation], watch)?;
+    watch.say(&alignment.to_string());
     Ok(backgrounds)
 }
 

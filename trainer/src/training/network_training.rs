@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
 use crate::estimators::paper_lstm::calibration_training::train_calibration;
 use crate::estimators::paper_lstm::train_estimator;
-use crate::networks::training_loop::{Setup, Watch};
+use crate::networks::training_loop::{Companions, Setup};
 use crate::run::trained::{Convergence, Networks};
 use crate::training::encoded_flights::EncodedFlights;
 use crate::training::stream::Stream;
@@ -30,7 +30,7 @@ pub(crate) fn train_networks(
     views: &[String],
     config: &TrainConfig,
     device: &Device,
-    watch: &mut Watch,
+    companions: &mut Companions,
 ) -> Result<TrainedNetworks> {
     let start = start.map(|networks| networks.clone().to_device(device));
     let start = start.as_ref();
@@ -45,7 +45,7 @@ pub(crate) fn train_networks(
         &flights.validation,
         &config.calibration,
         setup(Stream::Calibration),
-        watch,
+        companions,
     )?;
     let calibration_kept_step = calibration.step;
     let calibration = calibration.network.valid();
@@ -56,11 +56,18 @@ pub(crate) fn train_networks(
         &config.estimator,
         config.calibration.features,
         setup(Stream::Estimator),
-        watch,
+        companions,
     )?;
     let mut mono = |start, inputs, stream| {
         let (settings, setup) = (&config.mono, setup(stream));
-        MonoNetworks::train_from(start, inputs, &flights.training, settings, setup, watch)
+        MonoNetworks::train_from(
+            start,
+            inputs,
+            &flights.training,
+            settings,
+            setup,
+            companions,
+        )
     };
     let mono_size = mono(
         start.map(|networks| &networks.mono_size),

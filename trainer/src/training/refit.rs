@@ -20,7 +20,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::seal;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
@@ -34,7 +34,7 @@ use crate::evaluation::split_again;
 use crate::networks::checkpoint::Checkpoints;
 use crate::networks::encoded::Encoded;
 use crate::networks::normalisation::Normalisation;
-use crate::networks::training_loop::{Setup, Watch};
+use crate::networks::training_loop::{Companions, Setup};
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::refitted_view::Refit;
@@ -70,7 +70,7 @@ pub fn refit(
     corpus: &Corpus,
     out: &Path,
     config: &RefitConfig,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<Refit> {
     let started = Instant::now();
     if !(1..=MOST_APPROACHES).contains(&config.approaches) {
@@ -107,8 +107,8 @@ pub fn refit(
     check_others(run, corpus, &before, &samples, &config.view)?;
     let approaches = approaches(corpus, &samples, view, config)?;
     let mut after = before.clone();
-    let residual = fit_formulas(corpus, &mut after, view, &samples, &approaches, progress)?;
-    fit_network(&mut after, view, &samples, &approaches, progress)?;
+    let residual = fit_formulas(corpus, &mut after, view, &samples, &approaches, watch)?;
+    fit_network(&mut after, view, &samples, &approaches, watch)?;
     adopt(&mut after, &samples, &approaches, &config.view);
 
     let new = place.begin()?;
@@ -211,7 +211,7 @@ fn fit_formulas(
     view: usize,
     samples: &Samples,
     approaches: &[usize],
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<Option<RefittedResidual>> {
     let refused = |fault| Error::corpus(corpus.root(), fault);
     let recorded: Vec<&Sample> = of_scenarios(samples, approaches).collect();
@@ -249,7 +249,7 @@ fn fit_formulas(
     let parts = FlightParts::of(samples, ticks.iter().copied());
     let flights = parts.flights();
     if flights < FEW_FLIGHTS {
-        progress.say(&format!(
+        watch.say(&format!(
             "fewer than {FEW_FLIGHTS} different flights ({flights} here) tell little about errors: stated intervals will be too narrow; \
              use up to ten"
         ));
@@ -264,9 +264,9 @@ fn fit_formulas(
         &trusted,
         &run.config.residual,
         random(&run.config),
-        &mut Watch {
+        &mut Companions {
             checkpoints: &mut Checkpoints::none(),
-            progress,
+            watch,
         },
     )?;
     let Some(refitted) = refitted else {
@@ -312,7 +312,7 @@ fn fit_network(
     view: usize,
     samples: &Samples,
     approaches: &[usize],
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<()> {
     let judged = approaches.len() / JUDGED_ONE_OF;
     let (training, judged) = match judged {
@@ -342,7 +342,7 @@ fn fit_network(
         },
         &run.config,
         setup,
-        progress,
+        watch,
     )?;
     Ok(())
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use dataset::corpus::Corpus;
 use dataset::files::json_file::write_json;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use serde::{Deserialize, Serialize};
 
 use crate::config::TrainConfig;
@@ -70,7 +70,7 @@ pub fn search(
     corpora: &[Corpus],
     out: &Path,
     search: &Search,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<SearchTable> {
     search.check()?;
     if RunFolder::at(out).summary_path().exists() {
@@ -83,7 +83,7 @@ pub fn search(
         let mut trainings = Vec::new();
         for (number, &seed) in search.seeds.iter().enumerate() {
             let number = index * search.seeds.len() + number + 1;
-            progress.say(&format!(
+            watch.say(&format!(
                 "training {number} of {count}: {variant}, seed {seed}"
             ));
             let config = TrainConfig {
@@ -91,12 +91,11 @@ pub fn search(
                 ..config.clone()
             };
             let run = format!("{variant}-{seed}");
-            let trained =
-                train_unless(Finished::Stays, corpora, &out.join(&run), &config, progress);
+            let trained = train_unless(Finished::Stays, corpora, &out.join(&run), &config, watch);
             let validation_mape_pct = match trained {
                 Ok(outcome) => Some(outcome.validation_mape_pct),
                 Err(error @ Error::Diverged { .. }) => {
-                    progress.say(&format!("{variant}, seed {seed}: {error}"));
+                    watch.say(&format!("{variant}, seed {seed}: {error}"));
                     None
                 }
                 Err(error) => return Err(error),

@@ -128,7 +128,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use dataset::corpus::splits::Splits;
-    use dataset::work::progress::Silent;
+    use dataset::work::watch::Silent;
     use testkit::synthetic::{Changed, SyntheticCorpus};
 
     use super::*;
@@ -173,17 +173,17 @@ mod tests {
     fn trained(folder: &Path, corpus: &SyntheticCorpus) -> (Corpus, f64) {
         let corpus = corpus.write(&folder.join("corpus")).unwrap();
         let out = folder.join("run");
-        let outcome = train(&corpus, &out, &settings(400, 4e-3, None), &mut Silent).unwrap();
+        let outcome = train(&corpus, &out, &settings(400, 4e-3, None), &Silent).unwrap();
         (corpus, outcome.validation_mape_pct)
     }
 
     fn error_pct(folder: &Path, corpus: &Corpus, config: &TrainConfig) -> f64 {
-        let outcome = train(corpus, &folder.join("other"), config, &mut Silent);
+        let outcome = train(corpus, &folder.join("other"), config, &Silent);
         outcome.unwrap().validation_mape_pct
     }
 
     fn refusal(folder: &Path, corpus: &Corpus, config: &TrainConfig) -> String {
-        let outcome = train(corpus, &folder.join("other"), config, &mut Silent);
+        let outcome = train(corpus, &folder.join("other"), config, &Silent);
         outcome.unwrap_err().to_string()
     }
 

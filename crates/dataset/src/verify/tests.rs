@@ -1113,7 +1113,7 @@ fn a_planned_scenario_that_is_missing_is_a_fault_only_if_the_corpus_should_be_co
         decode: false,
         complete: false,
     };
-    let report = verify_with(&example.corpus, quick, &mut |_, _| {});
+    let report = verify_with(&example.corpus, quick, &Silent).unwrap();
     assert_eq!(report.findings, Vec::new());
     assert_eq!(
         (report.missing, report.pictures),
@@ -1123,7 +1123,7 @@ fn a_planned_scenario_that_is_missing_is_a_fault_only_if_the_corpus_should_be_co
         complete: true,
         ..quick
     };
-    let report = verify_with(&example.corpus, complete, &mut |_, _| {});
+    let report = verify_with(&example.corpus, complete, &Silent).unwrap();
     assert_eq!(report.findings.len(), 1);
     assert_eq!(
         report.findings[0].to_string(),

@@ -10,6 +10,7 @@ use crate::corpus::calibration::Calibration;
 use crate::corpus::scenario::ScenarioRecord;
 use crate::corpus::sealed::Sealed;
 use crate::video::{TimeBase, VideoReader};
+use crate::work::watch::Watch;
 
 /// Checks all videos of a scenario, in parallel; returns how many pictures were decoded, and the evidence.
 pub(super) fn check(
@@ -17,6 +18,7 @@ pub(super) fn check(
     scenario: &Scenario,
     calibration: Option<&Calibration>,
     faults: &mut Faults,
+    watch: &dyn Watch,
 ) -> (u64, Vec<ViewProof>) {
     let sealed = Sealed::read(folder.root()).ok().flatten();
     let read: Vec<(&String, PathBuf, Decoded)> = thread::scope(|scope| {
@@ -32,7 +34,7 @@ pub(super) fn check(
                 let watcher = Watcher::new(view, scenario);
                 let decoded = scope.spawn({
                     let path = path.clone();
-                    move || decode(&path, watcher)
+                    move || decode(&path, watcher, watch)
                 });
                 (view, path, decoded)
             })
@@ -78,7 +80,8 @@ struct Decoded<'a> {
     watcher: Option<Watcher<'a>>,
 }
 
-fn decode<'a>(path: &Path, mut watcher: Watcher<'a>) -> Decoded<'a> {
+/// Decodes a video, or a part of it if the watch stops the work: the caller then drops what was found.
+fn decode<'a>(path: &Path, mut watcher: Watcher<'a>, watch: &dyn Watch) -> Decoded<'a> {
     let mut decoded = Decoded::default();
     let mut rgb = Vec::new();
     let mut read = |watcher: &mut Watcher| -> crate::Result<()> {
@@ -86,7 +89,7 @@ fn decode<'a>(path: &Path, mut watcher: Watcher<'a>) -> Decoded<'a> {
         let (width_px, height_px) = (reader.width(), reader.height());
         decoded.size_px = Some((width_px, height_px));
         decoded.time_base = Some(reader.time_base());
-        loop {
+        while !watch.is_stopped() {
             let next = if watcher.is_needed() {
                 reader.next_frame(&mut rgb)
             } else {
@@ -98,15 +101,16 @@ fn decode<'a>(path: &Path, mut watcher: Watcher<'a>) -> Decoded<'a> {
                 watcher.see(&rgb, width_px, height_px);
             }
         }
+        Ok(())
     };
-    let result = read(&mut watcher).and_then(|()| look_again(path, &mut watcher));
+    let result = read(&mut watcher).and_then(|()| look_again(path, &mut watcher, watch));
     decoded.fault = result.err().map(|error| error.beside(path));
     decoded.watcher = Some(watcher);
     decoded
 }
 
 /// Compares pictures that seem to be of another tick or view with all others.
-fn look_again(path: &Path, watcher: &mut Watcher) -> crate::Result<()> {
+fn look_again(path: &Path, watcher: &mut Watcher, watch: &dyn Watch) -> crate::Result<()> {
     if !watcher.wants_second_look() {
         return Ok(());
     }
@@ -114,7 +118,7 @@ fn look_again(path: &Path, watcher: &mut Watcher) -> crate::Result<()> {
     let (width_px, height_px) = (reader.width(), reader.height());
     let mut rgb = Vec::new();
     let mut tick = 0;
-    while reader.next_frame(&mut rgb)?.is_some() {
+    while !watch.is_stopped() && reader.next_frame(&mut rgb)?.is_some() {
         watcher.see_again(tick, &rgb, width_px, height_px);
         tick += 1;
     }

@@ -87,7 +87,7 @@ impl FileFormat for HuggingFace {
     fn write(&self, scenario: &Writing<'_>) -> Result<()> {
         let source = &scenario.source;
         for view in &source.selected.views {
-            scenario.refuse_if_stopped()?;
+            scenario.watch.check()?;
             let video = scenario.folder.join(video_of(source, view)?);
             let parent = video.parent().unwrap_or(&scenario.folder);
             fs::create_dir_all(parent).map_err(dataset::Error::io("create", parent))?;

@@ -118,7 +118,7 @@ impl FileFormat for LeRobot {
         let (source, form) = (&scenario.source, self.form()?);
         let mut parts = Vec::new();
         for view in &source.selected.views {
-            scenario.refuse_if_stopped()?;
+            scenario.watch.check()?;
             let path = scenario.folder.join(form.video(view, scenario.number));
             let parent = path.parent().unwrap_or(&scenario.folder);
             fs::create_dir_all(parent).map_err(dataset::Error::io("create", parent))?;
@@ -283,7 +283,7 @@ fn encode(scenario: &Writing<'_>, view: &str, fps: u32, path: &Path) -> Result<(
     let mut video = VideoWriter::create(path, &scenario.export.video, width_px, height_px, rate)?;
     let mut rgb = Vec::new();
     for row in &source.frames.rows {
-        scenario.refuse_if_stopped()?;
+        scenario.watch.check()?;
         pictures.decode(row)?;
         if source.is_asked_for(row.tick) {
             pictures.convert(&mut rgb)?;

@@ -114,7 +114,7 @@ impl FileFormat for Mcap {
                 file.labels(row, labels, time)?;
             }
             for view in &mut views {
-                scenario.refuse_if_stopped()?;
+                scenario.watch.check()?;
                 let expected = row.views[view.index].pts;
                 let picture = view.packets.next_picture()?;
                 let found = picture.as_ref().map(|picture| picture.pts);

@@ -55,7 +55,7 @@ pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Part> {
         let mut rgb = Vec::new();
         let mut written = Vec::new();
         for row in &source.frames.rows {
-            scenario.refuse_if_stopped()?;
+            scenario.watch.check()?;
             decoded.decode(row)?;
             if !source.is_asked_for(row.tick) || source.is_left_out(view, row.tick) {
                 continue;

@@ -1,6 +1,6 @@
 //! Downloads a corpus: the files of the whole corpus first, then scenario by scenario.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::Path;
 
 use dataset::corpus::{Corpus, check_place};
@@ -17,7 +17,7 @@ use crate::error::StoreError;
 use crate::scenario::{Fetched, MovedDetections};
 
 /// Result of the download of a corpus.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct FetchedCorpus {
     /// Decisions about the files of the whole corpus, by their names.
     pub files: Vec<(&'static str, FileDecision)>,
@@ -27,8 +27,10 @@ pub struct FetchedCorpus {
     pub has_plan: bool,
     /// The scenarios of the plan.
     pub planned: PlannedScenarios,
-    /// The requested scenarios.
+    /// The requested scenarios, as far as they were downloaded.
     pub scenarios: Vec<FetchedScenario>,
+    /// Identifiers of the others, if the download ended before them.
+    pub to_go: VecDeque<String>,
 }
 
 /// Result of the download of a scenario.
@@ -43,7 +45,8 @@ pub struct FetchedScenario {
 }
 
 impl Mirror<'_> {
-    /// Downloads the corpus into a folder, or of its scenarios only these, if there are any.
+    /// Downloads the corpus into a folder, or of its scenarios only these, if there are any. `result` is filled in the meantime, for a caller
+    /// that drops the download.
     ///
     /// # Errors
     /// See [`MirrorError`]; the same call resumes.
@@ -51,31 +54,30 @@ impl Mirror<'_> {
         &self,
         folder: &Path,
         only: &[String],
-    ) -> Result<FetchedCorpus, MirrorError> {
+        result: &mut FetchedCorpus,
+    ) -> Result<(), MirrorError> {
         self.store.check().await?;
         let listing = self.store.listing().await?;
         let ids = self.wanted(listing.committed(), only)?;
         check_place(folder).map_err(MirrorError::Folder)?;
         let corpus = Corpus::create(folder).map_err(MirrorError::Folder)?;
-        let files = self.fetch_files(&corpus).await?;
+        result.files = self.fetch_files(&corpus).await?;
         let foreign = listing.foreign();
-        let mut result = FetchedCorpus {
-            files,
-            foreign: foreign.map(|(name, bad)| (name.to_owned(), bad)).collect(),
-            has_plan: corpus.plan_path().exists(),
-            planned: PlannedScenarios::read(&corpus)?,
-            scenarios: Vec::new(),
-        };
-        let total = ids.len();
+        result.foreign = foreign.map(|(name, bad)| (name.to_owned(), bad)).collect();
+        result.has_plan = corpus.plan_path().exists();
+        result.planned = PlannedScenarios::read(&corpus)?;
+        self.transfer.watch.begin("", ids.len() as u64);
+        result.to_go.extend(ids.iter().cloned());
         for (done, id) in ids.into_iter().enumerate() {
-            self.watch.scenario(&id, done, total);
+            self.transfer.watch.advance(done as u64, &id);
+            self.transfer.check()?;
             let fetched = self.fetch_scenario(&id, &corpus, &listing).await?;
             let is_there = matches!(fetched, Ok(Fetched::Whole { .. } | Fetched::Same));
             let detections = if is_there {
                 let scenario = corpus.scenario(&id);
                 self.patience
-                    .with(self.watch, async |watch| {
-                        self.store.fetch_detections(&scenario, watch).await
+                    .with(self.transfer, async || {
+                        self.store.fetch_detections(&scenario, self.transfer).await
                     })
                     .await?
             } else {
@@ -86,8 +88,12 @@ impl Mirror<'_> {
                 fetched,
                 detections,
             });
+            result.to_go.pop_front();
         }
-        Ok(result)
+        self.transfer
+            .watch
+            .advance(result.scenarios.len() as u64, "");
+        Ok(())
     }
 
     /// The requested committed scenarios.
@@ -125,9 +131,10 @@ impl Mirror<'_> {
         let objects = listing.of(id);
         let fetched = self
             .patience
-            .with(self.watch, async |watch| {
-                let seen = Some(&objects);
-                self.store.fetch_scenario(id, corpus, seen, watch).await
+            .with(self.transfer, async || {
+                self.store
+                    .fetch_scenario(id, corpus, Some(&objects), self.transfer)
+                    .await
             })
             .await;
         match fetched {

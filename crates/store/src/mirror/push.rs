@@ -1,6 +1,6 @@
 //! Uploads a corpus: the files of the whole corpus first, then scenario by scenario.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::files::outside_file::{self, FileKind};
@@ -21,10 +21,12 @@ pub struct PushedCorpus {
     pub files: Vec<(&'static str, FileDecision)>,
     /// A file in the store that cannot be used with the plan beside it, and that none of ours may replace.
     pub left: Option<BadFile>,
-    /// Incomplete uploads of earlier calls that were cleared, or why they were left. They use space and do no harm.
-    pub cleared: Option<Result<usize, StoreError>>,
-    /// The scenarios of the folder.
+    /// Incomplete uploads of earlier calls that were cleared.
+    pub cleared: usize,
+    /// The scenarios of the folder, as far as they were uploaded.
     pub scenarios: Vec<PushedScenario>,
+    /// Identifiers of the others, if the upload ended before them.
+    pub to_go: VecDeque<String>,
 }
 
 /// Result of the upload of a scenario.
@@ -39,32 +41,43 @@ pub struct PushedScenario {
 }
 
 impl Mirror<'_> {
-    /// Uploads a corpus.
+    /// Uploads a corpus. `result` is filled in the meantime, for a caller that drops the upload.
     ///
     /// # Errors
     /// See [`MirrorError`]; the same call resumes.
-    pub async fn push(&self, corpus: &Corpus) -> Result<PushedCorpus, MirrorError> {
-        let mut result = PushedCorpus::default();
-        let files = self.files_to_push(corpus, &mut result).await?;
+    pub async fn push(
+        &self,
+        corpus: &Corpus,
+        result: &mut PushedCorpus,
+    ) -> Result<(), MirrorError> {
+        let files = self.files_to_push(corpus, result).await?;
         let folders = corpus.scenarios()?;
         let ids: BTreeSet<String> = folders.iter().map(ScenarioFolder::id).collect();
-        // Write permission does not imply permission to list.
-        result.cleared = Some(self.store.clear_unfinished(&ids).await);
-        self.push_files(&files, &mut result).await?;
+        match self.store.clear_unfinished(&ids).await {
+            Ok(cleared) => result.cleared = cleared,
+            // They use space and do no harm; write permission does not imply permission to list.
+            Err(error) => {
+                let line = format!("unfinished uploads are left there: {error}");
+                self.transfer.watch.warn(&line);
+            }
+        }
+        self.push_files(&files, result).await?;
         let planned = PlannedScenarios::read(corpus)?;
         let listing = self
             .patience
-            .with(self.watch, async |_| self.store.listing().await)
+            .with(self.transfer, async || self.store.listing().await)
             .await?;
-        let total = folders.len();
+        self.transfer.watch.begin("", folders.len() as u64);
+        result.to_go.extend(folders.iter().map(ScenarioFolder::id));
         for (done, folder) in folders.into_iter().enumerate() {
-            self.watch.scenario(&folder.id(), done, total);
+            self.transfer.watch.advance(done as u64, &folder.id());
+            self.transfer.check()?;
             let pushed = self.push_scenario(&folder, &planned, &listing).await?;
             let is_there = matches!(pushed, Ok(Pushed::Committed { .. } | Pushed::Same));
             let detections = if is_there {
                 self.patience
-                    .with(self.watch, async |watch| {
-                        self.store.push_detections(&folder, watch).await
+                    .with(self.transfer, async || {
+                        self.store.push_detections(&folder, self.transfer).await
                     })
                     .await?
             } else {
@@ -75,8 +88,12 @@ impl Mirror<'_> {
                 pushed,
                 detections,
             });
+            result.to_go.pop_front();
         }
-        Ok(result)
+        self.transfer
+            .watch
+            .advance(result.scenarios.len() as u64, "");
+        Ok(())
     }
 
     /// The outer error ends the call, the inner one concerns this scenario alone.
@@ -96,10 +113,12 @@ impl Mirror<'_> {
         let mut seen = Some(listing.of(&id));
         let pushed = self
             .patience
-            .with(self.watch, async |watch| {
+            .with(self.transfer, async || {
                 // A repeated attempt finds more there.
                 let seen = seen.take();
-                self.store.push_scenario(folder, seen.as_ref(), watch).await
+                self.store
+                    .push_scenario(folder, seen.as_ref(), self.transfer)
+                    .await
             })
             .await;
         match pushed {

@@ -23,7 +23,7 @@ use super::fetch::claim;
 use super::send::size_of;
 use crate::corpus_store::{CorpusStore, ObjectInfo, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::patience::Watch;
+use crate::patience::Transfer;
 
 /// Maximum number of times that another process may replace the same detections before an upload gives up.
 const MOST_COMMITS: u32 = 8;
@@ -121,7 +121,7 @@ impl CorpusStore {
     pub fn push_detections<'a>(
         &'a self,
         folder: &'a ScenarioFolder,
-        watch: &'a dyn Watch,
+        transfer: &'a Transfer<'_>,
     ) -> BoxFuture<'a, Result<MovedDetections>> {
         Box::pin(async move {
             let mut result = MovedDetections::default();
@@ -133,7 +133,7 @@ impl CorpusStore {
             for model in models {
                 let mut rounds_left = MOST_COMMITS;
                 while !self
-                    .push_model(folder, &model, &there, &mut result, watch)
+                    .push_model(folder, &model, &there, &mut result, transfer)
                     .await?
                 {
                     there = self.objects(&folder.id()).await?;
@@ -155,7 +155,7 @@ impl CorpusStore {
         model: &str,
         there: &Objects,
         result: &mut MovedDetections,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<bool> {
         let ours = match sound(folder, model) {
             Ok(ours) => ours,
@@ -192,7 +192,7 @@ impl CorpusStore {
             }
         }
         for table in &tables {
-            self.send_if_missing(folder, table, None, there, watch)
+            self.send_if_missing(folder, table, None, there, transfer)
                 .await?;
         }
         let is_replacement = theirs.is_some();
@@ -217,7 +217,7 @@ impl CorpusStore {
     pub fn fetch_detections<'a>(
         &'a self,
         folder: &'a ScenarioFolder,
-        watch: &'a dyn Watch,
+        transfer: &'a Transfer<'_>,
     ) -> BoxFuture<'a, Result<MovedDetections>> {
         Box::pin(async move {
             let mut result = MovedDetections::default();
@@ -263,7 +263,7 @@ impl CorpusStore {
                 for table in &tables {
                     let target = own_path(folder.root(), &table.name)?;
                     match self
-                        .bring(&folder.id(), table, &target, &there, watch)
+                        .bring(&folder.id(), table, &target, &there, transfer)
                         .await
                     {
                         Err(StoreError::Faulty { faults, .. }) => {

@@ -22,7 +22,7 @@ use super::stored_fault::{StoredFault, StoredFaults};
 use super::stored_seal::{FoundSeal, StoredSeal};
 use crate::corpus_store::{CorpusStore, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::patience::Watch;
+use crate::patience::Transfer;
 
 const RECORD: &str = "scenario.json";
 /// Files in parallel.
@@ -54,7 +54,7 @@ impl CorpusStore {
         id: &'a str,
         corpus: &'a Corpus,
         seen: Option<&'a Objects>,
-        watch: &'a dyn Watch,
+        transfer: &'a Transfer<'_>,
     ) -> LocalBoxFuture<'a, Result<Fetched>> {
         Box::pin(async move {
             if let Err(bad) = file_name::check_id(id) {
@@ -86,8 +86,8 @@ impl CorpusStore {
                 let target = own_path(partial.root(), &file.name)?;
                 let is_brought = target.is_file() && seal::hash_file(&target)? == file.blake3;
                 if !is_brought {
-                    self.bring(id, file, &target, &there, watch).await?;
-                    watch.kept();
+                    self.bring(id, file, &target, &there, transfer).await?;
+                    transfer.kept();
                 }
                 Ok::<bool, StoreError>(!is_brought)
             };
@@ -155,7 +155,7 @@ impl CorpusStore {
         file: &SealedFile,
         target: &Path,
         there: &Objects,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<()> {
         let name = || file.name.clone();
         let missing = || self.faulty(id, StoredFault::Missing { file: name() });
@@ -173,13 +173,11 @@ impl CorpusStore {
             .await
             .map_err(|error| self.error(&doing(), &error))?
         {
-            if watch.stopped() {
-                return Err(StoreError::Stopped);
-            }
+            transfer.check()?;
             hasher.update(&bytes);
             new.write_all(&bytes)
                 .map_err(dataset::Error::io("write", target))?;
-            watch.passed(bytes.len() as u64);
+            transfer.passed(bytes.len() as u64);
         }
         if hasher.finalize().to_string() != file.blake3 {
             return Err(self.faulty(id, StoredFault::OtherContent { file: name() }));

@@ -14,7 +14,7 @@ use super::content_name::content_name;
 use super::stored_seal::Noted;
 use crate::corpus_store::{CorpusStore, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::patience::Watch;
+use crate::patience::Transfer;
 
 /// A file up to this size is one request, a larger one is sent in parts of this size. All stores accept parts of 5 MiB and more.
 const PART_BYTES: u64 = 8 << 20;
@@ -32,11 +32,9 @@ impl CorpusStore {
         file: &SealedFile,
         e_tag: Option<&str>,
         there: &Objects,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<(Noted, bool)> {
-        if watch.stopped() {
-            return Err(StoreError::Stopped);
-        }
+        transfer.check()?;
         let path = seal::current_path(folder.root(), &file.name)?;
         let bytes = size_of(&path)?;
         let id = folder.id();
@@ -46,9 +44,10 @@ impl CorpusStore {
         }
         let name = scenario_file(&id, &content_name(file));
         let put = if bytes <= PART_BYTES {
-            self.send_whole(&path, &name, &file.blake3, watch).await?
+            self.send_whole(&path, &name, &file.blake3, transfer)
+                .await?
         } else {
-            self.send_in_parts(&path, &name, bytes, &file.blake3, watch)
+            self.send_in_parts(&path, &name, bytes, &file.blake3, transfer)
                 .await?
         };
         let Some(put) = put else {
@@ -57,7 +56,7 @@ impl CorpusStore {
                 message: format!("does not match its seal: its hash differs from {MANIFEST}"),
             });
         };
-        watch.kept();
+        transfer.kept();
         Ok((noted(file, bytes, put), true))
     }
 
@@ -90,7 +89,7 @@ impl CorpusStore {
         path: &Path,
         name: &str,
         blake3: &str,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<Option<PutResult>> {
         let file = outside_file::open(path, FileKind::VIDEO.unlinked())?;
         let (_, bytes) = read_part(file, PART_BYTES)
@@ -101,7 +100,7 @@ impl CorpusStore {
         }
         let length = bytes.len() as u64;
         let put = self.put_hashed(name, bytes, blake3).await?;
-        watch.passed(length);
+        transfer.passed(length);
         Ok(Some(put))
     }
 
@@ -112,7 +111,7 @@ impl CorpusStore {
         name: &str,
         bytes: u64,
         blake3: &str,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<Option<PutResult>> {
         // A process that clears incomplete uploads cannot know that this one is still active: it starts over.
         let failed = |error: object_store::Error| match error {
@@ -145,9 +144,7 @@ impl CorpusStore {
                 if part.is_empty() {
                     return Ok::<bool, StoreError>(hasher.finalize().to_string() == blake3);
                 }
-                if watch.stopped() {
-                    return Err(StoreError::Stopped);
-                }
+                transfer.check()?;
                 hasher.update(&part);
                 parts
                     .wait_for_capacity(PARTS_AT_ONCE)
@@ -155,7 +152,7 @@ impl CorpusStore {
                     .map_err(failed)?;
                 let length = part.len() as u64;
                 parts.put(part.into());
-                watch.passed(length);
+                transfer.passed(length);
             }
         };
         let whole = whole.await;

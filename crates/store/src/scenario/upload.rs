@@ -21,7 +21,7 @@ use super::stored_fault::{StoredFault, StoredFaults};
 use super::stored_seal::{FoundSeal, Noted, StoredSeal, manifest_file};
 use crate::corpus_store::{CorpusStore, Objects, scenario_file};
 use crate::error::{Result, StoreError};
-use crate::patience::Watch;
+use crate::patience::Transfer;
 
 /// Maximum number of times that a file of the folder may be renamed to its final name just before it is opened.
 const ROUNDS: u32 = 3;
@@ -92,7 +92,7 @@ impl CorpusStore {
         &'a self,
         folder: &'a ScenarioFolder,
         seen: Option<&'a Objects>,
-        watch: &'a dyn Watch,
+        transfer: &'a Transfer<'_>,
     ) -> BoxFuture<'a, Result<Pushed>> {
         Box::pin(async move {
             let mut rounds_left = ROUNDS;
@@ -109,7 +109,7 @@ impl CorpusStore {
                     Err(error) if error.is_bad_content() => return Err(damaged(error.to_string())),
                     Err(error) => return Err(error.into()),
                 };
-                match self.push_state(folder, &sealed, seen, watch).await {
+                match self.push_state(folder, &sealed, seen, transfer).await {
                     // It was labelled in the meantime, or a file was renamed between two looks.
                     Err(StoreError::Damaged { .. })
                         if folder.seal()?.as_ref() != Some(sealed.seal()) => {}
@@ -134,7 +134,7 @@ impl CorpusStore {
         folder: &ScenarioFolder,
         sealed: &Sealed,
         seen: Option<&Objects>,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<Pushed> {
         folder.check_identity(sealed)?;
         let id = folder.id();
@@ -153,7 +153,9 @@ impl CorpusStore {
         for _ in 0..MOST_COMMITS {
             let found = self.found_seal(&id).await?;
             let there = self.objects_for(&ours, found.as_ref(), seen.take()).await?;
-            let standing = self.standing(&ours, found.as_ref(), &there, watch).await?;
+            let standing = self
+                .standing(&ours, found.as_ref(), &there, transfer)
+                .await?;
             let now_before = match standing {
                 Standing::Settled(Pushed::Same) => return Ok(committed.unwrap_or(Pushed::Same)),
                 Standing::Settled(pushed) => return Ok(pushed),
@@ -177,7 +179,7 @@ impl CorpusStore {
                 });
             }
             let now_sent = self
-                .send_files(&ours, found.as_ref(), &there, &mut noted, watch)
+                .send_files(&ours, found.as_ref(), &there, &mut noted, transfer)
                 .await?;
             let stored = StoredSeal::new(sealed.seal().clone(), ours.sealed_at, noted.clone());
             let done = stored.to_json()?;
@@ -243,7 +245,7 @@ impl CorpusStore {
         ours: &Ours<'_>,
         found: Option<&FoundSeal>,
         there: &Objects,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<Standing> {
         let Some(found) = found else {
             return Ok(Standing::ToCommit(Before::Nothing));
@@ -286,7 +288,7 @@ impl CorpusStore {
             Ok(files) => files,
             Err(fault) => return Ok(damaged(vec![fault])),
         };
-        let (mended, faults) = self.mend(ours, stored, &files, there, watch).await?;
+        let (mended, faults) = self.mend(ours, stored, &files, there, transfer).await?;
         if !faults.is_empty() {
             return Ok(damaged(faults));
         }
@@ -310,7 +312,7 @@ impl CorpusStore {
         stored: &StoredSeal,
         theirs: &[SealedFile],
         there: &Objects,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<(Option<StoredSeal>, Vec<StoredFault>)> {
         let mut faults = Vec::new();
         let mut mended = None;
@@ -323,7 +325,7 @@ impl CorpusStore {
                 continue;
             }
             let (object, _) = self
-                .send_if_missing(ours.folder, file, None, there, watch)
+                .send_if_missing(ours.folder, file, None, there, transfer)
                 .await?;
             mended
                 .get_or_insert_with(|| stored.clone())
@@ -386,7 +388,7 @@ impl CorpusStore {
         found: Option<&FoundSeal>,
         there: &Objects,
         noted: &mut BTreeMap<String, Noted>,
-        watch: &dyn Watch,
+        transfer: &Transfer<'_>,
     ) -> Result<usize> {
         let stored = found.and_then(|found| found.stored.as_ref().ok());
         let mut sent = 0;
@@ -395,7 +397,7 @@ impl CorpusStore {
             let earlier = earlier.or_else(|| stored.and_then(|stored| stored.noted(file)));
             let e_tag = earlier.and_then(|earlier| earlier.e_tag.as_deref());
             let (object, was_sent) = self
-                .send_if_missing(ours.folder, file, e_tag, there, watch)
+                .send_if_missing(ours.folder, file, e_tag, there, transfer)
                 .await?;
             noted.insert(file.name.clone(), object);
             sent += usize::from(was_sent);

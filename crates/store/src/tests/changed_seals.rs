@@ -75,7 +75,7 @@ async fn a_changed_byte_of_a_seal_is_damage_and_a_whole_copy_replaces_it() {
             Committed::Damaged(faults) => {
                 assert!(faults.0.iter().all(|it| it.file() == DONE), "{faults}");
                 let (_theirs, theirs) = empty();
-                let fetched = store.fetch_scenario(ID, &theirs, None, &()).await;
+                let fetched = store.fetch_scenario(ID, &theirs, None, &UNWATCHED).await;
                 let error = fetched.unwrap_err();
                 assert!(matches!(error, StoreError::Faulty { .. }), "{error}");
                 assert!(changed.push_mends(&text).await, "{text}");

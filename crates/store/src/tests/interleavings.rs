@@ -17,7 +17,7 @@ const DOWNLOADED: u64 = 50;
 /// Uploads a copy until the store gives an answer.
 async fn push_copy(store: &CorpusStore, copy: &LocalCopy) -> Pushed {
     for _ in 0..100 {
-        match store.push_scenario(&copy.folder(), None, &()).await {
+        match store.push_scenario(&copy.folder(), None, &UNWATCHED).await {
             Err(error) if error.is_passing() => yield_now().await,
             pushed => return pushed.unwrap(),
         }
@@ -76,7 +76,7 @@ fn shaken(seed: u64) -> Faults {
 async fn downloaded(store: &CorpusStore) -> Result<Fetched> {
     let folder = tempfile::tempdir().unwrap();
     let corpus = Corpus::create(folder.path()).unwrap();
-    let fetched = store.fetch_scenario(ID, &corpus, None, &()).await;
+    let fetched = store.fetch_scenario(ID, &corpus, None, &UNWATCHED).await;
     if let Ok(Fetched::Whole { .. }) = fetched {
         let faults = seal::faults(corpus.scenario(ID).root()).unwrap();
         assert_eq!(faults, Vec::<String>::new());
@@ -184,7 +184,9 @@ async fn two_processes_share_a_folder_as_a_store() {
                 let (copies, ids) = (copies.clone(), ids.clone());
                 tokio::spawn(async move {
                     store.clear_unfinished(&ids).await.unwrap();
-                    let pushed = store.push_scenario(&copies[copy].folder(), None, &()).await;
+                    let pushed = store
+                        .push_scenario(&copies[copy].folder(), None, &UNWATCHED)
+                        .await;
                     pushed.map(|pushed| is_true(&pushed, &copies[copy], &copies[2]))
                 })
             })

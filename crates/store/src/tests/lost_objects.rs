@@ -55,7 +55,10 @@ async fn what_the_store_lost_is_sent_again_by_every_whole_copy() {
                 };
                 assert!(is_said, "{file} {loss:?}: {before:?}");
                 let (_theirs, theirs) = empty();
-                store.fetch_scenario(ID, &theirs, None, &()).await.unwrap();
+                store
+                    .fetch_scenario(ID, &theirs, None, &UNWATCHED)
+                    .await
+                    .unwrap();
                 assert_eq!(
                     seal::faults(theirs.scenario(ID).root()).unwrap(),
                     Vec::<String>::new()
@@ -135,7 +138,9 @@ async fn a_complete_scenario_costs_one_read_and_no_listing_of_its_own() {
     // As a run does right after the recording: four objects and the seal; then one listing confirms them.
     let nothing = Objects::default();
     let folder = labelled.folder();
-    let pushed = store.push_scenario(&folder, Some(&nothing), &()).await;
+    let pushed = store
+        .push_scenario(&folder, Some(&nothing), &UNWATCHED)
+        .await;
     // The manifest is not counted as a file.
     let expected = Pushed::Committed {
         sent: 3,
@@ -147,7 +152,7 @@ async fn a_complete_scenario_costs_one_read_and_no_listing_of_its_own() {
     let listing = store.listing().await.unwrap();
     assert_eq!(count(), [1, 0, 0, 0]);
     let seen = listing.of(ID);
-    let pushed = store.push_scenario(&folder, Some(&seen), &()).await;
+    let pushed = store.push_scenario(&folder, Some(&seen), &UNWATCHED).await;
     assert_eq!(pushed.unwrap(), Pushed::Same);
     assert_eq!(count(), [0, 0, 1, 0]);
     let states = store.states(&listing, [ID.to_owned()]).await.unwrap();
@@ -166,9 +171,10 @@ async fn a_store_that_cuts_every_file_at_half_ends_a_download() {
     assert!(push(&store, &plain.corpus).await.is_ok());
     let (_theirs, theirs) = empty();
     let patience = Patience(std::time::Duration::from_millis(600));
+    let transfer = Transfer::new(&Silent);
     let fetched = patience
-        .with(&(), async |watch| {
-            store.fetch_scenario(ID, &theirs, None, watch).await
+        .with(&transfer, async || {
+            store.fetch_scenario(ID, &theirs, None, &transfer).await
         })
         .await;
     let error = fetched.unwrap_err();

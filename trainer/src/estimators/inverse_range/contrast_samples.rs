@@ -1,7 +1,7 @@
 //! Samples whose shifts follow another part of the aircraft where one view shows it with more contrast, as lamps do at night.
 
 use dataset::corpus::splits::Side;
-use dataset::work::progress::Silent;
+use dataset::work::watch::Silent;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
@@ -9,7 +9,7 @@ use testkit::synthetic::SyntheticCorpus;
 use super::{CrossFitted, InverseRange, ResidualRecord};
 use crate::config::{Optimisation, ResidualConfig};
 use crate::networks::checkpoint::Checkpoints;
-use crate::networks::training_loop::Watch;
+use crate::networks::training_loop::Companions;
 use crate::samples::{DistanceRange, Sample, Samples};
 
 /// Four flights train, one validates, six test; on some sides the contrast may work the other way round.
@@ -56,12 +56,12 @@ pub(super) fn learned(samples: &Samples) -> (CrossFitted, ResidualRecord) {
     let validation = samples.of_side(Side::Validation);
     let validation: Vec<Sample> = validation.into_iter().cloned().collect();
     let mut fits = CrossFitted::fit(samples, &training);
-    let watch = &mut Watch {
+    let companions = &mut Companions {
         checkpoints: &mut Checkpoints::none(),
-        progress: &mut Silent,
+        watch: &Silent,
     };
     let random = ChaCha12Rng::seed_from_u64(0);
-    let record = fits.learn_residuals(&training, &validation, &settings(), random, watch);
+    let record = fits.learn_residuals(&training, &validation, &settings(), random, companions);
     (fits, record.unwrap().unwrap())
 }
 

@@ -18,7 +18,7 @@ use super::residual_training::{Networks, ResidualTask, Trainee, formula_mape_pct
 use super::{CrossFitted, Fit, InverseRange};
 use crate::config::{Optimisation, ResidualConfig};
 use crate::error::Result;
-use crate::networks::training_loop::{Watch, learn};
+use crate::networks::training_loop::{Companions, learn};
 use crate::samples::Sample;
 use crate::samples::flight_parts::FlightParts;
 
@@ -109,7 +109,7 @@ impl InverseRange {
         approaches: &[&Sample],
         config: &ResidualConfig,
         random: ChaCha12Rng,
-        watch: &mut Watch,
+        companions: &mut Companions,
     ) -> Result<Option<Refitted>> {
         let Some(all) = self.alone_with_view_refitted(new.view, approaches) else {
             return Ok(None);
@@ -135,7 +135,8 @@ impl InverseRange {
             layers: known.layers.clone(),
         };
         let corrected = alone.corrected(&known, approaches);
-        let refitted = corrected.trained_on(alone, &known, approaches, config, random, watch)?;
+        let refitted =
+            corrected.trained_on(alone, &known, approaches, config, random, companions)?;
         Ok(Some(refitted))
     }
 
@@ -187,7 +188,7 @@ impl CrossFitted {
         approaches: &[&Sample],
         config: &ResidualConfig,
         random: ChaCha12Rng,
-        watch: &mut Watch,
+        companions: &mut Companions,
     ) -> Result<Refitted> {
         let fit = known.fit();
         let inside = |part| {
@@ -216,7 +217,7 @@ impl CrossFitted {
         let (trainees, trained): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
         if !trainees.iter().any(Trainee::is_judged) {
             let said = "no other flight tells whether the network on the residual of inverse_range helps: it stays as it was";
-            watch.progress.say(said);
+            companions.watch.say(said);
             return Ok(Refitted {
                 fits: self,
                 residual: None,
@@ -234,7 +235,7 @@ impl CrossFitted {
         };
         let as_it_was = Networks::alike(&known.layers, trainees.len());
         let as_it_was_mape_pct = task.error_pct(&as_it_was);
-        let kept = learn(&mut task, as_it_was, &settings, watch)?;
+        let kept = learn(&mut task, as_it_was, &settings, companions)?;
         let formula_mape_pct = formula_mape_pct(&judges_of_alone);
         let trained_on_mape_pct = kept.error_pct;
         let record = RefittedResidual {
@@ -243,7 +244,7 @@ impl CrossFitted {
             trained_on_mape_pct,
             network: Outcome::of_errors(formula_mape_pct, as_it_was_mape_pct, trained_on_mape_pct),
         };
-        watch.progress.say(&record.to_string());
+        companions.watch.say(&record.to_string());
         if record.network == Outcome::TrainedOn {
             for (fits, residual) in trained.into_iter().zip(kept.network.residuals(trainees)) {
                 fits.residual = Some(residual);

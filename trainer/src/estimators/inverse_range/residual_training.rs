@@ -23,7 +23,7 @@ use crate::config::ResidualConfig;
 use crate::error::Result;
 use crate::networks::dense::{Dense, Layer, LinearGradients, widths, zeros};
 use crate::networks::encoded::{column, numbers};
-use crate::networks::training_loop::{Task, Watch, learn};
+use crate::networks::training_loop::{Companions, Task, learn};
 use crate::samples::Sample;
 
 /// Maximum number of ticks that a network learns from: at 30 images per second they are much alike.
@@ -68,7 +68,7 @@ impl CrossFitted {
         validation: &[Sample],
         config: &ResidualConfig,
         mut random: ChaCha12Rng,
-        watch: &mut Watch,
+        companions: &mut Companions,
     ) -> Result<Option<ResidualRecord>> {
         let Some(fit) = self.all.most_asked(training) else {
             return Ok(None);
@@ -100,12 +100,12 @@ impl CrossFitted {
             batch_size: settings.batch_size,
             random,
         };
-        let kept = learn(&mut task, networks, settings, watch)?;
+        let kept = learn(&mut task, networks, settings, companions)?;
         let record = ResidualRecord {
             formula_mape_pct: formula_mape_pct(&judges),
             corrected_mape_pct: kept.error_pct,
         };
-        watch.progress.say(&record.to_string());
+        companions.watch.say(&record.to_string());
         if record.is_kept() {
             let fits = std::iter::once(&mut self.all).chain(fits_of_parts);
             let residuals = kept.network.residuals(trainees);

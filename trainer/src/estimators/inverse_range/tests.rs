@@ -1,7 +1,7 @@
 //! Fits to boxes from geometry.
 
 use dataset::corpus::splits::Side;
-use dataset::work::progress::Silent;
+use dataset::work::watch::Silent;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
@@ -9,7 +9,7 @@ use testkit::synthetic::SyntheticCorpus;
 use super::*;
 use crate::config::ResidualConfig;
 use crate::networks::checkpoint::Checkpoints;
-use crate::networks::training_loop::Watch;
+use crate::networks::training_loop::Companions;
 use crate::samples::flight_parts::FlightParts;
 use crate::samples::{DistanceRange, Samples};
 
@@ -188,13 +188,13 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
             cameras: None,
         };
         let parts = FlightParts::of(&samples, approaches.iter().copied());
-        let watch = &mut Watch {
+        let companions = &mut Companions {
             checkpoints: &mut Checkpoints::none(),
-            progress: &mut Silent,
+            watch: &Silent,
         };
         let random = ChaCha12Rng::seed_from_u64(0);
         let config = ResidualConfig::default();
-        let refitted = fitted.for_new_camera(new, parts, approaches, &config, random, watch);
+        let refitted = fitted.for_new_camera(new, parts, approaches, &config, random, companions);
         refitted.unwrap().map(|refitted| refitted.fits.all)
     };
     let of_few = refitted(&other_flights[..20]);

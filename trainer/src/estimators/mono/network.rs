@@ -12,7 +12,7 @@ use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, draw, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::normalisation::BOX_FEATURES;
-use crate::networks::training_loop::{Setup, Task, Watch, learn};
+use crate::networks::training_loop::{Companions, Setup, Task, learn};
 
 /// Box features that the network sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,7 +67,7 @@ impl MonoNetworks {
         training: &Encoded,
         config: &MonoConfig,
         mut setup: Setup,
-        watch: &mut Watch,
+        companions: &mut Companions,
     ) -> Result<Self> {
         let settings = &config.optimisation;
         let views = training.views();
@@ -86,7 +86,7 @@ impl MonoNetworks {
         for (view, mut network) in untrained.views.into_iter().enumerate() {
             (task.view, task.seen) = (view, training.seen_by(view));
             if !task.seen.is_empty() {
-                network = learn(&mut task, network, settings, watch)?.network;
+                network = learn(&mut task, network, settings, companions)?.network;
             }
             trained.push(network);
         }

@@ -21,7 +21,7 @@ use crate::estimators::paper_lstm::gap_balance::GapBalance;
 use crate::networks::dense::{Dense, linear, linear_to_onnx, widths};
 use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::networks::normalisation::BOX_FEATURES;
-use crate::networks::training_loop::{Kept, Setup, Task, Watch, learn};
+use crate::networks::training_loop::{Companions, Kept, Setup, Task, learn};
 
 /// The calibration network of one camera: the paper's layers, and if the settings say so, in parallel a linear path from box to feature
 /// vector, which the paper has not.
@@ -166,7 +166,7 @@ pub(crate) fn train_calibration(
     validation: &Encoded,
     config: &CalibrationConfig,
     mut setup: Setup,
-    watch: &mut Watch,
+    companions: &mut Companions,
 ) -> Result<(Kept<CalibrationNetworks>, Vec<CalibrationLogEntry>)> {
     let views = training.views();
     let random = CalibrationNetworks::new(views, config, &mut setup.random, &setup.device);
@@ -187,7 +187,7 @@ pub(crate) fn train_calibration(
         },
         setup,
     };
-    let kept = learn(&mut task, networks, &config.optimisation, watch)?;
+    let kept = learn(&mut task, networks, &config.optimisation, companions)?;
     Ok((kept, task.state.log))
 }
 

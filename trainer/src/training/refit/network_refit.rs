@@ -7,7 +7,7 @@
 use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
-use dataset::work::progress::Progress;
+use dataset::work::watch::Watch;
 use rand_chacha::ChaCha12Rng;
 
 use crate::config::{Optimisation, TrainConfig};
@@ -17,7 +17,7 @@ use crate::estimators::paper_lstm::{PaperLstm, predict};
 use crate::networks::checkpoint::Checkpoints;
 use crate::networks::encoded::{Encoded, column, draw, mape_pct};
 use crate::networks::lstm::ViewFeatures;
-use crate::networks::training_loop::{Setup, Task, Watch, learn};
+use crate::networks::training_loop::{Companions, Setup, Task, learn};
 
 /// Steps: about a minute of the default networks on two cores.
 const STEPS: usize = 200;
@@ -39,7 +39,7 @@ pub(super) fn refit_network(
     samples: &RefitSamples,
     config: &TrainConfig,
     setup: Setup,
-    progress: &mut dyn Progress,
+    watch: &dyn Watch,
 ) -> Result<CalibrationNetworks> {
     let seen = samples.training.seen_by(view);
     if seen.is_empty() || samples.judged.seen_by(view).is_empty() {
@@ -62,12 +62,12 @@ pub(super) fn refit_network(
         samples,
         setup,
     };
-    let mut watch = Watch {
+    let mut companions = Companions {
         checkpoints: &mut Checkpoints::none(),
-        progress,
+        watch,
     };
     let start = networks.clone().train();
-    let kept = learn(&mut task, start, &settings, &mut watch)?;
+    let kept = learn(&mut task, start, &settings, &mut companions)?;
     Ok(kept.network.valid())
 }
 

@@ -16,12 +16,11 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use dataset::files::new_file::{NewFile, sync};
+use dataset::work::watch::Watch;
 use serde::{Deserialize, Serialize};
 
 use super::{archive, shard_name};
 use crate::error::Result;
-use crate::export::Watch;
-use crate::formats::refuse_if_stopped;
 
 /// A shard is closed before the sample that would make it larger than this: about a thousand samples of two crops, so that a small
 /// corpus has a shard for each worker of a loader.
@@ -98,7 +97,7 @@ pub(super) fn mix(
     folder: &Path,
     seed: u64,
     scenarios: impl Iterator<Item = Result<(String, &'static str, Vec<Stored>)>>,
-    watch: Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<Vec<String>> {
     let unmixed = folder.join(UNMIXED);
     let mut files = Vec::new();
@@ -121,7 +120,7 @@ pub(super) fn mix(
     for (split, mut entries) in splits {
         entries.sort();
         for (number, range) in (0..).zip(shards(&entries, MOST_BYTES)) {
-            refuse_if_stopped(watch)?;
+            watch.check()?;
             let name = shard_name(split, number);
             let path = folder.join(&name);
             if !path.exists() {
@@ -192,18 +191,12 @@ fn key(seed: u64, scenario: &str, tick: u32) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dataset::work::watch::Silent;
     use testkit::files::contents;
 
     const SEED: u64 = 4;
     /// Scenarios, and the ticks of each.
     const COUNTS: [u32; 2] = [12, 60];
-
-    fn watch() -> Watch<'static> {
-        Watch {
-            progress: &|_, _| {},
-            is_stopped: &|| false,
-        }
-    }
 
     /// Writes the files of all scenarios, whose samples are their own keys.
     fn write(folder: &Path) -> Vec<(String, &'static str, Vec<Stored>)> {
@@ -233,7 +226,7 @@ mod tests {
     fn each_sample_is_once_in_a_shard_of_its_side_among_those_of_other_scenarios() {
         let folder = tempfile::tempdir().unwrap();
         let stored = write(folder.path());
-        let shards = mix(folder.path(), SEED, stored.into_iter().map(Ok), watch()).unwrap();
+        let shards = mix(folder.path(), SEED, stored.into_iter().map(Ok), &Silent).unwrap();
         assert_eq!(shards, ["test-000000.tar", "train-000000.tar"]);
         let mut all = Vec::new();
         for shard in &shards {
@@ -272,9 +265,9 @@ mod tests {
             let folder = folder.path().join(name);
             let stored = write(&folder);
             let again = stored.clone();
-            mix(&folder, seed, stored.into_iter().map(Ok), watch()).unwrap();
+            mix(&folder, seed, stored.into_iter().map(Ok), &Silent).unwrap();
             damage(&folder);
-            mix(&folder, seed, again.into_iter().map(Ok), watch()).unwrap();
+            mix(&folder, seed, again.into_iter().map(Ok), &Silent).unwrap();
             contents(&folder)
         };
         let straight = mixed("straight", SEED, &|_| {});

@@ -123,7 +123,7 @@ pub(super) fn each_sample<S: Showing>(
         let mut files = Vec::new();
         let mut known = BTreeMap::new();
         for (view, pictures) in views.iter().zip(&mut decoded) {
-            scenario.refuse_if_stopped()?;
+            scenario.watch.check()?;
             pictures.decode(row)?;
             if !is_sample {
                 continue;

@@ -1,7 +1,7 @@
 //! New cameras of a rig whose shifts follow the contrast.
 
 use dataset::corpus::splits::Side;
-use dataset::work::progress::Silent;
+use dataset::work::watch::Silent;
 use rand::SeedableRng;
 use testkit::rig::placed;
 
@@ -27,16 +27,16 @@ fn refitted(
     approaches: &[&Sample],
 ) -> Refitted {
     let parts = FlightParts::of(samples, approaches.iter().copied());
-    let watch = &mut Watch {
+    let companions = &mut Companions {
         checkpoints: &mut Checkpoints::none(),
-        progress: &mut Silent,
+        watch: &Silent,
     };
     let new = NewCamera {
         view,
         cameras: None,
     };
     let random = ChaCha12Rng::seed_from_u64(0);
-    let refitted = fits.for_new_camera(new, parts, approaches, &settings(), random, watch);
+    let refitted = fits.for_new_camera(new, parts, approaches, &settings(), random, companions);
     refitted.unwrap().unwrap()
 }
 
