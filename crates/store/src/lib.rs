@@ -3,10 +3,10 @@
 //! There are no renames and no locks in a bucket, so three rules replace them:
 //!
 //! - **A scenario counts once its `DONE.json` is there.** It is uploaded last, and readers ignore all other objects until then.
-//! - **Every other object of a scenario is named after its content** and never changes (`scenario/content_name.rs`). However late an upload arrives,
-//!   it never replaces other content.
-//! - **`DONE.json` is replaced only by comparison** with the version that was judged (`corpus_store/commit.rs`), by the copy that goes before
-//!   it (`scenario/precedence.rs`). It notes size and ETag of each object, so one listing shows whether all of them are there
+//! - **Every other object of a scenario is named after its content** and never changes (`scenario/content_name.rs`). However late an upload
+//!   arrives, it never replaces other content.
+//! - **`DONE.json` is replaced only by comparison** with the version that was judged (`corpus_store/commit.rs`), by the copy that goes
+//!   before it (`scenario/precedence.rs`). It notes size and ETag of each object, so one listing shows whether all of them are there
 //!   (`scenario/stored_seal.rs`), and a checksum of itself.
 //!
 //! Objects carry the BLAKE3 hash of the manifest as metadata, so a resumed upload compares instead of sending again.

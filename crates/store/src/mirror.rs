@@ -1,12 +1,12 @@
 //! The rules by which a corpus in a folder and its copy in a store are made equal.
 //!
-//! 1. Each file of the whole corpus (plan, split, sweep) is judged with the one of the same name in the other copy: the one that contains the
-//!    other one stays; two that contradict each other end the call before a scenario is transferred ([`corpus_files`]).
+//! 1. Each file of the whole corpus (plan, split, sweep) is compared with the other copy's. The file that contains the other one stays. If
+//!    they contradict each other, the call ends before a scenario is transferred ([`corpus_files`]).
 //! 2. A copy whose own files contradict each other is not transferred.
-//! 3. Scenarios follow one by one: those that the plan has, each by the rule for two copies of it (`scenario/precedence.rs`), and then their
+//! 3. The planned scenarios follow one by one, each by the rule for two copies of it (`scenario/precedence.rs`), and then their
 //!    detections. A scenario that cannot be transferred does not stop the others.
 //!
-//! A sweep's text says more than this crate can read: [`SweepLanguage`] answers for it.
+//! This crate cannot read sweeps; [`SweepLanguage`] does.
 
 mod corpus_files;
 mod error;

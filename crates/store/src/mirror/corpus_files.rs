@@ -273,7 +273,8 @@ impl<'a> Judge<'a> {
         Self { source, plan_there }
     }
 
-    /// Decides which version of a file stays; `None` if there is no difference to speak of. `is_plan_replaced`: the plan of the destination was replaced, or was missing.
+    /// Decides which version of a file stays; `None` if the destination's stays and contains no more. `is_plan_replaced`: the plan of the
+    /// destination was replaced, or was missing.
     pub(super) fn verdict(
         &mut self,
         name: &'static str,

@@ -1,8 +1,8 @@
 //! Uploads one scenario from its folder: all files first, then the manifest, then the seal, which commits them.
 //!
-//! Objects of files are named after their content, so they are never overwritten with other content. Only `DONE.json` is replaced, and only
-//! if it is still the one that was judged. After that it is read again and compared with a listing: a scenario is reported as committed once
-//! the store has all of it.
+//! Objects of files are named after their content, so they are never overwritten with other content. Only `DONE.json` is replaced,
+//! and only if it is still the one that was judged. After that it is read again and compared with a listing: a scenario is reported as
+//! committed once the store has all of it.
 //!
 //! An interrupted upload resumes when it is repeated: files that exist with the right size and hash are not sent.
 
