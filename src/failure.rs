@@ -71,7 +71,7 @@ impl Failure {
         }
     }
 
-    /// The same of a verb that starts over after it was stopped.
+    /// The same failure of a verb that starts over after an interruption.
     pub(crate) fn without_results(self) -> Self {
         match self {
             Self::Interrupted { .. } => Self::Interrupted { resumes: false },

@@ -1,7 +1,8 @@
 //! Ctrl-C and SIGTERM, from a user, a scheduler or a stopping container.
 //!
-//! The first signal sets one switch while a verb is at work that ends cleanly when it is set ([`CleanStop`]). Otherwise, and at the second
-//! signal, the process ends at once with the exit code for "try again": everything that `dtd` writes tolerates being cut off at any moment.
+//! While work runs that can end cleanly ([`CleanStop`]), the first signal sets a switch, and the work stops when it sees it. Otherwise, and
+//! at the second signal, the process ends at once with the exit code for "try again": everything that `dtd` writes tolerates being cut off
+//! at any moment.
 
 use std::io;
 use std::process;
@@ -25,7 +26,7 @@ static STOP: LazyLock<CancellationToken> = LazyLock::new(CancellationToken::new)
 /// True while the first signal sets the switch instead of ending the process.
 static IS_CLEAN: AtomicBool = AtomicBool::new(false);
 
-/// While this exists, work goes on that ends cleanly when the switch is set.
+/// Registration of work that ends cleanly once the switch is set.
 pub(crate) struct CleanStop(());
 
 impl CleanStop {

@@ -56,7 +56,7 @@ impl<'a> Transfer<'a> {
         self.unkept_bytes.store(0, Ordering::Relaxed);
     }
 
-    /// [`Watch::check`] of its watch.
+    /// [`Watch::check`] of the watch.
     ///
     /// # Errors
     /// The transfer should stop.
