@@ -45,8 +45,8 @@ pub struct FetchedScenario {
 }
 
 impl Mirror<'_> {
-    /// Downloads the corpus into a folder, or of its scenarios only these, if there are any. `result` is filled in the meantime, for a caller
-    /// that drops the download.
+    /// Downloads the corpus into a folder, or of its scenarios only these, if there are any. `result` is filled in the meantime, for a
+    /// caller that drops the download.
     ///
     /// # Errors
     /// See [`MirrorError`]; the same call resumes.
