@@ -1,7 +1,7 @@
 //! Formats of other tools, a file per format: what each can express, and its files.
 //!
-//! `export.rs` selects, checks and counts the scenarios, decodes several at a time, resumes and seals. A format implements [`FileFormat`]
-//! and states its [`Abilities`]; [`Format`] lists them all.
+//! `export.rs` selects, checks and counts the scenarios, decodes several at a time, resumes and seals. A format implements [`FileFormat`].
+//! [`Format`] lists them all with their [`Abilities`].
 
 mod coco;
 mod huggingface;
@@ -68,8 +68,6 @@ pub(crate) struct Abilities {
     pub(crate) ticks: TickChoice,
     /// Boxes that it has.
     pub(crate) boxes: BoxUse,
-    /// True if it has predictions of runs.
-    pub(crate) has_predictions: bool,
 }
 
 /// Choices of ticks.
@@ -98,15 +96,21 @@ pub(crate) enum BoxUse {
 
 impl Format {
     /// What the format can express.
-    pub(crate) fn abilities(self) -> &'static Abilities {
-        match self {
-            Self::Coco => &coco::ABILITIES,
-            Self::Yolo => &yolo::ABILITIES,
-            Self::HuggingFace => &huggingface::ABILITIES,
-            Self::WebDataset => &webdataset::ABILITIES,
-            Self::Crops => &webdataset::crops::ABILITIES,
-            Self::Mcap => &mcap_files::ABILITIES,
-            Self::LeRobot => &lerobot::ABILITIES,
+    pub(crate) fn abilities(self) -> Abilities {
+        let (word, has_stills, ticks, boxes) = match self {
+            Self::Coco => ("coco", true, TickChoice::EveryNth, BoxUse::All),
+            Self::Yolo => ("yolo", true, TickChoice::EveryNth, BoxUse::Certain),
+            Self::HuggingFace => ("huggingface", false, TickChoice::EveryNth, BoxUse::All),
+            Self::WebDataset => ("webdataset", true, TickChoice::EveryNth, BoxUse::All),
+            Self::Crops => ("crops", true, TickChoice::EveryNth, BoxUse::Crops),
+            Self::Mcap => ("mcap", false, TickChoice::All, BoxUse::All),
+            Self::LeRobot => ("lerobot", false, TickChoice::AnyRate, BoxUse::None),
+        };
+        Abilities {
+            word,
+            has_stills,
+            ticks,
+            boxes,
         }
     }
 

@@ -179,7 +179,7 @@ impl ExportRequest {
                 return not_in_format("--detections", no_boxes);
             }
         }
-        if !self.runs.is_empty() && !can.has_predictions {
+        if !self.runs.is_empty() && self.format != Format::HuggingFace {
             return not_in_format("--run", "it has no place for predictions");
         }
         Ok(())

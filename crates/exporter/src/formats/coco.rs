@@ -18,7 +18,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::picture_files::{self, Part, Picture, ViewPart};
-use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use super::{FileFormat, Writing, Written};
 use crate::description::about::short_split_of;
 use crate::description::columns_text::Kind;
 use crate::description::croissant::{
@@ -74,14 +74,6 @@ struct Found {
     bbox: [f64; 4],
     score: f64,
 }
-
-pub(super) const ABILITIES: Abilities = Abilities {
-    word: "coco",
-    has_stills: true,
-    ticks: TickChoice::EveryNth,
-    boxes: BoxUse::All,
-    has_predictions: false,
-};
 
 /// The format.
 #[derive(Default)]

@@ -15,7 +15,7 @@ use dataset::tables::columns::{TableParts, TableWriter};
 use serde_json::json;
 
 use self::predictions::Predictions;
-use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use super::{FileFormat, Writing, Written};
 use crate::description::about::{About, split_of};
 use crate::description::columns_text::{
     BOXES, DETECTIONS, PREDICTIONS, SCENARIOS, TABLES, TICKS, TableText, VIEWS,
@@ -28,14 +28,6 @@ use crate::scenarios::{Source, some_of};
 
 /// Tables by name and split.
 type Tables = BTreeMap<(&'static str, &'static str), TableParts>;
-
-pub(super) const ABILITIES: Abilities = Abilities {
-    word: "huggingface",
-    has_stills: false,
-    ticks: TickChoice::EveryNth,
-    boxes: BoxUse::All,
-    has_predictions: true,
-};
 
 /// The format.
 #[derive(Default)]

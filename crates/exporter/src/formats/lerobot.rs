@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use self::moments::Moments;
-use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use super::{FileFormat, Writing, Written};
 use crate::description::about::{About, split_of};
 use crate::description::columns_text::{LEROBOT_EPISODES, LEROBOT_FRAMES, TICKS};
 use crate::description::croissant::{Contents, FileSet, JSON, ListedFile, PARQUET, table_records};
@@ -77,14 +77,6 @@ const WHOLE: [&str; 6] = [
     "tick",
     "time_ns",
 ];
-
-pub(super) const ABILITIES: Abilities = Abilities {
-    word: "lerobot",
-    has_stills: false,
-    ticks: TickChoice::AnyRate,
-    boxes: BoxUse::None,
-    has_predictions: false,
-};
 
 /// The format.
 #[derive(Default)]

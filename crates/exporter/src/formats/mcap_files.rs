@@ -26,7 +26,7 @@ use self::foxglove::{
     LINE_LOOP, LocationFix, Named, Point2, PointsAnnotation, Pose, PoseInFrame, Quaternion,
     SCHEMAS, TextAnnotation, Timestamp, Vector3,
 };
-use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use super::{FileFormat, Writing, Written};
 use crate::description::croissant::{Contents, ListedFile, NameList};
 use crate::error::{Error, Result};
 use crate::export::Export;
@@ -59,14 +59,6 @@ struct Labels {
     time_to_touchdown_s: Option<f64>,
     true_airspeed_mps: f64,
 }
-
-pub(super) const ABILITIES: Abilities = Abilities {
-    word: "mcap",
-    has_stills: false,
-    ticks: TickChoice::All,
-    boxes: BoxUse::All,
-    has_predictions: false,
-};
 
 /// The format.
 #[derive(Default)]

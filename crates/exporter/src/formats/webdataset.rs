@@ -23,7 +23,7 @@ use dataset::corpus::calibration::CameraEntry;
 use serde::Serialize;
 
 use self::samples::{Decoded, LabelledCorners, Showing, each_sample};
-use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use super::{FileFormat, Writing, Written};
 use crate::description::about::split_of;
 use crate::description::columns_text::Kind;
 use crate::description::croissant::{
@@ -70,14 +70,6 @@ impl<'a> Showing for Whole<'a> {
         Ok((picture, known))
     }
 }
-
-pub(super) const ABILITIES: Abilities = Abilities {
-    word: "webdataset",
-    has_stills: true,
-    ticks: TickChoice::EveryNth,
-    boxes: BoxUse::All,
-    has_predictions: false,
-};
 
 /// The format, with whole pictures.
 #[derive(Default)]

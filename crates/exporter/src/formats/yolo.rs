@@ -13,7 +13,7 @@ use dataset::corpus::splits::Side;
 use dataset::files::json_file::write_unsynced;
 
 use super::picture_files::{self, Part};
-use super::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use super::{FileFormat, Writing, Written};
 use crate::description::about::short_split_of;
 use crate::description::columns_text::Kind;
 use crate::description::croissant::{
@@ -25,14 +25,6 @@ use crate::scenarios::LabelledBox;
 
 const DATA: &str = "data.yaml";
 const LABELS: &str = "labels";
-
-pub(super) const ABILITIES: Abilities = Abilities {
-    word: "yolo",
-    has_stills: true,
-    ticks: TickChoice::EveryNth,
-    boxes: BoxUse::Certain,
-    has_predictions: false,
-};
 
 /// The format.
 #[derive(Default)]

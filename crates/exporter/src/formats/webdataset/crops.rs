@@ -14,7 +14,7 @@ use crate::description::about::split_of;
 use crate::description::croissant::Contents;
 use crate::error::{Error, Result};
 use crate::export::{Export, ExportOutcome};
-use crate::formats::{Abilities, BoxUse, FileFormat, TickChoice, Writing, Written};
+use crate::formats::{FileFormat, Writing, Written};
 use crate::scenarios::{LabelledBox, Source};
 
 /// The box that a crop is around: of several, the one with the best score.
@@ -123,14 +123,6 @@ impl<'a> Showing for Cropped<'a> {
         Ok((shown, known))
     }
 }
-
-pub(in crate::formats) const ABILITIES: Abilities = Abilities {
-    word: "crops",
-    has_stills: true,
-    ticks: TickChoice::EveryNth,
-    boxes: BoxUse::Crops,
-    has_predictions: false,
-};
 
 /// The format.
 #[derive(Default)]
