@@ -199,7 +199,7 @@ impl Mirror<'_> {
                     _ => Keep::Theirs,
                 };
                 decisions.extend(decision.map(|decision| (name, decision)));
-                Ok(keep)
+                Ok::<_, MirrorError>(keep)
             });
         settled.await?;
         result.files.append(&mut decisions);
