@@ -3,7 +3,6 @@
 mod address;
 mod async_runtime;
 mod completions;
-mod corpus_files;
 mod demo;
 mod detect;
 mod doctor;

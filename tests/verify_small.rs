@@ -15,42 +15,11 @@ use dataset::tables::pixel_box::{PixelBox, TruthBox, write_truth_boxes};
 use dataset::verify::{Finding, verify};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use testkit::command::{Dtd, text};
+use testkit::sweep::{SmallSweep, WEATHER_NAMES, starting_from};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-const SWEEP: &str = r#"
-[corpus]
-name = "small"
-seed = 11
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "wide-baseline"
-
-[grid]
-times = ["06:00", "12:00", "18:00"]
-weathers = ["clear", "cloudy", "stormy", "foggy"]
-repeats = 1
-day_of_year = 172
-utc_offset_h = 8
-
-[picture]
-width_px = 480
-height_px = 320
-frame_rate = 1
-
-[start]
-dtd_nm = 2.5
-cross_track_m = { mean = 0, sd = 20 }
-speed_mps = 72
-profiles = ["short"]
-
-[profile.short]
-kind = "glide_path"
-level_altitude_msl_m = 240
-
+const TABLES: &str = r#"
 [imaging]
 refraction_coefficient = 0.13
 blur_sigma_px = 0.4
@@ -70,6 +39,22 @@ rain_ratio = 0.6
 [weather.foggy]
 visibility_m = 9260
 "#;
+
+/// Approaches from 2.5 NM, at three times in four weathers.
+fn sweep_toml() -> String {
+    let sweep = SmallSweep {
+        name: "small",
+        seed: 11,
+        weathers: &WEATHER_NAMES,
+        repeats: 1,
+        size_px: (480, 320),
+        frame_rate: "1",
+        tables: &(starting_from(2.5, 2.5, 240) + TABLES),
+    };
+    let noon = r#"times = ["12:00"]"#;
+    (sweep.toml()).replace(noon, r#"times = ["06:00", "12:00", "18:00"]"#)
+}
+
 const TICKS: std::ops::RangeInclusive<usize> = 4..=28;
 /// Ticks from one picture of a window to the next.
 const STRIDES: [usize; 4] = [1, 2, 4, 8];
@@ -80,7 +65,7 @@ fn recorded() -> &'static Corpus {
     let (_, corpus) = CORPUS.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
         let sweep = folder.path().join("small.toml");
-        fs::write(&sweep, SWEEP).unwrap();
+        fs::write(&sweep, sweep_toml()).unwrap();
         let root = folder.path().join("corpus");
         for arguments in [
             &["generate", text(&sweep), "--out", text(&root)][..],

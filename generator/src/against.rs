@@ -8,12 +8,12 @@ use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::{self, Seal};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::plan::{Plan, PlannedScenario};
+use dataset::plan::{Difference, Plan, PlannedScenario};
 use futures_util::future::{LocalBoxFuture, try_join_all};
 use serde::Serialize;
 use store::{Committed, CorpusStore, StoreError};
 
-use crate::plan::{Difference, MeasuredSize};
+use crate::plan::MeasuredSize;
 
 /// Records that are read from an object store at the same time.
 const QUESTIONS_AT_ONCE: usize = 16;

@@ -19,5 +19,6 @@ pub mod shard;
 pub mod spread;
 pub mod stand_in;
 pub mod sweep;
+pub mod sweep_language;
 pub mod time_of_day;
 pub mod trajectory;

@@ -1,16 +1,14 @@
-//! From a sweep to a plan: the scenarios, their cost, their split, and how two plans differ.
+//! From a sweep to a plan: the scenarios, their cost and their split.
 //!
 //! Expansion is a pure function of a checked sweep. A scenario is determined by its parameters (time, weather, profile and repeat)
 //! and the master seed, never by its position among the others: a sweep that grows adds scenarios and leaves the others as they
 //! are. What a plan is on disk: [`dataset::plan`].
 
-mod difference;
 mod duration;
 mod estimate;
 mod expand;
 mod split;
 
-pub use difference::{Change, Difference};
 pub use duration::{Durations, Pacing, WeatherCost};
 pub use estimate::{Estimate, MeasuredSize, room_bytes};
 pub use expand::{expand, is_seeded_by};

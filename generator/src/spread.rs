@@ -269,6 +269,8 @@ impl JsonSchema for Spread {
 
 #[cfg(test)]
 mod tests {
+    use dataset::numbers::spread::mean_and_deviation;
+
     use super::*;
     use crate::seed;
 
@@ -347,9 +349,7 @@ mod tests {
             sd: 2.0,
         };
         let draws: Vec<f64> = (0..20_000).map(|_| spread.draw(&mut rng)).collect();
-        let mean = draws.iter().sum::<f64>() / draws.len() as f64;
-        let sd =
-            (draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / draws.len() as f64).sqrt();
+        let [mean, sd] = mean_and_deviation(draws.into_iter());
         assert!(
             (mean - 10.0).abs() < 0.05 && (sd - 2.0).abs() < 0.05,
             "mean {mean}, sd {sd}"

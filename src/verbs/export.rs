@@ -70,11 +70,10 @@ fn failure(error: Error) -> Failure {
 }
 
 fn print_summary(outcome: &ExportOutcome, format: Format) {
-    let boxes = match (format, outcome.boxes) {
-        // It has no place for boxes.
-        (Format::LeRobot, _) => String::new(),
-        (_, 1) => " with 1 box".to_owned(),
-        (_, boxes) => format!(" with {boxes} boxes"),
+    let boxes = match outcome.boxes {
+        _ if !format.has_boxes() => String::new(),
+        1 => " with 1 box".to_owned(),
+        boxes => format!(" with {boxes} boxes"),
     };
     println!(
         "{}{boxes} of {}{}",

@@ -1,22 +1,18 @@
 //! `dtd fetch`: downloads a corpus from an object store into a folder.
 
-use std::collections::BTreeSet;
-use std::fmt::Display;
 use std::time::{Duration, Instant};
 
-use dataset::corpus::{Corpus, check_place};
-use dataset::files::json_file::write_atomically;
-use dataset::files::outside_file::{self, FileKind};
-use dataset::files::own_path::own_path;
-use dataset::plan::{Plan, PlannedScenarios};
-use dataset::work::watch::Watch;
+use dataset::corpus::Corpus;
+use generator::sweep_language::Sweeps;
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
-use store::{CorpusStore, Fetched, Patience, StoreError, StoreUrl, Transfer};
+use store::{
+    CorpusStore, Fetched, FetchedCorpus, FileDecision, Mirror, Patience, Replaced, StoreError,
+    Transfer,
+};
 
 use super::Outcome;
-use super::corpus_files::{CorpusFile, SPLIT_AGAIN, Standing, difference_from_sweep, files_of};
-use super::object_store::{failure_of, mend, nothing_committed, run_transfers};
+use super::object_store::{SPLIT_AGAIN, failure_of, failure_to_mirror, mend, run_transfers};
 use super::output::{count, print_json};
 use crate::args::FetchArgs;
 use crate::failure::{Ending, Failure};
@@ -27,7 +23,7 @@ const MOST_SHOWN: usize = 64;
 
 /// Result for the scenarios.
 #[derive(Default, Serialize)]
-struct Mirror {
+struct Brought {
     /// Downloaded by this call.
     fetched: Vec<String>,
     /// There already.
@@ -52,6 +48,7 @@ struct Mirror {
     stopped: bool,
 }
 
+/// Something that was not downloaded.
 #[derive(Serialize)]
 struct Lost {
     id: String,
@@ -61,160 +58,132 @@ struct Lost {
 /// Runs the verb.
 pub(crate) fn run(args: &FetchArgs) -> Outcome {
     let began = Instant::now();
-    let url: &StoreUrl = &args.url;
-    let store = CorpusStore::open(url, false).map_err(failure_of)?;
-    let patience = Patience(Duration::from_secs(args.timeout_s));
+    let store = CorpusStore::open(&args.url, false).map_err(failure_of)?;
     let watch = VerbWatch::new("fetch", "scenarios");
     let transfer = Transfer::new(&watch);
-    let mut mirror = Mirror::default();
-    let fetching = fetch(&store, args, patience, &watch, &transfer, &mut mirror);
-    match run_transfers(&watch, fetching) {
-        Err(Failure::Interrupted { .. }) if !mirror.left.is_empty() => mirror.stopped = true,
-        result => result?,
-    }
-    mirror.bytes = transfer.bytes();
+    let mirror = Mirror {
+        store: &store,
+        sweeps: &Sweeps,
+        patience: Patience(Duration::from_secs(args.timeout_s)),
+        transfer: &transfer,
+    };
+    let mut fetched = FetchedCorpus::default();
+    let fetching = async {
+        let result = mirror.fetch(&args.out, &args.only, &mut fetched).await;
+        result.map_err(failure_to_mirror)
+    };
+    let stopped = match run_transfers(&watch, fetching) {
+        Err(Failure::Interrupted { .. }) if !fetched.to_go.is_empty() => true,
+        result => result.map(|()| false)?,
+    };
+    let mut brought = Brought::of(fetched, args, &store);
+    (brought.stopped, brought.bytes) = (stopped, transfer.bytes());
     drop(watch);
     if args.json {
-        print_json(&mirror)?;
+        print_json(&brought)?;
     } else {
         println!(
             "{} fetched, {} there already; {} in {}: {}",
-            count(mirror.fetched.len(), "scenario"),
-            mirror.unchanged.len(),
-            DecimalBytes(mirror.bytes),
+            count(brought.fetched.len(), "scenario"),
+            brought.unchanged.len(),
+            DecimalBytes(brought.bytes),
             HumanDuration(began.elapsed()),
             args.out.display()
         );
     }
-    for said in &mirror.corpus_files {
+    for said in &brought.corpus_files {
         eprintln!("{said}");
     }
-    for mended in &mirror.mended_detections {
+    for mended in &brought.mended_detections {
         eprintln!("mended the detections {mended}, which were damaged here");
     }
-    for left in &mirror.left_detections {
+    for left in &brought.left_detections {
         eprint_warning!("detections {} were not fetched: {}", left.id, left.reason);
     }
-    for id in &mirror.different {
+    for id in &brought.different {
         eprint_warning!(
             "{id} differs from what the store has and was left alone; move {} away to fetch it, or `dtd push` it",
             args.out.join("scenarios").join(id).display()
         );
     }
-    for lost in &mirror.failed {
+    for lost in &brought.failed {
         eprint_warning!("{} was not fetched: {}", lost.id, lost.reason);
     }
-    if mirror.stopped {
+    if brought.stopped {
         eprintln!(
             "interrupted: {} fetched, {} to go; run the same command again to resume",
-            count(mirror.fetched.len(), "scenario"),
-            mirror.left.len()
+            count(brought.fetched.len(), "scenario"),
+            brought.left.len()
         );
         return Ok(Ending::Interrupted);
     }
-    let lost = mirror.different.len() + mirror.failed.len() + mirror.left_detections.len();
+    let lost = brought.different.len() + brought.failed.len() + brought.left_detections.len();
     Ok(match lost {
         0 => Ending::Done,
         _ => Ending::Losses,
     })
 }
 
-async fn fetch(
-    store: &CorpusStore,
-    args: &FetchArgs,
-    patience: Patience,
-    watch: &VerbWatch,
-    transfer: &Transfer<'_>,
-    mirror: &mut Mirror,
-) -> Result<(), Failure> {
-    store.check().await.map_err(failure_of)?;
-    let listing = store.listing().await.map_err(failure_of)?;
-    let ids = wanted(listing.committed(), args, store)?;
-    check_place(&args.out).map_err(Failure::bad_input)?;
-    let corpus = Corpus::create(&args.out).map_err(Failure::bad_input)?;
-    mirror.corpus_files = fetch_corpus_files(store, &corpus).await?;
-    mirror
-        .failed
-        .extend(listing.foreign().map(|(id, bad)| Lost {
-            id: shortened(id),
+impl Brought {
+    /// The result in words.
+    fn of(fetched: FetchedCorpus, args: &FetchArgs, store: &CorpusStore) -> Self {
+        let mut brought = Self::default();
+        let files = fetched.files.iter();
+        brought.corpus_files = files
+            .filter_map(|(name, decision)| said(name, decision, args))
+            .collect();
+        let foreign = fetched.foreign.into_iter();
+        brought.failed.extend(foreign.map(|(name, bad)| Lost {
+            id: shortened(&name),
             reason: format!("{bad}; it is no scenario, remove it from the store"),
         }));
-    if !corpus.plan_path().exists() {
-        mirror.failed.push(Lost {
-            id: Corpus::PLAN.into(),
-            reason: "it is missing, here and in the store; `dtd push` from a folder that has it sends it"
-                .into(),
-        });
-    }
-    let planned = PlannedScenarios::read(&corpus).map_err(Failure::of_corpus)?;
-    watch.begin("", ids.len() as u64);
-    mirror.left.extend(ids.iter().cloned());
-    for (done, id) in ids.iter().enumerate() {
-        watch.advance(done as u64, id);
-        // Those before it are done.
-        mirror.left.drain(..mirror.left.len() + done - ids.len());
-        transfer.check().map_err(failure_of)?;
-        let objects = listing.of(id);
-        let fetched = patience
-            .with(transfer, async || {
-                store
-                    .fetch_scenario(id, &corpus, Some(&objects), transfer)
-                    .await
-            })
-            .await;
-        match fetched {
-            Ok(Fetched::Whole { .. }) => mirror.fetched.push(id.clone()),
-            Ok(Fetched::Same) => mirror.unchanged.push(id.clone()),
-            Ok(Fetched::Other) => {
-                mirror.different.push(id.clone());
-                continue;
-            }
-            // Deleted since we listed it: it is being replaced.
-            Ok(Fetched::NotCommitted) => {
-                mirror.failed.push(Lost {
-                    id: id.clone(),
-                    reason: "it is being replaced; run the same command again".into(),
-                });
-                continue;
-            }
-            Err(error @ StoreError::Faulty { .. }) => {
-                mirror.failed.push(Lost {
-                    id: id.clone(),
-                    reason: format!("{error}. {}", mend(store, &planned, id)),
-                });
-                continue;
-            }
-            Err(error @ StoreError::Damaged { .. }) => {
-                mirror.failed.push(Lost {
-                    id: id.clone(),
-                    reason: error.to_string(),
-                });
-                continue;
-            }
-            Err(error) => return Err(failure_of(error)),
+        if !fetched.has_plan {
+            brought.failed.push(Lost {
+                id: Corpus::PLAN.into(),
+                reason: "it is missing, here and in the store; `dtd push` from a folder that has it sends it"
+                    .into(),
+            });
         }
-        let scenario = corpus.scenario(id);
-        let moved = patience
-            .with(transfer, async || {
-                store.fetch_detections(&scenario, transfer).await
-            })
-            .await
-            .map_err(failure_of)?;
-        let name = |model: &String| format!("{id}/{model}");
-        mirror.detections.extend(moved.moved.iter().map(name));
-        mirror
-            .mended_detections
-            .extend(moved.mended.iter().map(name));
-        mirror
-            .left_detections
-            .extend(moved.left.into_iter().map(|left| Lost {
-                id: name(&left.model),
+        brought.left = fetched.to_go.into();
+        for scenario in fetched.scenarios {
+            let id = scenario.id;
+            let lost = match scenario.fetched {
+                Ok(Fetched::Whole { .. }) => {
+                    brought.fetched.push(id.clone());
+                    None
+                }
+                Ok(Fetched::Same) => {
+                    brought.unchanged.push(id.clone());
+                    None
+                }
+                Ok(Fetched::Other) => {
+                    brought.different.push(id.clone());
+                    None
+                }
+                // Deleted since it was listed: it is being replaced.
+                Ok(Fetched::NotCommitted) => {
+                    Some("it is being replaced; run the same command again".into())
+                }
+                Err(error @ StoreError::Faulty { .. }) => {
+                    Some(format!("{error}. {}", mend(store, &fetched.planned, &id)))
+                }
+                Err(error) => Some(error.to_string()),
+            };
+            let name = |model: String| format!("{id}/{model}");
+            let detections = scenario.detections;
+            (brought.detections).extend(detections.moved.into_iter().map(name));
+            (brought.mended_detections).extend(detections.mended.into_iter().map(name));
+            let left = detections.left.into_iter();
+            brought.left_detections.extend(left.map(|left| Lost {
+                id: name(left.model),
                 reason: left.reason,
             }));
+            brought
+                .failed
+                .extend(lost.map(|reason| Lost { id, reason }));
+        }
+        brought
     }
-    mirror.left.clear();
-    watch.advance(ids.len() as u64, "");
-    Ok(())
 }
 
 /// A name of any length and content, for a message.
@@ -223,133 +192,27 @@ fn shortened(name: &str) -> String {
     start.escape_debug().to_string()
 }
 
-/// The requested committed scenarios.
-fn wanted(
-    committed: BTreeSet<String>,
-    args: &FetchArgs,
-    store: &CorpusStore,
-) -> Result<Vec<String>, Failure> {
-    if committed.is_empty() {
-        return Err(nothing_committed(store));
-    }
-    if let Some(id) = args.only.iter().find(|id| !committed.contains(*id)) {
-        return Err(Failure::bad_input_message(format!(
-            "{}: has no committed scenario {id} ({} committed)",
-            store.name(),
-            count(committed.len(), "scenario")
-        )));
-    }
-    let is_wanted = |id: &String| args.only.is_empty() || args.only.contains(id);
-    Ok(committed.into_iter().filter(is_wanted).collect())
-}
-
-/// Downloads plan, split and sweep if they are missing or damaged locally, or if the store's versions only add to them. Local ones
-/// that contain more stay; if they contradict the store's, this is another corpus. Returns the decisions.
-async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<String>, Failure> {
-    let damaged = |name: &str, reason: &dyn Display| {
-        Failure::Failed(anyhow::anyhow!(
-            "{}/{name}: {reason}. Nothing was fetched; `dtd push` from an intact copy of the corpus, or `dtd generate` with its sweep, replaces it",
-            store.name()
-        ))
-    };
-    let theirs = files_of(store).await.map_err(failure_of)?;
-    let theirs = theirs
-        .and_then(|theirs| theirs.check_together().map(|()| theirs))
-        .map_err(|(name, reason)| damaged(name, &reason))?;
-    // Other processes must not change them in the meantime.
-    let _claim = corpus.claim().map_err(Failure::of_corpus)?;
-    let has_plan = corpus.plan_path().exists();
-    let mut said = Vec::new();
-    let mut to_write = Vec::new();
-    let mut plan_is_theirs = true;
-    for name in Corpus::FILES {
-        let Some((bytes, file)) = theirs.get(name) else {
-            continue;
-        };
-        let path = own_path(corpus.root(), name).map_err(Failure::bad_input)?;
-        let ours = match path.exists() {
-            true => {
-                outside_file::read(&path, FileKind::PLAN.unlinked()).map_err(Failure::bad_input)?
-            }
-            false => {
-                to_write.push((path, bytes));
-                continue;
-            }
-        };
-        if ours == *bytes {
-            plan_is_theirs &= name != Corpus::PLAN;
-            continue;
+/// A decision about a file of the whole corpus, in words; `None` for one that follows from another.
+fn said(name: &str, decision: &FileDecision, args: &FetchArgs) -> Option<String> {
+    let shown = args.out.join(name);
+    let shown = shown.display();
+    Some(match decision {
+        FileDecision::Replaced(Replaced::Damaged(bad)) => {
+            format!("replaced {shown}, which was damaged: {bad}")
         }
-        let shown = path.display().to_string();
-        // Without a plan, it may be anybody's work.
-        if name == Corpus::SWEEP && !has_plan && !ours.is_empty() {
-            return Err(Failure::bad_input_message(format!(
-                "{shown} differs from {}/{name}, and there was no plan.json that was made from it. Nothing was fetched; move it away, or name \
-                 another folder",
-                store.name()
-            )));
+        FileDecision::Replaced(Replaced::HadLess) => {
+            format!("replaced {shown}, which had less than the store's")
         }
-        let is_theirs = match CorpusFile::parse(name, &ours).map(|ours| ours.standing(file)) {
-            Err(damage) => {
-                said.push(format!("replaced {shown}, which was damaged: {damage}"));
-                true
-            }
-            Ok(Standing::TheirsHasMore) => {
-                said.push(format!("replaced {shown}, which had less than the store's"));
-                true
-            }
-            Ok(Standing::OursHasMore) => {
-                said.push(format!(
-                    "{shown} has more than the store's and stays; `dtd push` sends it"
-                ));
-                false
-            }
-            Ok(Standing::Same) => false,
-            Ok(Standing::AsThePlan) if plan_is_theirs => true,
-            // The plans are the same, but ours is not the text that they were made from.
-            Ok(Standing::AsThePlan) if is_of_other_plan(corpus, &ours) => {
-                said.push(format!(
-                    "replaced {shown}, which had been changed since it was frozen"
-                ));
-                !is_of_other_plan(corpus, bytes)
-            }
-            Ok(Standing::AsThePlan) => false,
-            Ok(Standing::Conflict(difference)) => {
-                return Err(Failure::bad_input_message(format!(
-                    "{shown} is of another corpus than {}: {difference}. Nothing was fetched; name another folder",
-                    store.name()
-                )));
-            }
-        };
-        if name == Corpus::PLAN {
-            plan_is_theirs = is_theirs;
+        FileDecision::Replaced(Replaced::WithPlan) => return None,
+        FileDecision::Replaced(Replaced::NotOfPlan) => {
+            format!("replaced {shown}, which had been changed since it was frozen")
         }
-        if is_theirs {
-            to_write.push((path, bytes));
+        FileDecision::HasMore => {
+            format!("{shown} has more than the store's and stays; `dtd push` sends it")
         }
-    }
-    for (path, bytes) in to_write {
-        write_atomically(&path, bytes)?;
-    }
-    let splits = corpus.splits_path();
-    if !splits.exists() {
-        match theirs.split_again() {
-            Some(split) => {
-                split
-                    .map_err(|reason| damaged(Corpus::PLAN, &reason))?
-                    .write(&splits)?;
-                said.push(SPLIT_AGAIN.into());
-            }
-            None => said.push(
-                "splits.json is missing, here and in the store, and cannot be regenerated without plan.json and corpus.toml".into(),
-            ),
-        }
-    }
-    Ok(said)
-}
-
-/// True if this is not the sweep of the corpus' plan; false if that plan is unreadable.
-fn is_of_other_plan(corpus: &Corpus, sweep: &[u8]) -> bool {
-    let plan = Plan::of_corpus(corpus).ok().flatten();
-    plan.is_some_and(|plan| difference_from_sweep(&plan, sweep).is_some())
+        FileDecision::Missing | FileDecision::OnlyInStore => format!(
+            "{name} is missing, here and in the store, and cannot be regenerated without plan.json and corpus.toml"
+        ),
+        FileDecision::SplitAgain => SPLIT_AGAIN.into(),
+    })
 }

@@ -21,8 +21,7 @@ use xplane_bridge::{LocalUdp, WebApiPlace};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::corpus_files::SPLIT_AGAIN;
-use super::object_store::{default_stage, failure_of};
+use super::object_store::{SPLIT_AGAIN, default_stage, failure_of};
 use super::output::{Next, count, finish, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use dataset::plan::PlannedScenarios;
-use store::{CorpusStore, StoreError, StoreUrl};
+use store::{CorpusStore, MirrorError, StoreError, StoreUrl};
 use tokio::time::sleep;
 
 use super::async_runtime::async_runtime;
@@ -14,6 +14,10 @@ use crate::verb_watch::VerbWatch;
 
 /// Longest time for transfers to stop.
 const STOP_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// The message about a regenerated split.
+pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenerated from plan and seed; if the corpus was ever added to, its \
+                                      sides may not be those of before: train again before you evaluate";
 
 /// A failure of the store, or something that the caller must fix.
 pub(super) fn failure_of(error: StoreError) -> Failure {
@@ -25,12 +29,14 @@ pub(super) fn failure_of(error: StoreError) -> Failure {
     }
 }
 
-/// The failure of a verb that finds no scenario in a store.
-pub(super) fn nothing_committed(store: &CorpusStore) -> Failure {
-    Failure::bad_input_message(format!(
-        "{}: holds no committed scenario; is the prefix right?",
-        store.name()
-    ))
+/// The same of a whole corpus.
+pub(super) fn failure_to_mirror(error: MirrorError) -> Failure {
+    match error {
+        MirrorError::Store(error) => failure_of(error),
+        MirrorError::Folder(error) => Failure::bad_input(error),
+        MirrorError::Refused { .. } => Failure::bad_input(error),
+        MirrorError::Damaged { .. } => Failure::Failed(error.into()),
+    }
 }
 
 /// Advice for a scenario that is damaged in a store. A scenario that is not planned is neither pushed nor recorded.

@@ -11,13 +11,16 @@ use dataset::files::json_file::write_atomically;
 use dataset::plan::PlannedScenarios;
 use dataset::verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
 use dataset::work::watch::{Stopped, Watch};
+use generator::sweep_language::Sweeps;
 use serde::Serialize;
-use store::{CorpusLocation, CorpusStore, Fetched, Listing, Patience, StoreError, Transfer};
+use store::{
+    CorpusLocation, CorpusStore, Fetched, Listing, MirrorError, Patience, StoreError, Transfer,
+    sweep_fault,
+};
 use tempfile::TempDir;
 
 use super::Outcome;
-use super::corpus_files::sweep_fault;
-use super::object_store::{failure_of, mend, nothing_committed, run_transfers};
+use super::object_store::{failure_of, failure_to_mirror, mend, run_transfers};
 use super::open_corpus::open_corpus;
 use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
@@ -212,12 +215,12 @@ fn print_weather(report: &VerifyReport) {
 
 /// Adds what is wrong with the sweep, which no scenario's files record.
 fn add_sweep_fault(corpus: &Corpus, report: &mut VerifyReport) {
-    let fault = sweep_fault(corpus).map(|message| Finding {
+    let fault = sweep_fault(corpus, &Sweeps).map(|fault| Finding {
         scenario: None,
         file: Corpus::SWEEP.into(),
         row: None,
         view: None,
-        message,
+        message: format!("{fault}; `dtd generate` with the sweep of the corpus writes it again"),
     });
     report.findings.extend(fault);
 }
@@ -246,7 +249,7 @@ async fn verify_in_store(
     store.check().await.map_err(failure_of)?;
     let listing = store.listing().await.map_err(failure_of)?;
     if listing.committed().is_empty() {
-        return Err(nothing_committed(store));
+        return Err(failure_to_mirror(MirrorError::nothing_committed(store)));
     }
     let report = verify_listed(store, &listing, &corpus, options, watch).await;
     report.map_err(failure_of)

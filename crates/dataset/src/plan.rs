@@ -5,6 +5,7 @@
 
 mod camera;
 mod check;
+mod difference;
 mod hashes;
 mod picture;
 mod planned_scenarios;
@@ -26,6 +27,7 @@ use crate::geometry::runway::Runway;
 use crate::video::VideoSettings;
 
 pub use camera::{Aim, Jitter, PlannedCamera};
+pub use difference::{Change, Difference};
 pub(crate) use hashes::plan_hash;
 pub use hashes::{ConfigHasher, HashMismatch};
 pub use picture::Picture;

@@ -1,6 +1,7 @@
 //! Makes an export: views are decoded in parallel, scenarios noted as they are done, and the whole sealed at the end.
 
 use std::collections::BTreeSet;
+use std::mem;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::thread;
@@ -14,15 +15,13 @@ use dataset::work::watch::Watch;
 use dataset::work::workers;
 use serde::Serialize;
 
-use crate::about::{About, split_of};
+use crate::description::about::About;
+use crate::description::croissant;
 use crate::error::{Error, Result};
-use crate::part::Part;
+use crate::formats::{BoxUse, FileFormat, Writing, Written};
 use crate::place::{Found, Place, refuse_corpus};
-use crate::predictions::Predictions;
-use crate::request::{BoxSource, ExportRequest, Format};
-use crate::selection::{Selected, select, some_of};
-use crate::source::Source;
-use crate::{coco, croissant, huggingface, lerobot, mcap_files, picture_files, webdataset, yolo};
+use crate::request::{BoxSource, ExportRequest};
+use crate::scenarios::{Selected, Source, select};
 
 /// Counts and remarks of an export.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -46,24 +45,23 @@ pub struct ExportOutcome {
 }
 
 /// The data to export, checked against the corpus.
-struct Job<'a> {
-    request: &'a ExportRequest,
+pub(crate) struct Export<'a> {
+    pub(crate) request: &'a ExportRequest,
     /// Name of the detections that are wanted, or stand beside the true boxes.
     model: Option<String>,
-    scenarios: Vec<Planned>,
+    pub(crate) scenarios: Vec<Planned>,
     /// Sides of the split that they are on; what has no side is for training.
-    sides: BTreeSet<Side>,
-    runs: Vec<Predictions>,
-    about: About,
+    pub(crate) sides: BTreeSet<Side>,
+    pub(crate) about: About,
     /// Settings of the encoder, if videos are encoded.
-    video: VideoSettings,
-    /// Properties shared by all scenarios, if the format demands them.
-    form: Option<lerobot::Form>,
+    pub(crate) video: VideoSettings,
+    /// What is requested of the corpus, before it is checked.
+    selection: Vec<Selected>,
 }
 
 /// A scenario of it.
-struct Planned {
-    selected: Selected,
+pub(crate) struct Planned {
+    pub(crate) selected: Selected,
     pictures: u64,
     /// Its place in the export, from 0.
     number: usize,
@@ -82,94 +80,60 @@ pub fn export(
 ) -> Result<ExportOutcome> {
     request.check()?;
     refuse_corpus(corpus, out)?;
-    let mut counts = ExportOutcome::default();
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
-    hasher.update(&serde_json::to_vec(request).unwrap_or_default());
-    let mut selection = select(corpus, request)?;
-    if request.format == Format::LeRobot {
-        // Its splits are ranges.
-        selection.sort_by_key(|selected| selected.side);
-    }
+    let selection = select(corpus, request)?;
     let plan = Plan::of_corpus(corpus)?;
-    let mut job = Job {
+    let export = Export {
         request,
         model: model_of(&selection, request)?,
         scenarios: Vec::new(),
         sides: BTreeSet::new(),
-        runs: read_runs(request)?,
         about: About::new(corpus, request.license.clone())?,
         video: plan.map_or_else(VideoSettings::default, |plan| plan.common.video),
-        form: None,
+        selection,
     };
-    hasher.update(job.about.name.as_bytes());
-    for run in &job.runs {
-        run.hash(&mut hasher);
-    }
-    let mut is_answered = vec![false; job.runs.len()];
-    for selected in selection {
-        // Opened again when it is written: tables of all scenarios at once would not fit into memory.
-        let source = Source::open(&selected, request, job.model.as_deref())?;
-        for (run, is_answered) in job.runs.iter().zip(&mut is_answered) {
-            *is_answered |= run.check(&source)?;
-        }
-        if request.format == Format::Mcap {
-            mcap_files::check(&source)?;
-        }
-        if request.format == Format::Crops {
-            webdataset::crops::check(&source, request.crop_px())?;
-        }
-        if request.format == Format::LeRobot {
-            let form = lerobot::Form::of(&source, request.ticks, &job.video)?;
-            match &job.form {
-                Some(first) => first.check_same(&form, &source.record.id)?,
-                None => job.form = Some(form),
-            }
-        }
-        let before = counts.pictures;
-        count(&source, &mut counts);
-        source.hash(&mut hasher);
-        job.about.add(&source.record, source.selected.side);
-        job.about.models.extend(source.model.clone());
-        // A side without pictures would have a name in data.yaml, and no folder.
-        if counts.pictures > before {
-            job.sides.insert(selected.side.unwrap_or(Side::Train));
-        }
-        job.scenarios.push(Planned {
-            selected,
-            pictures: counts.pictures - before,
-            number: job.scenarios.len(),
-        });
-    }
-    if let Some((run, _)) = job.runs.iter().zip(is_answered).find(|(_, is)| !is) {
-        return Err(Error::NotOfRun {
-            run: run.run().to_owned(),
-            known: some_of(run.scenarios()),
-        });
-    }
-    if request.format == Format::Crops && counts.pictures == 0 {
-        return Err(Error::NoCrops);
-    }
-    if request.format == Format::Yolo {
-        counts.remark = yolo::remark_on(&job.sides);
-    }
+    request.format.export(export, out, watch)
+}
+
+/// Makes an export in one format.
+pub(crate) fn export_as<F: FileFormat>(
+    mut export: Export<'_>,
+    out: &Path,
+    watch: &dyn Watch,
+) -> Result<ExportOutcome> {
+    let mut format = F::default();
+    format.prepare(&export)?;
+    let mut outcome = ExportOutcome::default();
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
+    hasher.update(&serde_json::to_vec(export.request).unwrap_or_default());
+    hasher.update(export.about.name.as_bytes());
+    format.hash(&mut hasher);
+    export.check(&mut format, &mut hasher, &mut outcome)?;
     let place = match Place::take(out, hasher.finalize().to_hex().as_str())? {
         Found::Complete { bytes } => {
             return Ok(ExportOutcome {
                 bytes,
                 unchanged: true,
-                ..counts
+                ..outcome
             });
         }
         Found::Place(place) => place,
     };
-    let written = job
-        .write_scenarios(&place, counts.pictures, watch)
-        .and_then(|()| job.finish(&place, watch));
+    let written = export
+        .write_scenarios(&format, &place, outcome.pictures, watch)
+        .and_then(|()| {
+            let (export, place) = (&export, &place);
+            let contents = format.finish(&Written {
+                export,
+                place,
+                watch,
+            })?;
+            croissant::write(&place.files(), &export.about, &contents)
+        });
     match written {
         Ok(()) => Ok(ExportOutcome {
             bytes: place.finish()?,
-            ..counts
+            ..outcome
         }),
         Err(error) => {
             if error.is_fault_of_corpus() {
@@ -181,34 +145,69 @@ pub fn export(
     }
 }
 
-fn count(source: &Source<'_>, counts: &mut ExportOutcome) {
-    counts.scenarios += 1;
+fn count(source: &Source<'_>, outcome: &mut ExportOutcome) {
+    outcome.scenarios += 1;
     for view in &source.selected.views {
         for row in source.rows() {
             if source.is_left_out(view, row.tick) {
-                counts.left_out += 1;
+                outcome.left_out += 1;
             } else {
-                counts.pictures += 1;
-                counts.boxes += source.boxes_of(view, row.tick).len() as u64;
+                outcome.pictures += 1;
+                outcome.boxes += source.boxes_of(view, row.tick).len() as u64;
             }
         }
     }
 }
 
-impl Job<'_> {
-    fn open<'s>(&self, scenario: &'s Planned) -> Result<Source<'s>> {
+impl Export<'_> {
+    /// Opens a scenario. Tables of all scenarios at once would not fit into memory.
+    pub(crate) fn open<'s>(&self, scenario: &'s Planned) -> Result<Source<'s>> {
         Source::open(&scenario.selected, self.request, self.model.as_deref())
     }
 
-    fn form(&self) -> Result<&lerobot::Form> {
-        self.form.as_ref().ok_or(Error::Nothing)
+    /// Checks and counts the selected scenarios, and adds them to the identity of the export.
+    fn check<F: FileFormat>(
+        &mut self,
+        format: &mut F,
+        hasher: &mut blake3::Hasher,
+        outcome: &mut ExportOutcome,
+    ) -> Result<()> {
+        let mut selection = mem::take(&mut self.selection);
+        if F::BY_SIDE {
+            selection.sort_by_key(|selected| selected.side);
+        }
+        for selected in selection {
+            let source = Source::open(&selected, self.request, self.model.as_deref())?;
+            format.check(&source, self)?;
+            let before = outcome.pictures;
+            count(&source, outcome);
+            source.hash(hasher);
+            self.about.add(&source.record, source.selected.side);
+            self.about.models.extend(source.model.clone());
+            // A side without pictures would have a name in data.yaml, and no folder.
+            if outcome.pictures > before {
+                self.sides.insert(selected.side.unwrap_or(Side::Train));
+            }
+            self.scenarios.push(Planned {
+                selected,
+                pictures: outcome.pictures - before,
+                number: self.scenarios.len(),
+            });
+        }
+        format.check_all(self, outcome)
     }
 
     /// Writes all scenarios that are not noted as done, and notes them.
-    fn write_scenarios(&self, place: &Place, total: u64, watch: &dyn Watch) -> Result<()> {
+    fn write_scenarios<F: FileFormat>(
+        &self,
+        format: &F,
+        place: &Place,
+        total: u64,
+        watch: &dyn Watch,
+    ) -> Result<()> {
         watch.begin("", total);
         let done = AtomicU64::new(0);
-        let pictures_done = |pictures: u64| {
+        let count = |pictures: u64| {
             let done = done.fetch_add(pictures, Ordering::Relaxed) + pictures;
             watch.advance(done, "");
         };
@@ -216,148 +215,40 @@ impl Job<'_> {
             .scenarios
             .iter()
             .partition(|scenario| place.has_part(&scenario.selected.id()));
-        pictures_done(noted.iter().map(|scenario| scenario.pictures).sum());
+        count(noted.iter().map(|scenario| scenario.pictures).sum());
         let next = AtomicUsize::new(0);
         let has_failed = AtomicBool::new(false);
+        let write = |scenario: &Planned| {
+            let part = format.write(&Writing {
+                export: self,
+                source: self.open(scenario)?,
+                number: scenario.number,
+                folder: place.files(),
+                watch,
+                count: &count,
+            })?;
+            place.note(&scenario.selected.id(), &part)
+        };
         let work = || -> Result<()> {
             while !has_failed.load(Ordering::Relaxed)
                 && let Some(scenario) = pending.get(next.fetch_add(1, Ordering::Relaxed))
             {
-                self.write_scenario(scenario, place, watch, &pictures_done)
-                    .inspect_err(|_| has_failed.store(true, Ordering::Relaxed))?;
+                write(scenario).inspect_err(|_| has_failed.store(true, Ordering::Relaxed))?;
             }
             Ok(())
         };
         let cores = thread::available_parallelism().map_or(1, usize::from);
         workers::share(cores.min(pending.len()), work)
     }
-
-    fn write_scenario(
-        &self,
-        scenario: &Planned,
-        place: &Place,
-        watch: &dyn Watch,
-        pictures_done: &dyn Fn(u64),
-    ) -> Result<()> {
-        let id = scenario.selected.id();
-        let source = self.open(scenario)?;
-        let folder = place.files();
-        let write_pictures = |pictures: &str| {
-            let done = || pictures_done(1);
-            picture_files::write(&source, self.request, &folder, pictures, watch, &done)
-        };
-        match self.request.format {
-            Format::Coco => place.note(&id, &write_pictures(coco::PICTURES)?),
-            Format::Yolo => {
-                let pictures = yolo::pictures(scenario.selected.side);
-                place.note(&id, &write_pictures(&pictures)?)
-            }
-            Format::HuggingFace => {
-                huggingface::write_scenario(&source, &folder, watch, pictures_done)?;
-                place.note(&id, &())
-            }
-            Format::WebDataset => {
-                let done = || pictures_done(1);
-                let shards =
-                    webdataset::write_scenario(&source, self.request, &folder, watch, &done);
-                place.note(&id, &shards?)
-            }
-            Format::Crops => {
-                let done = || pictures_done(1);
-                let stored =
-                    webdataset::crops::write_scenario(&source, self.request, &folder, watch, &done);
-                place.note(&id, &stored?)
-            }
-            Format::LeRobot => {
-                let (form, number) = (self.form()?, scenario.number);
-                let videos = lerobot::write_scenario(
-                    &source,
-                    form,
-                    &self.video,
-                    number,
-                    &folder,
-                    watch,
-                    pictures_done,
-                );
-                place.note(&id, &videos?)
-            }
-            Format::Mcap => {
-                let (boxes, done) = (self.request.boxes, || pictures_done(1));
-                mcap_files::write_scenario(&source, boxes, &folder, watch, &done)?;
-                place.note(&id, &())
-            }
-        }
-    }
-
-    /// Writes the files that belong to all scenarios.
-    fn finish(&self, place: &Place, watch: &dyn Watch) -> Result<()> {
-        let folder = place.files();
-        let parts = || {
-            let scenarios = self.scenarios.iter();
-            scenarios.map(|scenario| place.part::<Part>(&scenario.selected.id()))
-        };
-        let sources = self.scenarios.iter().map(|scenario| self.open(scenario));
-        let contents = match self.request.format {
-            Format::Coco => coco::finish(&folder, self.request.boxes, &self.sides, parts)?,
-            Format::Yolo => yolo::finish(&folder, &self.sides, parts())?,
-            Format::HuggingFace => {
-                let boxes = self.request.boxes;
-                huggingface::finish(&folder, &self.about, sources, boxes, &self.runs)?
-            }
-            Format::WebDataset => {
-                let shards = self.scenarios.iter().map(|scenario| {
-                    let id = scenario.selected.id();
-                    let shards: u32 = place.part(&id)?;
-                    Ok((id, split_of(scenario.selected.side), shards))
-                });
-                webdataset::finish(&folder, shards)?
-            }
-            Format::Crops => {
-                let seed = self.request.seed.unwrap_or_default();
-                let stored = self.scenarios.iter().map(|scenario| {
-                    let id = scenario.selected.id();
-                    let stored = place.part(&id)?;
-                    Ok((id, split_of(scenario.selected.side), stored))
-                });
-                webdataset::crops::finish(&folder, seed, stored, watch)?
-            }
-            Format::LeRobot => {
-                let noted = self.scenarios.iter().map(|s| place.part(&s.selected.id()));
-                let scenarios = sources
-                    .zip(noted)
-                    .map(|(source, noted)| Ok((source?, noted?)));
-                lerobot::finish(&folder, &self.about, self.form()?, scenarios)?
-            }
-            Format::Mcap => mcap_files::finish(self.scenarios.iter().map(|s| s.selected.id())),
-        };
-        croissant::write(&folder, &self.about, &contents)
-    }
-}
-
-/// The predictions of the requested runs.
-fn read_runs(request: &ExportRequest) -> Result<Vec<Predictions>> {
-    let mut runs: Vec<Predictions> = Vec::new();
-    for run in &request.runs {
-        let read = Predictions::read(run)?;
-        if runs.iter().any(|other| other.run() == read.run()) {
-            return Err(Error::SameRun {
-                run: read.run().to_owned(),
-            });
-        }
-        runs.push(read);
-    }
-    Ok(runs)
 }
 
 /// The name of the detections that are wanted or stand beside the true boxes.
 fn model_of(selection: &[Selected], request: &ExportRequest) -> Result<Option<String>> {
-    let has_no_place = match request.format {
-        Format::LeRobot => true,
-        Format::Yolo => request.boxes == BoxSource::Truth,
-        _ => false,
-    };
-    if has_no_place {
-        return Ok(None);
+    match request.format.abilities().boxes {
+        BoxUse::None => return Ok(None),
+        // It has no place for detections beside the true boxes.
+        BoxUse::Certain if request.boxes == BoxSource::Truth => return Ok(None),
+        _ => {}
     }
     let folders: Vec<_> = selection.iter().map(|one| one.folder.clone()).collect();
     let asked = request.detections.as_deref();
@@ -387,7 +278,7 @@ mod tests {
     use testkit::watch::Calls;
 
     use super::*;
-    use crate::request::Ticks;
+    use crate::request::{Format, Ticks};
 
     const SIZE_PX: [u32; 2] = [160, 96];
 
@@ -471,7 +362,7 @@ mod tests {
             Format::Mcap,
             Format::LeRobot,
         ] {
-            let name = format.word();
+            let name = format.abilities().word;
             let straight = temporary.path().join(format!("{name}-straight"));
             let whole = export_until(&corpus, format, &straight, u64::MAX).unwrap();
             let out = temporary.path().join(name);

@@ -6,32 +6,16 @@
 
 #![forbid(unsafe_code)]
 
-mod about;
-mod coco;
-mod columns_text;
-mod corpus_croissant;
-mod croissant;
+mod description;
 mod error;
 mod export;
-mod foxglove;
-mod huggingface;
-mod lerobot;
-mod long_tables;
-mod mcap_files;
-mod moments;
-mod part;
-mod picture_files;
-mod pictures;
+mod formats;
 mod place;
-mod predictions;
 mod request;
-mod selection;
-mod source;
+mod scenarios;
 mod still;
-mod webdataset;
-mod yolo;
 
-pub use corpus_croissant::{describe_corpus, is_described_as_it_is};
+pub use description::{describe_corpus, is_described_as_it_is};
 pub use error::{Error, Result};
 pub use export::{ExportOutcome, export};
 pub use request::{BoxSource, ExportRequest, Format, Ticks, USUAL_CROP_PX};

@@ -7,6 +7,7 @@ use dataset::corpus::splits::Side;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::formats::{BoxUse, TickChoice};
 use crate::still::StillFormat;
 
 /// A format of other tools.
@@ -30,35 +31,22 @@ pub enum Format {
 }
 
 impl Format {
-    /// Its name.
-    pub(crate) fn word(self) -> &'static str {
-        match self {
-            Self::Coco => "coco",
-            Self::Yolo => "yolo",
-            Self::HuggingFace => "huggingface",
-            Self::WebDataset => "webdataset",
-            Self::Crops => "crops",
-            Self::Mcap => "mcap",
-            Self::LeRobot => "lerobot",
-        }
-    }
-
     /// The reason why pictures of the selection are left out, as a clause about them.
     pub fn left_out(self) -> &'static str {
-        match self {
-            Self::Crops => "of ticks at which a view has no box",
-            _ => {
-                "whose aircraft may be hidden by a cloud or is mostly outside, which the format cannot say"
-            }
+        if self.has_crops() {
+            "of ticks at which a view has no box"
+        } else {
+            "whose aircraft may be hidden by a cloud or is mostly outside, which the format cannot say"
         }
     }
 
-    /// True if it has pictures as separate files.
-    fn has_stills(self) -> bool {
-        match self {
-            Self::Coco | Self::Yolo | Self::WebDataset | Self::Crops => true,
-            Self::HuggingFace | Self::Mcap | Self::LeRobot => false,
-        }
+    /// True if it has a place for boxes.
+    pub fn has_boxes(self) -> bool {
+        self.abilities().boxes != BoxUse::None
+    }
+
+    fn has_crops(self) -> bool {
+        self.abilities().boxes == BoxUse::Crops
     }
 }
 
@@ -153,27 +141,28 @@ impl ExportRequest {
 
     /// Refuses options that the format has no place for.
     pub(crate) fn check(&self) -> Result<()> {
+        let can = self.format.abilities();
         let not_in_format = |option, reason| {
             Err(Error::NotInFormat {
                 option,
-                format: self.format.word(),
+                format: can.word,
                 reason,
             })
         };
-        if self.stills.is_some() && !self.format.has_stills() {
+        if self.stills.is_some() && !can.has_stills {
             return not_in_format("--pictures", "it contains videos");
         }
-        match (self.format, self.ticks) {
-            (Format::LeRobot, _) | (_, Ticks::ALL) => {}
-            (Format::Mcap, Ticks::Every(_)) => {
+        match (can.ticks, self.ticks) {
+            (TickChoice::AnyRate, _) | (_, Ticks::ALL) => {}
+            (TickChoice::All, Ticks::Every(_)) => {
                 return not_in_format("--every", "a picture of a video needs those before it");
             }
-            (_, Ticks::Every(_)) => {}
+            (TickChoice::EveryNth, Ticks::Every(_)) => {}
             (_, Ticks::PerSecond(_)) => {
                 return not_in_format("--rate", "it states the time of every picture");
             }
         }
-        if self.format != Format::Crops {
+        if !self.format.has_crops() {
             if self.crop_px.is_some() {
                 return not_in_format("--crop-px", "its pictures are whole");
             }
@@ -181,7 +170,7 @@ impl ExportRequest {
                 return not_in_format("--seed", "it has the order of the corpus");
             }
         }
-        if self.format == Format::LeRobot {
+        if !self.format.has_boxes() {
             let no_boxes = "it has no place for boxes";
             if self.boxes == BoxSource::Detections {
                 return not_in_format("--boxes detections", no_boxes);

@@ -45,6 +45,8 @@ pub(crate) fn uniform(generator: &mut ChaCha12Rng, low: f64, high: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use dataset::numbers::spread::mean_and_deviation;
+
     use super::*;
 
     #[test]
@@ -53,10 +55,12 @@ mod tests {
         let draws: Vec<f64> = (0..20_000)
             .map(|_| standard_normal(&mut generator))
             .collect();
-        let mean = draws.iter().sum::<f64>() / draws.len() as f64;
-        let variance = draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / draws.len() as f64;
+        let [mean, deviation] = mean_and_deviation(draws.into_iter());
         assert!(mean.abs() < 0.03, "mean {mean}");
-        assert!((variance - 1.0).abs() < 0.04, "variance {variance}");
+        assert!(
+            (deviation.powi(2) - 1.0).abs() < 0.04,
+            "deviation {deviation}"
+        );
     }
 
     #[test]

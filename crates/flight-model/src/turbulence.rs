@@ -177,6 +177,8 @@ impl SecondOrder {
 
 #[cfg(test)]
 mod tests {
+    use dataset::numbers::spread::mean_and_deviation;
+
     use super::*;
 
     const STEP_S: f64 = 1.0 / 120.0;
@@ -190,9 +192,7 @@ mod tests {
     }
 
     fn sigma(values: impl Iterator<Item = f64> + Clone) -> f64 {
-        let count = values.clone().count() as f64;
-        let mean = values.clone().sum::<f64>() / count;
-        (values.map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
+        mean_and_deviation(values)[1]
     }
 
     #[test]

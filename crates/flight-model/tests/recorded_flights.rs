@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use dataset::geometry::pose::FlightState;
+use dataset::numbers::spread::mean_and_deviation;
 use testkit::approach::{above_path_m, relative, touchdown_past_threshold_m};
 use testkit_simulator::recorded_flights::{RecordedFlight, recorded_flights, spectrum};
 
@@ -35,8 +36,7 @@ fn final_approach(states: &[FlightState]) -> Vec<FlightState> {
 }
 
 fn spread(values: &[f64]) -> f64 {
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+    mean_and_deviation(values.iter().copied())[1]
 }
 
 /// Root of the power of a series within a band of frequencies.

@@ -1,5 +1,11 @@
 //! A corpus in an object store: its committed scenarios, and the files of the whole corpus.
 
+mod commit;
+mod leftovers;
+mod listing;
+mod open;
+mod place;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,13 +21,14 @@ use object_store::{
     PutOptions, PutResult,
 };
 
-use crate::content_name::file_name;
+use self::leftovers::Unfinished;
+use self::open::{Opened, open};
 use crate::error::{Result, StoreError};
-use crate::leftovers::Unfinished;
-use crate::listing::Listing;
 use crate::location::StoreUrl;
-use crate::open::{Opened, open};
-use crate::stored_seal::Committed;
+use crate::scenario::{Committed, file_name};
+
+pub(crate) use listing::ObjectInfo;
+pub use listing::{Listing, Objects};
 
 /// Folder of the scenarios, as on disk.
 pub(crate) const SCENARIOS: &str = "scenarios";

@@ -6,7 +6,7 @@ use std::io;
 use dataset::work::watch::Stopped;
 use object_store::client::{HttpError, HttpErrorKind};
 
-use crate::stored_fault::StoredFaults;
+use crate::scenario::StoredFaults;
 
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, StoreError>;

@@ -19,7 +19,7 @@ pub struct Patience(pub Duration);
 
 /// A transfer with its repeated attempts: progress, and cancellation by its watch.
 pub struct Transfer<'a> {
-    watch: &'a dyn Watch,
+    pub(crate) watch: &'a dyn Watch,
     /// Bytes of all attempts.
     bytes: AtomicU64,
     /// Files that are complete, of all attempts.

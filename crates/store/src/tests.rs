@@ -23,8 +23,8 @@ use object_store::ObjectStoreExt;
 use tempfile::TempDir;
 
 use super::*;
-use crate::content_name::file_name;
 use crate::corpus_store::scenario_file;
+use crate::scenario::file_name;
 
 const ID: &str = "1200-clear-r1";
 /// Of the record.
@@ -691,7 +691,7 @@ async fn a_download_keeps_the_time_of_the_seal() {
     let (store, _ours, ours) = pushed().await;
     let time = |corpus: &Corpus| {
         let seal = corpus.scenario(ID).root().join(DONE);
-        crate::stored_seal::unix_ms(fs::metadata(seal).unwrap().modified().unwrap())
+        crate::scenario::unix_ms(fs::metadata(seal).unwrap().modified().unwrap())
     };
     let (_theirs, theirs) = empty();
     store

@@ -9,11 +9,11 @@ use dataset::corpus::{Corpus, check_place};
 use dataset::files::json_file::write_atomically;
 use dataset::files::new_file::clear_leftovers;
 use dataset::files::outside_file::{self, FileKind};
-use dataset::plan::{Plan, PlannedScenario};
+use dataset::plan::{Difference, Plan, PlannedScenario};
 use tokio::time::sleep;
 
 use super::error::GenerateError;
-use crate::plan::{Difference, assign_sides};
+use crate::plan::assign_sides;
 use crate::sweep::Sweep;
 
 /// Another process needs a moment to write the plan.

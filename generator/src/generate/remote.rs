@@ -11,11 +11,10 @@ use dataset::corpus::seal::Seal;
 use dataset::corpus::set_aside::{FOLDER as FAILED, SetAside};
 use dataset::corpus::splits::Splits;
 use dataset::files::outside_file::{self, FileKind};
-use dataset::plan::{Plan, PlannedScenario};
+use dataset::plan::{Difference, Plan, PlannedScenario};
 use store::{Committed, CorpusStore, Keep};
 
 use super::error::GenerateError;
-use crate::plan::Difference;
 
 /// Destination of finished scenarios.
 #[derive(Debug, Clone)]

@@ -2,7 +2,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use dataset::corpus::splits::Side;
-use dataset::plan::{Aim, Common, Parameters, Plan, PlannedScenario};
+use dataset::plan::{Aim, Common, Difference, Parameters, Plan, PlannedScenario};
 use dataset::video::{VideoCodec, VideoSettings};
 use serde_json::json;
 use xplane_bridge::profile::Profile;

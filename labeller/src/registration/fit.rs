@@ -1,9 +1,10 @@
 //! The shift that fits best, and how certain it is.
 
+use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::registrations::NoShift;
 use glam::{DMat2, DVec2};
 
-use super::linear::{Normal, inverse, robust_sd};
+use super::linear::{Normal, inverse};
 use super::patch::Cleaned;
 use super::{MARGIN_PX, SEARCH_PX};
 
@@ -306,7 +307,7 @@ fn level(pairs: &[Pair]) -> Option<(f64, f64)> {
 
 fn weigh(pairs: &[Pair], gain: f64, offset: f64, weights: &mut Vec<f64>) {
     let residuals = || pairs.iter().map(|pair| pair.residual(gain, offset));
-    let sd = robust_sd(residuals()).max(LEAST_SD);
+    let sd = deviation_from_zero(residuals()).max(LEAST_SD);
     weights.clear();
     weights.extend(residuals().map(|residual| 1.0 / (1.0 + (residual / (CAUCHY * sd)).powi(2))));
 }

@@ -80,17 +80,6 @@ impl<const N: usize> Normal<N> {
     }
 }
 
-/// Median of the absolute values, as the standard deviation of a normal distribution; 0 if there are none.
-pub(super) fn robust_sd(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    1.4826 * *median
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,12 +2,13 @@
 
 use std::iter::repeat_n;
 
+use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 use dataset::video::PicturePart;
 use glam::DVec2;
 
-use super::linear::{Normal, robust_sd};
+use super::linear::Normal;
 use super::{LEAST_CONTRAST, SEARCH_PART};
 use crate::detector::PictureView;
 
@@ -264,7 +265,7 @@ impl Cleaned {
             }
             fitted = normal.solve().ok_or(NoShift::Edge)?;
             let misfits = shown.iter();
-            sd = robust_sd(misfits.map(|(row, shown)| shown - value(*row, &fitted)))
+            sd = deviation_from_zero(misfits.map(|(row, shown)| shown - value(*row, &fitted)))
                 .max(LEAST_NOISE);
         }
         let clean: Vec<f64> = (0..self.values.len())
@@ -272,7 +273,7 @@ impl Cleaned {
             .collect();
         self.values = blurred(&clean, width, blur_px);
         let of_ring = || ring.iter().map(|index| self.values[*index]);
-        self.noise = robust_sd(of_ring()).max(LEAST_NOISE);
+        self.noise = deviation_from_zero(of_ring()).max(LEAST_NOISE);
         let reach = self.size / 2.0 + 1.0;
         let peak = (0..self.values.len())
             .filter(|index| from_centre[*index].abs().cmple(reach).all())

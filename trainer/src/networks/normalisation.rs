@@ -7,6 +7,7 @@
 //! size. An estimator can ignore such a box without ground truth.
 
 use dataset::geometry::camera::Camera;
+use dataset::numbers::spread::mean_and_deviation;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
@@ -49,19 +50,13 @@ impl Normalisation {
                 .iter()
                 .filter_map(|s| s.boxes[view].map(|b| features_px(&b)))
                 .collect();
-            let count = rows.len().max(1) as f64;
             let mut offset = [0.0; BOX_FEATURES];
             let mut scale = [1.0; BOX_FEATURES];
             for feature in 0..BOX_FEATURES {
-                let mean = rows.iter().map(|row| row[feature]).sum::<f64>() / count;
-                let variance = rows
-                    .iter()
-                    .map(|row| (row[feature] - mean).powi(2))
-                    .sum::<f64>()
-                    / count;
+                let [mean, deviation] = mean_and_deviation(rows.iter().map(|row| row[feature]));
                 offset[feature] = mean;
-                if variance > 0.0 {
-                    scale[feature] = variance.sqrt();
+                if deviation > 0.0 {
+                    scale[feature] = deviation;
                 }
             }
             (offset, scale)

@@ -1,5 +1,6 @@
 //! Lateral spread of training flights around their common path.
 
+use dataset::numbers::spread::{mean_and_deviation, median};
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::samples::Sample;
@@ -23,23 +24,12 @@ pub(crate) fn lateral_spread_m(samples: &[&Sample]) -> f64 {
         bins[bin].push(sample.cross_track_m);
     }
     let filled = bins.iter().filter(|bin| bin.len() >= LEAST_TICKS);
-    let mut spreads: Vec<f64> = filled.map(|bin| deviation(bin)).collect();
+    let deviations = filled.map(|bin| mean_and_deviation(bin.iter().copied())[1]);
+    let mut spreads: Vec<f64> = deviations.collect();
     if spreads.is_empty() {
         return 0.0;
     }
-    let middle = spreads.len() / 2;
-    *spreads.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-fn deviation(values: &[f64]) -> f64 {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let variance = values
-        .iter()
-        .map(|value| (value - mean).powi(2))
-        .sum::<f64>()
-        / count;
-    variance.sqrt()
+    median(&mut spreads)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A distribution of errors in three numbers.
+//! Distributions of numbers: median, mean, standard deviation, and their robust counterparts.
 
 use serde::{Deserialize, Serialize};
 
@@ -46,10 +46,21 @@ pub fn deviation_from_zero(errors: impl Iterator<Item = f64>) -> f64 {
     MAD_TO_SD * median(&mut sizes)
 }
 
-/// The upper median of at least one value.
-fn median(values: &mut [f64]) -> f64 {
+/// The upper median; reorders the values.
+///
+/// # Panics
+/// There are no values.
+pub fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Mean and standard deviation of a population; both 0 without values.
+pub fn mean_and_deviation(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
+    let count = values.clone().count().max(1) as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    let variance = values.map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+    [mean, variance.sqrt()]
 }
 
 #[cfg(test)]
@@ -69,5 +80,12 @@ mod tests {
         let deviation = deviation_from_zero([-0.1, 0.2, 100.0, -0.2, 0.1].into_iter());
         assert!((deviation - 0.2 * MAD_TO_SD).abs() < 1e-12, "{deviation}");
         assert_eq!(deviation_from_zero(std::iter::empty()), 0.0);
+    }
+
+    #[test]
+    fn mean_and_deviation_are_of_the_population_and_zero_without_values() {
+        let values = [2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0];
+        assert_eq!(mean_and_deviation(values.into_iter()), [5.0, 2.0]);
+        assert_eq!(mean_and_deviation(std::iter::empty()), [0.0; 2]);
     }
 }

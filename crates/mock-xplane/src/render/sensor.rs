@@ -129,6 +129,8 @@ fn normal_quantile(probability: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use dataset::numbers::spread::mean_and_deviation;
+
     use super::*;
 
     #[test]
@@ -157,14 +159,12 @@ mod tests {
             SensorNoise::new(&sensor, 5).add(&mut rgb, SIDE, 0.1);
             let light =
                 |value: u8| f64::from(linear_from_srgb(f32::from(value) / 255.0)) * 10_000.0;
-            let count = rgb.len() as f64;
-            let mean = rgb.iter().map(|v| light(*v)).sum::<f64>() / count;
-            let variance = rgb.iter().map(|v| (light(*v) - mean).powi(2)).sum::<f64>() / count;
+            let [mean, deviation] = mean_and_deviation(rgb.iter().map(|value| light(*value)));
             let expected = light(grey) + 400.0;
             // Rounding to whole display values adds the variance of a uniform distribution over one.
             let step = (light(grey + 1) - light(grey - 1)) / 2.0;
             let rounding = step * step / 12.0;
-            let ratio = variance / (expected + rounding);
+            let ratio = deviation.powi(2) / (expected + rounding);
             assert!((ratio - 1.0).abs() < 0.03, "{ratio} at {grey}");
             assert!(
                 (mean - light(grey)).abs() < 0.02 * expected.sqrt(),

@@ -109,7 +109,7 @@ async fn a_mended_seal_of_an_earlier_version_is_no_newer_than_before() {
     put_as_before(&store, ID, &second.folder()).await;
     let sealed_ms = async || {
         let found = store.found_seal(ID).await.unwrap().unwrap();
-        crate::stored_seal::unix_ms(found.sealed())
+        crate::scenario::unix_ms(found.sealed())
     };
     let before = sealed_ms().await;
     lose(&store, "views/left.mp4", Loss::Deleted).await;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use dataset::numbers::least_squares::NormalEquations;
-use dataset::numbers::spread::deviation_from_zero;
+use dataset::numbers::spread::{deviation_from_zero, mean_and_deviation};
 
 use crate::samples::view_shift::Places;
 
@@ -67,13 +67,11 @@ pub(super) struct Scales {
 impl Scales {
     /// `rows`: one after the other, each with this many coordinates.
     pub(super) fn of(rows: &[f64], coordinates: usize) -> Self {
-        let count = (rows.len() / coordinates).max(1) as f64;
         let of_column = |column: usize| {
-            let values = || rows.iter().skip(column).step_by(coordinates);
-            let mean = values().sum::<f64>() / count;
-            let variance = values().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+            let values = rows.iter().skip(column).step_by(coordinates);
+            let [mean, deviation] = mean_and_deviation(values.copied());
             // A place that never changes stays as it is.
-            let scale = if variance > 0.0 { variance.sqrt() } else { 1.0 };
+            let scale = if deviation > 0.0 { deviation } else { 1.0 };
             (mean, scale)
         };
         let (offset_px, scale_px) = (0..coordinates).map(of_column).unzip();

@@ -9,6 +9,7 @@
 //! far off, a few boxes among many hardly move a median; under least squares of the predicted distance, in which the width is a
 //! divisor, one box of a few pixels outweighs a thousand.
 
+use dataset::numbers::spread::median;
 use onnx_graph::proto::DOUBLE;
 use serde::{Deserialize, Serialize};
 
@@ -84,8 +85,7 @@ fn log_median(seen: &[Seen], setback_m: f64) -> f64 {
         .iter()
         .map(|s| s.log_width_times_range(setback_m))
         .collect();
-    let middle = logs.len() / 2;
-    *logs.select_nth_unstable_by(middle, f64::total_cmp).1
+    median(&mut logs)
 }
 
 /// Mean absolute deviation of the logarithms from their median.

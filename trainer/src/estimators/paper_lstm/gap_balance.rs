@@ -3,6 +3,7 @@
 //! All views train until every view's error stagnates. Views that then lag behind the best one train on alone, with the shared head
 //! frozen, until the errors stagnate again. Input: a view's error on the validation side at each log entry.
 
+use dataset::numbers::spread::mean_and_deviation;
 use serde::{Deserialize, Serialize};
 
 /// Number of log entries over which errors must stagnate.
@@ -82,23 +83,10 @@ impl GapBalance {
             return false;
         };
         (0..self.optimised.len()).all(|view| {
-            let errors: Vec<f64> = recent.iter().filter_map(|entry| entry[view]).collect();
-            standard_deviation(&errors) < self.plateau_threshold
+            let [_, deviation] = mean_and_deviation(recent.iter().filter_map(|entry| entry[view]));
+            deviation < self.plateau_threshold
         })
     }
-}
-
-fn standard_deviation(values: &[f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    (values
-        .iter()
-        .map(|value| (value - mean).powi(2))
-        .sum::<f64>()
-        / values.len() as f64)
-        .sqrt()
 }
 
 #[cfg(test)]

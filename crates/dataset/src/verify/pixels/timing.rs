@@ -7,6 +7,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::super::Faults;
+use crate::numbers::spread;
 
 /// The observation of one picture.
 #[derive(Debug, Clone, Copy)]
@@ -191,8 +192,7 @@ impl Fit {
 /// The middle value.
 pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
-    let at = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
+    (!values.is_empty()).then(|| spread::median(&mut values))
 }
 
 #[cfg(test)]

@@ -1,0 +1,427 @@
+//! COCO (Lin et al. 2014): `images/`, `annotations.json`, the same by side of the split in `annotations/instances_<side>.json`, where
+//! trainers and converters look for it, and `detections.json` in the form of COCO's results if a model's detections are exported beside the
+//! ground truth.
+//!
+//! An aircraft that no detector can be expected to find (beyond the visibility, perhaps behind a cloud, or mostly outside the picture) is a
+//! crowd (`iscrowd` 1), which COCO's evaluation neither requires nor counts as false. Boxes are `[left, top, width, height]` in pixels from
+//! the outer corner of the top-left pixel.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::iter;
+use std::path::{Path, PathBuf};
+
+use dataset::corpus::calibration::CameraEntry;
+use dataset::corpus::splits::Side;
+use serde::Serialize;
+use serde_json::json;
+
+use super::picture_files::{self, Part, Picture, ViewPart};
+use super::{FileFormat, Writing, Written};
+use crate::description::about::short_split_of;
+use crate::description::columns_text::Kind;
+use crate::description::croissant::{
+    Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path,
+};
+use crate::error::Result;
+use crate::request::BoxSource;
+use crate::scenarios::{LabelledBox, TruthFigures};
+
+/// Folder of its pictures, relative to the export.
+const PICTURES: &str = "images";
+const ANNOTATIONS: &str = "annotations.json";
+/// The same file once more: mlcroissant reads lists of one length from a file.
+const AGAIN: &str = "annotations.json-boxes";
+const DETECTIONS: &str = "detections.json";
+const AIRCRAFT: u32 = 1;
+
+#[derive(Serialize)]
+struct Image<'a> {
+    id: u64,
+    file_name: &'a str,
+    width: u32,
+    height: u32,
+    scenario: &'a str,
+    view: &'a str,
+    tick: u32,
+    time_ns: i64,
+    dtd_m: Option<f64>,
+    weather: &'a str,
+    time_of_day: &'a str,
+    side: Option<Side>,
+    calibration: &'a CameraEntry,
+}
+
+#[derive(Serialize)]
+struct Annotation {
+    id: u64,
+    image_id: u64,
+    category_id: u32,
+    bbox: [f64; 4],
+    area: f64,
+    iscrowd: u8,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    score: Option<f64>,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    truth: Option<TruthFigures>,
+}
+
+#[derive(Serialize)]
+struct Found {
+    image_id: u64,
+    category_id: u32,
+    bbox: [f64; 4],
+    score: f64,
+}
+
+/// The format.
+#[derive(Default)]
+pub(super) struct Coco;
+
+impl FileFormat for Coco {
+    type Part = Part;
+
+    fn write(&self, scenario: &Writing<'_>) -> Result<Part> {
+        picture_files::write(scenario, PICTURES)
+    }
+
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let boxes = written.export.request.boxes;
+        finish(&written.folder(), boxes, &written.export.sides, || {
+            written.parts::<Part>()
+        })
+    }
+}
+
+/// Writes the files besides the pictures, part by part: together they may be larger than the memory. `sides`: those that the scenarios
+/// are on.
+fn finish<P: Iterator<Item = Result<Part>>>(
+    folder: &Path,
+    boxes: BoxSource,
+    sides: &BTreeSet<Side>,
+    parts: impl Fn() -> P,
+) -> Result<Contents> {
+    let mut files = AnnotationFiles::create(folder, sides)?;
+    files.write(
+        json!({
+            "description": "Approaches recorded by dtd",
+            "version": env!("CARGO_PKG_VERSION"),
+            "boxes": boxes,
+        }),
+        "{\"info\":",
+    )?;
+    files.write(
+        json!([{"id": AIRCRAFT, "name": "aircraft", "supercategory": "vehicle"}]),
+        ",\"categories\":",
+    )?;
+    files.begin(",\"images\":[")?;
+    each_picture(parts(), |part, view, picture, id| {
+        let image = Image {
+            id,
+            file_name: file_name(&picture.file),
+            width: view.camera.width_px,
+            height: view.camera.height_px,
+            scenario: &part.scenario,
+            view: &view.view,
+            tick: picture.tick,
+            time_ns: picture.time_ns,
+            dtd_m: picture.dtd_m,
+            weather: &part.weather,
+            time_of_day: &part.time_of_day,
+            side: part.side,
+            calibration: &view.camera,
+        };
+        files.item(part.side, &image)
+    })?;
+    files.begin("],\"annotations\":[")?;
+    let mut count = 0;
+    each_picture(parts(), |part, _, picture, image_id| {
+        for labelled in &picture.boxes {
+            count += 1;
+            files.item(part.side, &annotation(count, image_id, labelled))?;
+        }
+        Ok(())
+    })?;
+    files.end("]}")?;
+
+    let mut results = None;
+    each_picture(parts(), |_, _, picture, image_id| {
+        for found in &picture.found {
+            if results.is_none() {
+                let mut begun = ListWriter::create(&folder.join(DETECTIONS))?;
+                begun.begin("[")?;
+                results = Some(begun);
+            }
+            if let Some(results) = &mut results {
+                results.item(&Found {
+                    image_id,
+                    category_id: AIRCRAFT,
+                    bbox: found.corner_and_size(),
+                    score: found.score.unwrap_or(1.0),
+                })?;
+            }
+        }
+        Ok(())
+    })?;
+    let mut contents = contents(boxes);
+    let of_sides = sides.iter().map(|side| annotations_of(*side));
+    let of_sides = of_sides.map(|name| ListedFile::new(name, JSON));
+    contents.files.extend(of_sides);
+    if let Some(results) = results {
+        results.end("]")?;
+        contents.files.push(ListedFile::new(DETECTIONS, JSON));
+    }
+    Ok(contents)
+}
+
+fn contents(boxes: BoxSource) -> Contents {
+    let image = |name, kind, meaning| {
+        let path = format!("$.images[*].{name}");
+        Field::new(name, kind, meaning, json_path(ANNOTATIONS, &path))
+    };
+    let annotation = |name, kind, meaning| {
+        let path = format!("$.annotations[*].{name}");
+        Field::new(name, kind, meaning, json_path(AGAIN, &path))
+    };
+    let images = vec![
+        image("id", Kind::U64, "number of the image"),
+        image("file_name", Kind::Text, "its file in images/"),
+        image("width", Kind::U32, "width, pixels"),
+        image("height", Kind::U32, "height, pixels"),
+        image("scenario", Kind::Text, "identifier of the scenario"),
+        image("view", Kind::Text, "identifier of the view"),
+        image("tick", Kind::U32, "number of the tick, from 0"),
+        image("time_ns", Kind::I64, "time since tick 0"),
+        image(
+            "dtd_m",
+            Kind::F64,
+            "distance to touchdown; missing without labels",
+        ),
+        image("weather", Kind::Text, "name of the weather"),
+        image("time_of_day", Kind::Text, "local time, HH:MM"),
+        image(
+            "side",
+            Kind::Text,
+            "train, validation or test; missing if the corpus has no split",
+        ),
+    ];
+    let edge = |name, place, meaning| {
+        let path = format!("$.annotations[*].bbox[{place}]");
+        Field::new(name, Kind::F64, meaning, json_path(AGAIN, &path))
+    };
+    let mut annotations = vec![
+        annotation("id", Kind::U64, "number of the annotation"),
+        annotation("image_id", Kind::U64, "the image"),
+        annotation("category_id", Kind::U32, "1: aircraft"),
+        edge(
+            "left_px",
+            0,
+            "left edge, from the outer corner of the top-left pixel",
+        ),
+        edge("top_px", 1, "top edge"),
+        edge("width_px", 2, "width"),
+        edge("height_px", 3, "height"),
+        annotation("area", Kind::F64, "area of the box, square pixels"),
+        annotation(
+            "iscrowd",
+            Kind::U32,
+            "1 if nobody can be expected to find it",
+        ),
+    ];
+    annotations.extend(match boxes {
+        BoxSource::Detections => vec![annotation(
+            "score",
+            Kind::F64,
+            "confidence of the detector, 0 to 1",
+        )],
+        BoxSource::Truth => vec![
+            annotation(
+                "visible_fraction",
+                Kind::F64,
+                "part of the aircraft inside the picture and above the ground",
+            ),
+            annotation(
+                "truncation",
+                Kind::F64,
+                "part of the unclipped box outside the picture",
+            ),
+            annotation(
+                "transmission",
+                Kind::F64,
+                "share of contrast that the air leaves",
+            ),
+            annotation("sight", Kind::Text, "in_sight, haze or cloud"),
+            annotation(
+                "is_expected",
+                Kind::Bool,
+                "whether more than half of it is in the picture",
+            ),
+        ],
+    });
+    Contents {
+        files: vec![
+            ListedFile::new(ANNOTATIONS, JSON),
+            ListedFile {
+                id: AGAIN.to_owned(),
+                ..ListedFile::new(ANNOTATIONS, JSON)
+            },
+        ],
+        sets: vec![FileSet::new(
+            "pictures",
+            "images/*",
+            "image/*",
+            "The pictures.",
+        )],
+        records: vec![
+            RecordSet {
+                name: "images",
+                what: "A record per picture.".into(),
+                fields: images,
+            },
+            RecordSet {
+                name: "annotations",
+                what: "A record per box.".into(),
+                fields: annotations,
+            },
+        ],
+        ..Contents::default()
+    }
+}
+
+/// All pictures with their numbers, from 1.
+fn each_picture(
+    parts: impl Iterator<Item = Result<Part>>,
+    mut visit: impl FnMut(&Part, &ViewPart, &Picture, u64) -> Result<()>,
+) -> Result<()> {
+    let mut id = 0;
+    for part in parts {
+        let part = part?;
+        for view in &part.views {
+            for picture in &view.pictures {
+                id += 1;
+                visit(&part, view, picture, id)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The annotations of a side, relative to the export.
+fn annotations_of(side: Side) -> String {
+    format!("annotations/instances_{}.json", short_split_of(Some(side)))
+}
+
+/// The annotations of all pictures, and by side. An image has the same number in each.
+struct AnnotationFiles {
+    all: ListWriter,
+    sides: BTreeMap<Side, ListWriter>,
+}
+
+impl AnnotationFiles {
+    fn create(folder: &Path, sides: &BTreeSet<Side>) -> Result<Self> {
+        let by_side = folder.join("annotations");
+        fs::create_dir_all(&by_side).map_err(dataset::Error::io("create", &by_side))?;
+        let of_side = |side: &Side| {
+            let file = ListWriter::create(&folder.join(annotations_of(*side)))?;
+            Ok((*side, file))
+        };
+        Ok(Self {
+            all: ListWriter::create(&folder.join(ANNOTATIONS))?,
+            sides: sides.iter().map(of_side).collect::<Result<_>>()?,
+        })
+    }
+
+    fn each(&mut self) -> impl Iterator<Item = &mut ListWriter> {
+        iter::once(&mut self.all).chain(self.sides.values_mut())
+    }
+
+    fn write(&mut self, value: impl Serialize, before: &str) -> Result<()> {
+        self.each().try_for_each(|file| file.write(&value, before))
+    }
+
+    fn begin(&mut self, text: &str) -> Result<()> {
+        self.each().try_for_each(|file| file.begin(text))
+    }
+
+    /// Items without a side count as training data.
+    fn item(&mut self, side: Option<Side>, item: &impl Serialize) -> Result<()> {
+        self.all.item(item)?;
+        let of_side = self.sides.get_mut(&side.unwrap_or(Side::Train));
+        of_side.map_or(Ok(()), |file| file.item(item))
+    }
+
+    fn end(self, text: &str) -> Result<()> {
+        self.all.end(text)?;
+        self.sides.into_values().try_for_each(|file| file.end(text))
+    }
+}
+
+/// A JSON file with long lists, written item by item.
+struct ListWriter {
+    path: PathBuf,
+    file: BufWriter<File>,
+    is_first: bool,
+}
+
+impl ListWriter {
+    fn create(path: &Path) -> Result<Self> {
+        let file = File::create(path).map_err(dataset::Error::io("create", path))?;
+        Ok(Self {
+            path: path.to_owned(),
+            file: BufWriter::new(file),
+            is_first: true,
+        })
+    }
+
+    fn text(&mut self, text: &str) -> Result<()> {
+        let written = self.file.write_all(text.as_bytes());
+        Ok(written.map_err(dataset::Error::io("write", &self.path))?)
+    }
+
+    fn write(&mut self, value: impl Serialize, before: &str) -> Result<()> {
+        self.text(before)?;
+        let written = serde_json::to_writer(&mut self.file, &value);
+        Ok(written.map_err(|e| dataset::Error::io("write", &self.path)(e.into()))?)
+    }
+
+    fn begin(&mut self, text: &str) -> Result<()> {
+        self.is_first = true;
+        self.text(text)
+    }
+
+    fn item(&mut self, item: &impl Serialize) -> Result<()> {
+        let before = if self.is_first { "\n" } else { ",\n" };
+        self.is_first = false;
+        self.write(item, before)
+    }
+
+    fn end(mut self, text: &str) -> Result<()> {
+        self.text(text)?;
+        self.text("\n")?;
+        Ok(self
+            .file
+            .flush()
+            .map_err(dataset::Error::io("write", &self.path))?)
+    }
+}
+
+/// COCO's names are relative to the folder of the pictures.
+fn file_name(file: &str) -> &str {
+    let name = file.strip_prefix(PICTURES);
+    name.map_or(file, |name| name.trim_start_matches('/'))
+}
+
+fn annotation(id: u64, image_id: u64, labelled: &LabelledBox) -> Annotation {
+    let bbox = labelled.corner_and_size();
+    Annotation {
+        id,
+        image_id,
+        category_id: AIRCRAFT,
+        bbox,
+        area: bbox[2] * bbox[3],
+        iscrowd: u8::from(labelled.truth.is_some_and(|truth| truth.is_ignored())),
+        score: labelled.score,
+        truth: labelled.truth,
+    }
+}

@@ -1,0 +1,198 @@
+//! Tables over all scenarios, with the identifiers in every row.
+
+use dataset::corpus::detections::Detection;
+use dataset::tables::columns::TableWriter;
+use dataset::tables::frames::TickLabels;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
+use serde_json::Value;
+
+use crate::error::Result;
+use crate::scenarios::Source;
+
+/// The row of a scenario.
+pub(crate) fn scenario_row(source: &Source<'_>) -> TableWriter {
+    let record = &source.record;
+    let weather = &record.conditions.weather;
+    let runway = &record.runway;
+    TableWriter::new()
+        .text("scenario", [&record.id])
+        .text("trajectory", [&record.trajectory])
+        .text("weather", [&record.conditions.weather_name])
+        .text("time_of_day", [&record.conditions.time_of_day])
+        .f64("visibility_m", [weather.visibility_m])
+        .f64("rain_ratio", [weather.rain_ratio])
+        .f64("turbulence_ratio", [weather.turbulence_ratio])
+        .f64("wind_speed_mps", [weather.wind_speed_mps])
+        .f64("wind_from_true_deg", [weather.wind_from_true_deg])
+        .text("aircraft", [&record.aircraft])
+        .text("airport", [&runway.airport])
+        .text("runway", [&runway.name])
+        .f64("course_true_deg", [runway.course_true_deg])
+        .f64("glide_path_deg", [runway.glide_path_deg])
+        .f64("touchdown_latitude_deg", [record.touchdown.latitude_deg])
+        .f64("touchdown_longitude_deg", [record.touchdown.longitude_deg])
+        .f64(
+            "touchdown_altitude_msl_m",
+            [record.touchdown.altitude_msl_m],
+        )
+        .text("rig", [&record.rig])
+        .u32("ticks", [record.ticks])
+        .u32("frame_rate_numerator", [record.frame_rate.numerator])
+        .u32("frame_rate_denominator", [record.frame_rate.denominator])
+        .u64("seed", [record.seed])
+        .text("simulator", [&record.versions.simulator])
+        .text("dtd_version", [&record.versions.dtd])
+        .text("config_hash", [&record.config_hash])
+        .text("manifest_blake3", [&source.scenario.seal().manifest_blake3])
+}
+
+/// The requested views; `video_of` names their files in the export.
+pub(crate) fn views(
+    source: &Source<'_>,
+    video_of: impl Fn(&str) -> Result<String>,
+) -> Result<TableWriter> {
+    let views = &source.selected.views;
+    let mut cameras = Vec::new();
+    let mut videos = Vec::new();
+    for view in views {
+        cameras.push(source.view(view)?.1);
+        videos.push(video_of(view)?);
+    }
+    let mut table = TableWriter::new()
+        .text("scenario", views.iter().map(|_| &source.record.id))
+        .text("view", views)
+        .text("video", videos)
+        .u32("width_px", cameras.iter().map(|camera| camera.width_px))
+        .u32("height_px", cameras.iter().map(|camera| camera.height_px))
+        .f64("focal_px", cameras.iter().map(|camera| camera.k[0][0]))
+        .f64("principal_x_px", cameras.iter().map(|c| c.k[0][2]))
+        .f64("principal_y_px", cameras.iter().map(|c| c.k[1][2]));
+    for (place, name) in ["k1", "k2", "p1", "p2", "k3"].into_iter().enumerate() {
+        let coefficients = cameras.iter().map(|c| c.distortion.get(place).copied());
+        table = table.optional_f64(name, coefficients);
+    }
+    table = table.f64(
+        "refraction_coefficient",
+        cameras.iter().map(|camera| camera.refraction_coefficient),
+    );
+    for row in 0..3 {
+        for column in 0..3 {
+            table = table.f64(
+                &format!("r{row}{column}"),
+                cameras
+                    .iter()
+                    .map(|c| c.ecef_from_camera.rotation[row][column]),
+            );
+        }
+    }
+    for (axis, name) in ["ecef_x_m", "ecef_y_m", "ecef_z_m"].into_iter().enumerate() {
+        let places = cameras
+            .iter()
+            .map(|c| c.ecef_from_camera.translation_m[axis]);
+        table = table.f64(name, places);
+    }
+    Ok(table)
+}
+
+/// The requested ticks.
+pub(crate) fn ticks(source: &Source<'_>) -> TableWriter {
+    let rows: Vec<_> = source.rows().collect();
+    let rows = || rows.iter();
+    let label = |get: fn(&TickLabels) -> f64| rows().map(move |row| row.labels.as_ref().map(get));
+    TableWriter::new()
+        .text("scenario", rows().map(|_| &source.record.id))
+        .u32("tick", rows().map(|row| row.tick))
+        .i64("time_ns", rows().map(|row| row.time_ns))
+        .f64("latitude_deg", rows().map(|row| row.pose.latitude_deg))
+        .f64("longitude_deg", rows().map(|row| row.pose.longitude_deg))
+        .f64("altitude_msl_m", rows().map(|row| row.pose.altitude_msl_m))
+        .f64(
+            "heading_true_deg",
+            rows().map(|row| row.pose.heading_true_deg),
+        )
+        .f64("pitch_deg", rows().map(|row| row.pose.pitch_deg))
+        .f64("roll_deg", rows().map(|row| row.pose.roll_deg))
+        .f64(
+            "velocity_north_mps",
+            rows().map(|row| row.velocity_ned_mps[0]),
+        )
+        .f64(
+            "velocity_east_mps",
+            rows().map(|row| row.velocity_ned_mps[1]),
+        )
+        .f64(
+            "velocity_down_mps",
+            rows().map(|row| row.velocity_ned_mps[2]),
+        )
+        .f64("true_airspeed_mps", rows().map(|row| row.true_airspeed_mps))
+        .f64("flap_ratio", rows().map(|row| row.controls.flap_ratio))
+        .f64("gear_ratio", rows().map(|row| row.controls.gear_ratio))
+        .bool("on_ground", rows().map(|row| row.on_ground))
+        .optional_f64("dtd_m", label(|labels| labels.dtd_m))
+        .optional_f64("along_track_m", label(|labels| labels.along_track_m))
+        .optional_f64("cross_track_m", label(|labels| labels.cross_track_m))
+        .optional_f64(
+            "height_over_target_m",
+            label(|labels| labels.height_over_target_m),
+        )
+        .optional_f64(
+            "time_to_touchdown_s",
+            rows().map(|row| row.labels.and_then(|labels| labels.time_to_touchdown_s)),
+        )
+}
+
+/// The ground-truth boxes of the requested pictures.
+pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
+    let mut boxes = source.scenario.truth_boxes()?;
+    boxes.retain(|real| source.has_picture(&real.view, real.tick));
+    let boxes = || boxes.iter();
+    let sight = |real: &TruthBox| match serde_json::to_value(source.sight_of(real)) {
+        Ok(Value::String(word)) => word,
+        _ => unreachable!("a sight is a word"),
+    };
+    let table = TableWriter::new()
+        .text("scenario", boxes().map(|_| &source.record.id))
+        .text("view", boxes().map(|real| &real.view))
+        .u32("tick", boxes().map(|real| real.tick));
+    Ok(with_boxes(table, || boxes().map(|real| real.pixel_box))
+        .f64(
+            "visible_fraction",
+            boxes().map(|real| real.visible_fraction),
+        )
+        .f64("truncated_fraction", boxes().map(|real| real.truncation))
+        .f64("transmission_ratio", boxes().map(|real| real.transmission))
+        .text("sight", boxes().map(sight))
+        .bool("is_expected", boxes().map(TruthBox::is_expected)))
+}
+
+/// The model's detections in the requested pictures; empty if it did not search the scenario.
+pub(crate) fn detections(source: &Source<'_>) -> Result<TableWriter> {
+    let Some(model) = &source.model else {
+        return Ok(TableWriter::new());
+    };
+    let mut found = source.scenario.detections(model)?.boxes;
+    found.retain(|found| source.has_picture(&found.view, found.tick));
+    let found = || found.iter();
+    let table = TableWriter::new()
+        .text("scenario", found().map(|_| &source.record.id))
+        .text("view", found().map(|one| &one.view))
+        .u32("tick", found().map(|one| one.tick))
+        .text("model", found().map(|_| model));
+    let pixel_box = |one: &Detection| one.pixel_box;
+    Ok(with_boxes(table, || found().map(pixel_box))
+        .f64("score", found().map(|one| one.score))
+        .optional_u32("track", found().map(|one| one.track))
+        .text("mode", found().map(|one| one.mode.word()))
+        .bool("confirmed", found().map(|one| one.confirmed)))
+}
+
+fn with_boxes<I: Iterator<Item = PixelBox>>(
+    table: TableWriter,
+    boxes: impl Fn() -> I,
+) -> TableWriter {
+    table
+        .f64("cx_px", boxes().map(|one| one.cx_px))
+        .f64("cy_px", boxes().map(|one| one.cy_px))
+        .f64("width_px", boxes().map(|one| one.width_px))
+        .f64("height_px", boxes().map(|one| one.height_px))
+}

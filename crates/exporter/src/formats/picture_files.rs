@@ -1,0 +1,93 @@
+//! Pictures as separate files, for COCO and YOLO.
+
+use std::fs;
+
+use dataset::corpus::calibration::CameraEntry;
+use dataset::corpus::splits::Side;
+use serde::{Deserialize, Serialize};
+
+use super::Writing;
+use crate::error::Result;
+use crate::scenarios::{LabelledBox, ViewPictures};
+
+/// The pictures of a scenario, noted so that the export can be resumed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Part {
+    pub(super) scenario: String,
+    pub(super) weather: String,
+    pub(super) time_of_day: String,
+    pub(super) side: Option<Side>,
+    pub(super) views: Vec<ViewPart>,
+}
+
+/// The pictures of a view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct ViewPart {
+    pub(super) view: String,
+    pub(super) camera: CameraEntry,
+    pub(super) pictures: Vec<Picture>,
+}
+
+/// A picture that was written.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Picture {
+    pub(super) tick: u32,
+    pub(super) time_ns: i64,
+    /// Distance to touchdown, if the scenario is labelled.
+    pub(super) dtd_m: Option<f64>,
+    /// Relative to the folder of the export, with forward slashes.
+    pub(super) file: String,
+    pub(super) boxes: Vec<LabelledBox>,
+    /// The model's detections, if the boxes are the ground truth and there are detections of one model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) found: Vec<LabelledBox>,
+}
+
+/// Writes the pictures of a scenario into `pictures`, a folder named relative to the export.
+pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Part> {
+    let source = &scenario.source;
+    let stills = scenario.export.request.stills();
+    let folder = scenario.folder.join(pictures);
+    fs::create_dir_all(&folder).map_err(dataset::Error::io("create", &folder))?;
+    let write_view = |view: &String| -> Result<ViewPart> {
+        let (_, camera) = source.view(view)?;
+        let mut decoded = ViewPictures::open(source, view)?;
+        let mut rgb = Vec::new();
+        let mut written = Vec::new();
+        for row in &source.frames.rows {
+            scenario.watch.check()?;
+            decoded.decode(row)?;
+            if !source.is_asked_for(row.tick) || source.is_left_out(view, row.tick) {
+                continue;
+            }
+            decoded.convert(&mut rgb)?;
+            let id = &source.record.id;
+            let extension = stills.extension();
+            let file = format!("{pictures}/{id}_{view}_{:06}.{extension}", row.tick);
+            let path = scenario.folder.join(&file);
+            stills.write(&path, &rgb, decoded.size_px())?;
+            written.push(Picture {
+                tick: row.tick,
+                time_ns: row.time_ns,
+                dtd_m: row.labels.map(|labels| labels.dtd_m),
+                file,
+                boxes: source.boxes_of(view, row.tick).to_vec(),
+                found: source.beside(view, row.tick).to_vec(),
+            });
+            scenario.pictures_done(1);
+        }
+        Ok(ViewPart {
+            view: view.clone(),
+            camera: camera.clone(),
+            pictures: written,
+        })
+    };
+    let views = source.selected.views.iter().map(write_view);
+    Ok(Part {
+        scenario: source.record.id.clone(),
+        weather: source.record.conditions.weather_name.clone(),
+        time_of_day: source.record.conditions.time_of_day.clone(),
+        side: source.selected.side,
+        views: views.collect::<Result<_>>()?,
+    })
+}

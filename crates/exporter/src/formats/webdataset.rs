@@ -1,0 +1,270 @@
+//! WebDataset: shards that are read from end to end, tar archives with a sample per tick: a picture per view and what is known of them.
+//!
+//! ```text
+//! <split>-000000.tar
+//!   <scenario>_<tick>.<view>.png
+//!   <scenario>_<tick>.json
+//! ```
+//!
+//! With whole pictures, a shard holds ticks of one scenario, up to a number of bytes, so that scenarios can be written side by side. With
+//! crops ([`crops`]), it holds ticks of all scenarios of a side.
+
+mod archive;
+pub(super) mod crops;
+mod mixed_shards;
+mod samples;
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use dataset::corpus::calibration::CameraEntry;
+use serde::Serialize;
+
+use self::samples::{Decoded, LabelledCorners, Showing, each_sample};
+use super::{FileFormat, Writing, Written};
+use crate::description::about::split_of;
+use crate::description::columns_text::Kind;
+use crate::description::croissant::{
+    Contents, Field, FileSet, JSON, ListedFile, NameList, RecordSet, content_of, part_of_path,
+};
+use crate::error::Result;
+use crate::scenarios::Source;
+
+/// A shard is closed before the sample that would make it larger than this; readers want some hundred megabytes at a time.
+const MOST_BYTES: u64 = 1_000_000_000;
+/// Shards of scenarios, before they are numbered.
+const UNNUMBERED: &str = "unnumbered";
+
+/// Croissant's name of the files that describe ticks.
+const SAMPLE_FILES: &str = "sample-files";
+
+/// Whole pictures.
+struct Whole<'a> {
+    source: &'a Source<'a>,
+}
+
+/// Boxes and calibration of a whole picture.
+#[derive(Serialize)]
+struct View<'a> {
+    boxes: Vec<LabelledCorners>,
+    calibration: &'a CameraEntry,
+}
+
+impl<'a> Showing for Whole<'a> {
+    type View = View<'a>;
+
+    fn show<'p>(
+        &'p mut self,
+        view: &str,
+        tick: u32,
+        picture: Decoded<'p>,
+    ) -> Result<(Decoded<'p>, View<'a>)> {
+        let boxes = self.source.boxes_of(view, tick).iter();
+        let boxes = boxes.map(|labelled| LabelledCorners::within([0, 0], labelled));
+        let known = View {
+            boxes: boxes.collect(),
+            calibration: self.source.view(view)?.1,
+        };
+        Ok((picture, known))
+    }
+}
+
+/// The format, with whole pictures.
+#[derive(Default)]
+pub(super) struct WebDataset;
+
+impl FileFormat for WebDataset {
+    /// Number of shards.
+    type Part = u32;
+
+    fn write(&self, scenario: &Writing<'_>) -> Result<u32> {
+        let parent = scenario.folder.join(UNNUMBERED);
+        fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
+        let source = &scenario.source;
+        let mut shards = Shards::new(parent, &source.record.id, MOST_BYTES);
+        let path = shards.path();
+        let append = |_, entries: Vec<u8>| shards.append(&entries);
+        each_sample(scenario, &path, Whole { source }, append)?;
+        shards.finish()
+    }
+
+    /// Numbers the shards of all scenarios. A kill may have left some of them numbered.
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let folder = written.folder();
+        let parent = folder.join(UNNUMBERED);
+        let mut numbers: BTreeMap<&str, u32> = BTreeMap::new();
+        let mut names = Vec::new();
+        for (scenario, shards) in written.export.scenarios.iter().zip(written.parts::<u32>()) {
+            let split = split_of(scenario.selected.side);
+            for shard in 0..shards? {
+                let number = numbers.entry(split).or_default();
+                let name = shard_name(split, *number);
+                *number += 1;
+                let from = shard_path(&parent, &scenario.selected.id(), shard);
+                let to = folder.join(&name);
+                if !to.exists() {
+                    fs::rename(&from, &to).map_err(dataset::Error::io("rename", &from))?;
+                }
+                names.push(name);
+            }
+        }
+        if parent.exists() {
+            fs::remove_dir(&parent).map_err(dataset::Error::io("remove", &parent))?;
+        }
+        Ok(contents(names))
+    }
+}
+
+/// Name of a shard of a split.
+fn shard_name(split: &str, number: u32) -> String {
+    format!("{split}-{number:06}.tar")
+}
+
+fn contents(shards: Vec<String>) -> Contents {
+    Contents {
+        files: shards
+            .iter()
+            .map(|name| ListedFile::new(name, "application/x-tar"))
+            .collect(),
+        sets: vec![FileSet {
+            archives: shards.clone(),
+            ..FileSet::new(
+                SAMPLE_FILES,
+                "*.json",
+                JSON,
+                "What is known of a tick; its pictures have the same key.",
+            )
+        }],
+        records: vec![RecordSet {
+            name: "samples",
+            what: "A record per tick.".into(),
+            fields: vec![
+                Field::new(
+                    "key",
+                    Kind::Text,
+                    "scenario and tick; what its files' names begin with",
+                    part_of_path(SAMPLE_FILES, "(?:.*/)?([^/]+)[.]json$"),
+                ),
+                // Readers of Croissant do not look into the JSON of an archive.
+                Field::new(
+                    "sample",
+                    Kind::Text,
+                    "what is known of it, as JSON",
+                    content_of(SAMPLE_FILES),
+                ),
+            ],
+        }],
+        lists: vec![NameList {
+            id: "shards",
+            what: "Tar archives of samples, named after their split.",
+            names: shards,
+        }],
+    }
+}
+
+fn shard_path(folder: &Path, scenario: &str, number: u32) -> PathBuf {
+    folder.join(format!("{scenario}-{number:06}.tar"))
+}
+
+/// The shards of a scenario while they are written.
+struct Shards<'a> {
+    folder: PathBuf,
+    scenario: &'a str,
+    most_bytes: u64,
+    begun: u32,
+    open: Option<(BufWriter<File>, u64)>,
+}
+
+impl<'a> Shards<'a> {
+    fn new(folder: PathBuf, scenario: &'a str, most_bytes: u64) -> Self {
+        Self {
+            folder,
+            scenario,
+            most_bytes,
+            begun: 0,
+            open: None,
+        }
+    }
+
+    /// The shard that is written, or would be next.
+    fn path(&self) -> PathBuf {
+        let number = match self.open {
+            Some(_) => self.begun - 1,
+            None => self.begun,
+        };
+        shard_path(&self.folder, self.scenario, number)
+    }
+
+    /// Adds the entries of a sample, which stay together.
+    fn append(&mut self, entries: &[u8]) -> Result<()> {
+        let added = entries.len() as u64;
+        if let Some((_, written)) = &self.open
+            && !archive::fits(*written, added, self.most_bytes)
+        {
+            self.close()?;
+        }
+        if self.open.is_none() {
+            let path = self.path();
+            let file = File::create(&path).map_err(dataset::Error::io("create", &path))?;
+            self.open = Some((BufWriter::new(file), 0));
+            self.begun += 1;
+        }
+        let path = self.path();
+        if let Some((file, written)) = &mut self.open {
+            let appended = file.write_all(entries);
+            appended.map_err(dataset::Error::io("write", &path))?;
+            *written += added;
+        }
+        Ok(())
+    }
+
+    fn close(&mut self) -> Result<()> {
+        let path = self.path();
+        if let Some((mut file, _)) = self.open.take() {
+            let ended = file.write_all(&archive::END).and_then(|()| file.flush());
+            ended.map_err(dataset::Error::io("write", &path))?;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<u32> {
+        self.close()?;
+        Ok(self.begun)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_stays_together_and_no_shard_is_larger_than_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let most_bytes = 8 * 512;
+        let mut shards = Shards::new(folder.path().to_owned(), "a", most_bytes);
+        for tick in 0..5 {
+            let files = [
+                ("left.png".to_owned(), vec![tick; 100]),
+                ("json".to_owned(), vec![0; 513]),
+            ];
+            let entries = archive::entries(&format!("a_{tick}"), &files).unwrap();
+            shards.append(&entries).unwrap();
+        }
+        assert_eq!(shards.finish().unwrap(), 5, "five blocks each: one fits");
+        for number in 0..5 {
+            let path = shard_path(folder.path(), "a", number);
+            assert!(fs::metadata(&path).unwrap().len() <= most_bytes);
+            let mut archive = tar::Archive::new(File::open(&path).unwrap());
+            let names: Vec<_> = archive
+                .entries()
+                .unwrap()
+                .map(|entry| entry.unwrap().path().unwrap().into_owned())
+                .collect();
+            let key = format!("a_{number}");
+            let expected = [format!("{key}.left.png"), format!("{key}.json")];
+            assert_eq!(names, expected.map(PathBuf::from));
+        }
+    }
+}

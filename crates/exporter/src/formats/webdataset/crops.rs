@@ -1,0 +1,253 @@
+//! Crops around the aircraft, for training at full rate: a sample is a tick at which every view has a box, and shows the surroundings of
+//! that box in each.
+//!
+//! A crop has the pixels of its picture, and always the same size: at an edge it is moved into the picture, not padded. A box larger than
+//! the crop leaves it on both sides. Samples of all scenarios of a side are mixed ([`super::mixed_shards`]).
+
+use dataset::corpus::calibration::CameraEntry;
+use dataset::tables::pixel_box::PixelBox;
+use serde::Serialize;
+
+use super::mixed_shards::{self, Stored, Unmixed};
+use super::samples::{Decoded, LabelledCorners, Showing, each_sample};
+use crate::description::about::split_of;
+use crate::description::croissant::Contents;
+use crate::error::{Error, Result};
+use crate::export::{Export, ExportOutcome};
+use crate::formats::{FileFormat, Writing, Written};
+use crate::scenarios::{LabelledBox, Source};
+
+/// The box that a crop is around: of several, the one with the best score.
+fn target(boxes: &[LabelledBox]) -> Option<PixelBox> {
+    let mut boxes = boxes.iter();
+    let first = boxes.next()?;
+    let best = boxes.fold(first, |best, other| {
+        if other.score > best.score {
+            other
+        } else {
+            best
+        }
+    });
+    Some(best.pixel_box)
+}
+
+/// Position of a crop in its picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+struct Crop {
+    left_px: u32,
+    top_px: u32,
+    width_px: u32,
+    height_px: u32,
+}
+
+impl Crop {
+    /// The crop around a box, moved into the picture, which is at least as large.
+    fn around(
+        target: &PixelBox,
+        [width_px, height_px]: [u32; 2],
+        [picture_width_px, picture_height_px]: [u32; 2],
+    ) -> Self {
+        let start = |centre_px: f64, side_px: u32, picture_px: u32| {
+            let start = (centre_px - f64::from(side_px - 1) / 2.0).round_ties_even();
+            start.clamp(0.0, f64::from(picture_px.saturating_sub(side_px))) as u32
+        };
+        Self {
+            left_px: start(target.cx_px, width_px, picture_width_px),
+            top_px: start(target.cy_px, height_px, picture_height_px),
+            width_px,
+            height_px,
+        }
+    }
+
+    /// Copies its pixels out of a picture with rows of this width.
+    fn copy(self, picture: &[u8], picture_width_px: u32, to: &mut Vec<u8>) {
+        to.clear();
+        let row_bytes = 3 * self.width_px as usize;
+        for row in self.top_px..self.top_px + self.height_px {
+            let start = 3 * (row as usize * picture_width_px as usize + self.left_px as usize);
+            to.extend_from_slice(&picture[start..start + row_bytes]);
+        }
+    }
+}
+
+/// Crops of a scenario.
+struct Cropped<'a> {
+    source: &'a Source<'a>,
+    size_px: [u32; 2],
+    rgb: Vec<u8>,
+}
+
+/// Position, boxes and calibration of a crop. Boxes are in its pixels and may lie outside it.
+#[derive(Serialize)]
+struct View<'a> {
+    crop: Crop,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth: Option<Vec<LabelledCorners>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    detections: Option<Vec<LabelledCorners>>,
+    /// Of the whole picture.
+    calibration: &'a CameraEntry,
+}
+
+impl<'a> Showing for Cropped<'a> {
+    type View = View<'a>;
+
+    fn show<'p>(
+        &'p mut self,
+        view: &str,
+        tick: u32,
+        picture: Decoded<'p>,
+    ) -> Result<(Decoded<'p>, View<'a>)> {
+        let boxes = self.source.boxes_of(view, tick);
+        let target = target(boxes).ok_or(Error::NoCrops)?;
+        let crop = Crop::around(&target, self.size_px, picture.size_px);
+        crop.copy(picture.rgb, picture.size_px[0], &mut self.rgb);
+        let all = || boxes.iter().chain(self.source.beside(view, tick));
+        let of_kind = |is_there: bool, is_of_kind: fn(&LabelledBox) -> bool| {
+            let corners = |labelled| LabelledCorners::within([crop.left_px, crop.top_px], labelled);
+            let boxes = || all().filter(|labelled| is_of_kind(labelled)).map(corners);
+            is_there.then(|| boxes().collect())
+        };
+        let known = View {
+            crop,
+            truth: of_kind(self.source.has_truth, |labelled| labelled.truth.is_some()),
+            detections: of_kind(self.source.model.is_some(), |labelled| {
+                labelled.score.is_some()
+            }),
+            calibration: self.source.view(view)?.1,
+        };
+        let shown = Decoded {
+            rgb: &self.rgb,
+            size_px: self.size_px,
+        };
+        Ok((shown, known))
+    }
+}
+
+/// The format.
+#[derive(Default)]
+pub(in crate::formats) struct Crops;
+
+impl FileFormat for Crops {
+    type Part = Vec<Stored>;
+
+    /// Refuses crops that are larger than a picture.
+    fn check(&mut self, source: &Source<'_>, export: &Export<'_>) -> Result<()> {
+        let crop_px = export.request.crop_px();
+        for view in &source.selected.views {
+            let camera = source.view(view)?.1;
+            let picture_px = [camera.width_px, camera.height_px];
+            if crop_px[0] > picture_px[0] || crop_px[1] > picture_px[1] {
+                return Err(Error::CropTooLarge {
+                    scenario: source.record.id.clone(),
+                    view: view.clone(),
+                    picture_px,
+                    crop_px,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_all(&self, _: &Export<'_>, outcome: &mut ExportOutcome) -> Result<()> {
+        if outcome.pictures == 0 {
+            return Err(Error::NoCrops);
+        }
+        Ok(())
+    }
+
+    /// Writes the samples, to be mixed with those of other scenarios.
+    fn write(&self, scenario: &Writing<'_>) -> Result<Vec<Stored>> {
+        let source = &scenario.source;
+        let mut unmixed = Unmixed::create(&scenario.folder, &source.record.id)?;
+        let cropped = Cropped {
+            source,
+            size_px: scenario.export.request.crop_px(),
+            rgb: Vec::new(),
+        };
+        let path = unmixed.path().to_owned();
+        let append = |tick, entries: Vec<u8>| unmixed.append(tick, &entries);
+        each_sample(scenario, &path, cropped, append)?;
+        unmixed.finish()
+    }
+
+    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+        let seed = written.export.request.seed.unwrap_or_default();
+        let scenarios = written
+            .export
+            .scenarios
+            .iter()
+            .zip(written.parts::<Vec<Stored>>());
+        let stored = scenarios.map(|(scenario, stored)| {
+            let selected = &scenario.selected;
+            Ok((selected.id(), split_of(selected.side), stored?))
+        });
+        let shards = mixed_shards::mix(&written.folder(), seed, stored, written.watch)?;
+        Ok(super::contents(shards))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(cx_px: f64, score: Option<f64>) -> LabelledBox {
+        LabelledBox {
+            pixel_box: PixelBox {
+                cx_px,
+                cy_px: 5.0,
+                width_px: 4.0,
+                height_px: 2.0,
+            },
+            score,
+            truth: None,
+        }
+    }
+
+    #[test]
+    fn a_crop_is_around_the_box_with_the_best_score() {
+        let boxes = [0.4, 0.9, 0.9, 0.1].map(Some);
+        let boxes: Vec<_> = (0..4)
+            .map(|at| found(f64::from(at), boxes[at as usize]))
+            .collect();
+        assert_eq!(target(&boxes).unwrap().cx_px, 1.0);
+        assert_eq!(target(&[found(7.0, None)]).unwrap().cx_px, 7.0);
+        assert!(target(&[]).is_none());
+    }
+
+    #[test]
+    fn a_crop_is_centred_on_its_box_and_moved_into_the_picture_at_every_edge() {
+        let corner = |cx_px, cy_px| {
+            let target = PixelBox {
+                cx_px,
+                cy_px,
+                width_px: 3.0,
+                height_px: 3.0,
+            };
+            let crop = Crop::around(&target, [8, 5], [40, 30]);
+            assert_eq!([crop.width_px, crop.height_px], [8, 5]);
+            [crop.left_px, crop.top_px]
+        };
+        // Pixels 17 to 24 and 8 to 12: the crop is centred on the box.
+        assert_eq!(corner(20.5, 10.0), [17, 8]);
+        assert_eq!(corner(0.0, 0.0), [0, 0]);
+        assert_eq!(corner(39.0, 29.0), [32, 25]);
+        assert_eq!(corner(-50.0, 100.0), [0, 25]);
+    }
+
+    #[test]
+    fn a_crop_has_the_pixels_of_its_place() {
+        let picture: Vec<u8> = (0..6 * 4).flat_map(|pixel| [pixel, 100, 200]).collect();
+        let crop = Crop {
+            left_px: 2,
+            top_px: 1,
+            width_px: 3,
+            height_px: 2,
+        };
+        let mut rgb = Vec::new();
+        crop.copy(&picture, 6, &mut rgb);
+        let reds: Vec<u8> = rgb.iter().step_by(3).copied().collect();
+        assert_eq!(reds, [8, 9, 10, 14, 15, 16]);
+        assert_eq!(rgb.len(), 18);
+    }
+}

@@ -1,0 +1,11 @@
+//! The scenarios to export, as they were sealed: which of them, their boxes and their decoded pictures.
+
+mod labelled_box;
+mod pictures;
+mod selection;
+mod source;
+
+pub(crate) use labelled_box::{LabelledBox, TruthFigures};
+pub(crate) use pictures::ViewPictures;
+pub(crate) use selection::{Selected, select, sides, some_of};
+pub(crate) use source::Source;

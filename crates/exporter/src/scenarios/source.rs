@@ -1,0 +1,309 @@
+//! A scenario to export, with everything but its pictures.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroU32;
+
+use dataset::conditions::sight::{CloudBase, Sight};
+use dataset::corpus::calibration::{Calibration, CameraEntry};
+use dataset::corpus::detections::{Detection, models_of};
+use dataset::corpus::open_scenario::OpenScenario;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::tables::frames::{Frames, TickRow};
+use dataset::tables::pixel_box::TruthBox;
+
+use super::labelled_box::{LabelledBox, TruthFigures};
+use super::selection::Selected;
+use crate::error::{Error, Result};
+use crate::formats::BoxUse;
+use crate::request::{BoxSource, ExportRequest, Ticks};
+
+/// Boxes by view and tick.
+type ByPicture = BTreeMap<(String, u32), Vec<LabelledBox>>;
+
+/// A scenario as it was sealed.
+pub(crate) struct Source<'a> {
+    pub(crate) selected: &'a Selected,
+    pub(crate) scenario: OpenScenario,
+    pub(crate) record: ScenarioRecord,
+    pub(crate) frames: Frames,
+    /// Name of the detections, if that model searched the scenario.
+    pub(crate) model: Option<String>,
+    pub(crate) calibration: Calibration,
+    cloud_base: CloudBase,
+    ticks: Ticks,
+    /// Requested ticks, by tick.
+    asked_for: Vec<bool>,
+    /// True if its ground truth is among the boxes.
+    pub(crate) has_truth: bool,
+    boxes: ByPicture,
+    beside: ByPicture,
+    left_out: BTreeSet<(String, u32)>,
+}
+
+/// True if this model searched the scenario; otherwise its ground truth is exported alone.
+fn is_searched(scenario: &OpenScenario, model: &str) -> Result<bool> {
+    let models = models_of(scenario.folder())?;
+    Ok(models.iter().any(|name| name == model))
+}
+
+impl<'a> Source<'a> {
+    pub(crate) fn open(
+        selected: &'a Selected,
+        request: &ExportRequest,
+        model: Option<&str>,
+    ) -> Result<Self> {
+        let scenario = selected.folder.open()?;
+        let record = scenario.record()?;
+        let frames = scenario.frames()?;
+        let model = match model {
+            Some(model) if is_searched(&scenario, model)? => Some(model.to_owned()),
+            _ => None,
+        };
+        let mut detections = match &model {
+            Some(model) => scenario.detections(model)?.boxes,
+            None => Vec::new(),
+        };
+        let boxes_used = request.format.abilities().boxes;
+        if boxes_used == BoxUse::Crops {
+            detections.retain(|found| found.confirmed);
+        }
+        let cloud_base = CloudBase::of(&record.conditions.weather);
+        let mut left_out = BTreeSet::new();
+        let mut has_truth = request.boxes == BoxSource::Truth;
+        let (boxes, beside) = match request.boxes {
+            _ if boxes_used == BoxUse::None => Default::default(),
+            BoxSource::Truth => {
+                let mut boxes = Vec::new();
+                for real in scenario.truth_boxes()? {
+                    let sight = sight_of(&real, &frames, cloud_base);
+                    // A label file has no word for a box that is neither right nor wrong.
+                    match (boxes_used, sight) {
+                        (BoxUse::Certain, Sight::Haze) => {}
+                        (BoxUse::Certain, _) if sight == Sight::Cloud || !real.is_expected() => {
+                            left_out.insert((real.view, real.tick));
+                        }
+                        _ => boxes.push(of_truth(real, sight)),
+                    }
+                }
+                let found = detections.into_iter().map(of_detection);
+                (by_picture(boxes.into_iter()), by_picture(found))
+            }
+            BoxSource::Detections => {
+                let confirmed = detections.into_iter().filter(|found| found.confirmed);
+                let truth = if boxes_used == BoxUse::Crops {
+                    scenario.truth_boxes_if_labelled()?
+                } else {
+                    None
+                };
+                has_truth = truth.is_some();
+                let truth = truth.into_iter().flatten().map(|real| {
+                    let sight = sight_of(&real, &frames, cloud_base);
+                    of_truth(real, sight)
+                });
+                (by_picture(confirmed.map(of_detection)), by_picture(truth))
+            }
+        };
+        let asked_for = asked_for(request.ticks, record.frame_rate, frames.rows.len());
+        if boxes_used == BoxUse::Crops {
+            left_out = without_crops(selected, &asked_for, &boxes);
+        }
+        Ok(Self {
+            ticks: request.ticks,
+            asked_for,
+            frames,
+            calibration: scenario.calibration()?,
+            cloud_base,
+            model,
+            record,
+            has_truth,
+            boxes,
+            beside,
+            left_out,
+            selected,
+            scenario,
+        })
+    }
+
+    /// Adds everything that decides what its files contain.
+    pub(crate) fn hash(&self, hasher: &mut blake3::Hasher) {
+        let selected = (self.scenario.id(), self.selected.side, &self.selected.views);
+        hasher.update(&serde_json::to_vec(&selected).unwrap_or_default());
+        hasher.update(self.scenario.seal().manifest_blake3.as_bytes());
+        for picture in self.boxes.iter().chain(&self.beside) {
+            hasher.update(&serde_json::to_vec(&picture).unwrap_or_default());
+        }
+    }
+
+    /// The requested ticks.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &TickRow> {
+        let rows = self.frames.rows.iter();
+        rows.filter(|row| self.is_asked_for(row.tick))
+    }
+
+    /// True if this tick is requested.
+    pub(crate) fn is_asked_for(&self, tick: u32) -> bool {
+        self.asked_for.get(tick as usize) == Some(&true)
+    }
+
+    /// True if every tick is requested, at the rate of the corpus.
+    pub(crate) fn is_whole(&self) -> bool {
+        let is_same_rate = match self.ticks {
+            Ticks::Every(_) => true,
+            // A short scenario may keep all ticks at a slightly lower rate.
+            Ticks::PerSecond(hz) => is_of_all(hz, self.record.frame_rate),
+        };
+        is_same_rate && !self.asked_for.contains(&false)
+    }
+
+    /// True if the picture of a view at a tick is requested.
+    pub(crate) fn has_picture(&self, view: &str, tick: u32) -> bool {
+        self.is_asked_for(tick) && self.selected.views.iter().any(|name| name == view)
+    }
+
+    /// The medium between the camera and the aircraft of a ground-truth box.
+    pub(crate) fn sight_of(&self, real: &TruthBox) -> Sight {
+        sight_of(real, &self.frames, self.cloud_base)
+    }
+
+    pub(crate) fn is_left_out(&self, view: &str, tick: u32) -> bool {
+        self.left_out.contains(&(view.to_owned(), tick))
+    }
+
+    pub(crate) fn boxes_of(&self, view: &str, tick: u32) -> &[LabelledBox] {
+        let boxes = self.boxes.get(&(view.to_owned(), tick));
+        boxes.map_or(&[], Vec::as_slice)
+    }
+
+    /// True if a sample of this tick is requested and has the pictures of all views.
+    pub(crate) fn has_sample(&self, tick: u32) -> bool {
+        let mut views = self.selected.views.iter();
+        self.is_asked_for(tick) && !views.any(|view| self.is_left_out(view, tick))
+    }
+
+    /// The model's detections, if the boxes are the ground truth; in crops around detections, the ground truth.
+    pub(crate) fn beside(&self, view: &str, tick: u32) -> &[LabelledBox] {
+        let beside = self.beside.get(&(view.to_owned(), tick));
+        beside.map_or(&[], Vec::as_slice)
+    }
+
+    /// Place of a view in the rows of the table, and its camera.
+    pub(crate) fn view(&self, view: &str) -> Result<(usize, &CameraEntry)> {
+        let index = self.frames.views.iter().position(|name| name == view);
+        let camera = self.calibration.cameras.get(view);
+        index.zip(camera).ok_or_else(|| Error::Unknown {
+            what: "view",
+            found: view.to_owned(),
+            known: self.frames.views.join(", "),
+        })
+    }
+}
+
+/// The pictures of ticks at which a view has no box for a crop to be around.
+fn without_crops(
+    selected: &Selected,
+    asked_for: &[bool],
+    boxes: &ByPicture,
+) -> BTreeSet<(String, u32)> {
+    let mut left_out = BTreeSet::new();
+    for (tick, _) in (0..)
+        .zip(asked_for)
+        .filter(|(_, is_asked_for)| **is_asked_for)
+    {
+        let pictures = || selected.views.iter().map(|view| (view.clone(), tick));
+        if !pictures().all(|picture| boxes.contains_key(&picture)) {
+            left_out.extend(pictures());
+        }
+    }
+    left_out
+}
+
+fn asked_for(ticks: Ticks, rate: FrameRate, count: usize) -> Vec<bool> {
+    match ticks {
+        Ticks::Every(n) => (0..count)
+            .map(|tick| tick % n.get() as usize == 0)
+            .collect(),
+        Ticks::PerSecond(hz) if is_of_all(hz, rate) => vec![true; count],
+        Ticks::PerSecond(hz) => {
+            let mut asked_for = vec![false; count];
+            // Doubled, so that half a tick is a whole number.
+            let (ticks, over) = (
+                2 * u128::from(rate.numerator),
+                2 * u128::from(rate.denominator) * u128::from(hz.get()),
+            );
+            let nearest = (0..).map(|k: u128| ((k * ticks + over / 2) / over) as usize);
+            for tick in nearest.take_while(|tick| *tick < count) {
+                asked_for[tick] = true;
+            }
+            asked_for
+        }
+    }
+}
+
+/// True if this number per second covers all pictures.
+fn is_of_all(hz: NonZeroU32, rate: FrameRate) -> bool {
+    u64::from(hz.get()) * u64::from(rate.denominator) >= u64::from(rate.numerator)
+}
+
+fn sight_of(real: &TruthBox, frames: &Frames, cloud_base: CloudBase) -> Sight {
+    let altitude_m = frames.rows[real.tick as usize].pose.altitude_msl_m;
+    cloud_base.sight(altitude_m, real.transmission)
+}
+
+type OfPicture = ((String, u32), LabelledBox);
+
+fn of_truth(real: TruthBox, sight: Sight) -> OfPicture {
+    let labelled = LabelledBox {
+        pixel_box: real.pixel_box,
+        score: None,
+        truth: Some(TruthFigures {
+            visible_fraction: real.visible_fraction,
+            truncation: real.truncation,
+            transmission: real.transmission,
+            sight,
+            is_expected: real.is_expected(),
+        }),
+    };
+    ((real.view, real.tick), labelled)
+}
+
+fn of_detection(found: Detection) -> OfPicture {
+    let labelled = LabelledBox {
+        pixel_box: found.pixel_box,
+        score: Some(found.score),
+        truth: None,
+    };
+    ((found.view, found.tick), labelled)
+}
+
+fn by_picture(boxes: impl Iterator<Item = OfPicture>) -> ByPicture {
+    let mut all: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    for (picture, labelled) in boxes {
+        all.entry(picture).or_default().push(labelled);
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_a_second_are_the_nearest_and_a_rate_beyond_the_corpus_asks_for_all() {
+        let rate = |numerator, denominator| FrameRate {
+            numerator,
+            denominator,
+        };
+        let per_second = |hz| Ticks::PerSecond(NonZeroU32::new(hz).unwrap());
+        let asked = |ticks, rate, count| -> Vec<usize> {
+            let asked = asked_for(ticks, rate, count).into_iter().enumerate();
+            asked.filter_map(|(tick, is)| is.then_some(tick)).collect()
+        };
+        assert_eq!(asked(per_second(10), rate(30, 1), 7), [0, 3, 6]);
+        assert_eq!(asked(per_second(2), rate(5, 1), 6), [0, 3, 5]);
+        assert_eq!(
+            asked(per_second(u32::MAX), rate(30_000, 1_001), 3),
+            [0, 1, 2]
+        );
+    }
+}
