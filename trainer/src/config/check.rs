@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 use crate::samples::FARTHEST_NM;
 use crate::samples::leave_out::LeftOut;
 
-/// Units of a layer, and layers of a stack: four times as wide and deep as in the paper. With layers at these limits, a training on two views
-/// takes 2 GiB, and 3.5 MB per sample of a batch.
+/// Units of a layer, and layers of a stack: four times as wide and deep as in the paper. With layers at these limits, a training on two
+/// views takes 2 GiB, and 3.5 MB per sample of a batch.
 const WIDTHS: RangeInclusive<usize> = 1..=1_024;
 const MOST_LAYERS: usize = 8;
 const STEPS: RangeInclusive<usize> = 1..=100_000_000;
