@@ -13,6 +13,7 @@ use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
+use dataset::work::watch::Silent;
 use detector_training::convolution::standard_normal;
 use detector_training::corpus_samples::{JudgedFrame, read_frames, videos};
 use detector_training::evaluation::{Evaluation, Spread, judge};
@@ -49,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let corpus = Corpus::open(Path::new(corpus))?;
     let videos = videos(&corpus, &[Side::Train, Side::Validation, Side::Test])?;
-    let frames = read_frames(&videos, count)?;
+    let frames = read_frames(&videos, count, &Silent)?;
     let plain = |frame: &JudgedFrame| {
         let truth = frame.picture.aircraft.filter(|truth| truth.visible);
         truth.is_some_and(|truth| contrast(&frame.picture, &truth.pixel_box) >= PLAIN_CONTRAST)

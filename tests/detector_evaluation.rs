@@ -352,7 +352,7 @@ fn what_cannot_be_evaluated_is_refused_before_anything_is_searched() {
     fs::write(tiny.path("thesis/thesis.tex"), "").unwrap();
     refused(
         &["corpus", "--out", "thesis", "--model", MODEL],
-        "contains thesis.tex",
+        "holds thesis.tex",
     );
     refused(
         &["corpus", "--out", "corpus/scenarios/x", "--model", MODEL],

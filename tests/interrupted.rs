@@ -3,6 +3,7 @@
 
 mod tiny;
 
+use std::ffi::OsString;
 use std::fs;
 use std::process::{Child, Output, Stdio};
 use std::thread::sleep;
@@ -37,8 +38,8 @@ fn start(tiny: &Tiny, line: &str) -> Child {
         .unwrap()
 }
 
-fn interrupt(process: &Child) {
-    kill_process(Pid::from_child(process), Signal::INT).unwrap();
+fn send(process: &Child, signal: Signal) {
+    kill_process(Pid::from_child(process), signal).unwrap();
 }
 
 /// Runs a command to its end.
@@ -52,6 +53,8 @@ fn run(tiny: &Tiny, line: &str) -> Output {
 struct Ran {
     undisturbed: (Tiny, Output),
     interrupted: Output,
+    /// Names beside the corpus after the interruption.
+    left: Vec<OsString>,
     again: (Tiny, Output),
 }
 
@@ -70,14 +73,18 @@ fn interrupted(line: &str, prepare: impl Fn(&Tiny)) -> Ran {
     for _ in 0..MOST_ATTEMPTS {
         let process = start(&tiny, line);
         sleep(delay);
-        interrupt(&process);
+        // As Ctrl-C, which a process that a shell started in the background ignores until it has handlers.
+        send(&process, Signal::TERM);
         let output = process.wait_with_output().unwrap();
         match output.status.code() {
             Some(75) if said(&output).contains(IS_STOPPING) => {
+                let beside = fs::read_dir(tiny.path("")).unwrap();
+                let left = beside.map(|entry| entry.unwrap().file_name()).collect();
                 let again = run(&tiny, line);
                 return Ran {
                     undisturbed,
                     interrupted: output,
+                    left,
                     again: (tiny, again),
                 };
             }
@@ -114,6 +121,12 @@ impl Ran {
             let left = outcome["left"].as_array().unwrap().len();
             assert!((1..=SCENARIOS).contains(&left), "{outcome}");
         }
+        self
+    }
+
+    fn left_no(&self, names: &[&str]) -> &Self {
+        let left = |name: &&str| self.left.iter().any(|found| found == name);
+        assert!(!names.iter().any(left), "{:?}", self.left);
         self
     }
 
@@ -208,9 +221,11 @@ fn judgements_leave_nothing_and_start_over() {
     assert!(again.stdout == undisturbed.stdout, "another report");
     interrupted("evaluate run --corpus corpus --out judged", |_| {})
         .starts_over()
+        .left_no(&["judged", "judged.partial"])
         .made_the_same("judged");
     interrupted("predict run --corpus corpus --out answers.parquet", |_| {})
         .starts_over()
+        .left_no(&["answers.parquet"])
         .made_the_same("answers.parquet");
 }
 
@@ -226,9 +241,9 @@ fn a_second_signal_ends_a_verb_at_once() {
     let is_ended_twice = |attempt: u32| {
         let process = start(&tiny, "fetch {store} --out fetched");
         sleep(LATER * attempt);
-        interrupt(&process);
+        send(&process, Signal::INT);
         sleep(LATER * 10);
-        interrupt(&process);
+        send(&process, Signal::INT);
         let output = process.wait_with_output().unwrap();
         let said = said(&output);
         // Before it waits, the first signal ends it.

@@ -1,4 +1,4 @@
-//! What the text of a corpus's sweep says to the rules by which copies of a corpus are made equal ([`store::Mirror`]).
+//! Reading of sweeps for the comparison of two copies of a corpus ([`store::Mirror`]).
 
 use std::path::Path;
 

@@ -26,7 +26,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
         out: args.out.clone(),
     };
     let began = Instant::now();
-    let metrics = evaluate(&args.run, &corpus, &config)?;
+    let metrics = evaluate(&args.run, &corpus, &config).map_err(Failure::without_results)?;
     let results = args.out.as_ref().unwrap_or(&args.run);
     if args.json {
         print_json(&metrics)?;
@@ -47,8 +47,7 @@ pub(crate) fn evaluate(
     config: &EvaluationConfig,
 ) -> Result<Metrics, Failure> {
     let watch = VerbWatch::new("evaluate", "steps");
-    trainer::evaluate(&RunFolder::at(run), corpus, config, &watch)
-        .map_err(|error| failure_of(error).without_results())
+    trainer::evaluate(&RunFolder::at(run), corpus, config, &watch).map_err(failure_of)
 }
 
 /// Prints the errors of each estimator.

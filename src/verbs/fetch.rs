@@ -210,7 +210,8 @@ fn said(name: &str, decision: &FileDecision, args: &FetchArgs) -> Option<String>
         FileDecision::HasMore => {
             format!("{shown} has more than the store's and stays; `dtd push` sends it")
         }
-        FileDecision::Missing | FileDecision::OnlyInStore => format!(
+        FileDecision::OnlyInStore => return None,
+        FileDecision::Missing => format!(
             "{name} is missing, here and in the store, and cannot be regenerated without plan.json and corpus.toml"
         ),
         FileDecision::SplitAgain => SPLIT_AGAIN.into(),

@@ -181,7 +181,7 @@ impl Sent {
                 "the store has another one, which is newer; move {folder} away to fetch it"
             )),
             Ok(Pushed::OtherRecording) => Some(format!(
-                "the store has another recording of it, with other videos or poses; to keep the store's, move {folder} away and fetch it; to                  replace it, delete {}/scenarios/{id}/DONE.json and push again",
+                "the store has another recording of it, with other videos or poses; to keep the store's, move {folder} away and fetch it; to replace it, delete {}/scenarios/{id}/DONE.json and push again",
                 store.name()
             )),
             Ok(Pushed::Labelled) => Some(format!(

@@ -169,7 +169,7 @@ fn a_training_that_is_stopped_again_and_again_comes_to_the_same_numbers() {
         let asked = AtomicUsize::new(0);
         let later = Calls {
             advance: |_| {},
-            is_stopped: || asked.fetch_add(1, Ordering::Relaxed) >= 50,
+            is_stopped: || asked.fetch_add(1, Ordering::Relaxed) >= 20,
         };
         match train(&corpus, &run, &config(), &later) {
             Err(Error::Stopped(_)) => stops += 1,

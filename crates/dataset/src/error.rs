@@ -147,7 +147,7 @@ pub enum FolderFault {
     )]
     InCorpus { own: PathBuf },
     /// A path without a last part.
-    #[error("has no name that a folder can be made under; name a new folder in it")]
+    #[error("is the root folder; name a new folder in it")]
     NoName,
     /// Something other than a folder.
     #[error("is {found}, not a folder; expected a folder, or the name of a new one")]
@@ -158,16 +158,18 @@ pub enum FolderFault {
     )]
     MountPoint,
     /// A folder with foreign content.
-    #[error("{what} it holds {}; move that away, or name another folder", names.join(", "))]
+    #[error("{what} it holds {}; move that away, or choose another place", names.join(", "))]
     Strangers {
         what: &'static str,
         names: Vec<String>,
     },
     /// Something appeared in the place of a folder in the making.
-    #[error("was made by something else meanwhile and is not replaced; name another folder")]
+    #[error(
+        "was made by something else meanwhile and is not replaced; move it away and run the same command again, or name another folder"
+    )]
     Taken,
     /// The operating system does not allow it.
-    #[error("cannot be made there: {0}")]
+    #[error("cannot be made there: {0}; name another folder")]
     NotMade(std::io::Error),
 }
 

@@ -69,7 +69,7 @@ impl SearchStore {
             REPORT => has_own.contains(&true),
             other => other.starts_with('.'),
         };
-        workshop::refuse_strangers(root, "is no folder of an evaluation:", is_own)?;
+        workshop::refuse_strangers(root, "is not the folder of an evaluation:", is_own)?;
         let searched = own_path(root, SEARCHED)?;
         for mode in EvaluatedMode::ALL {
             own_path(&searched, mode.key())?;

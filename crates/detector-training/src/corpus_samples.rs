@@ -111,7 +111,7 @@ pub(crate) fn read_samples(videos: &[Video], watch: &dyn Watch) -> Result<Sample
     let done = AtomicU64::new(0);
     let read = |video| {
         watch.check()?;
-        let samples = samples_of(video)?;
+        let samples = samples_of(video, watch)?;
         watch.advance(done.fetch_add(1, Ordering::Relaxed) + 1, "");
         Ok(samples)
     };
@@ -126,7 +126,7 @@ pub(crate) fn read_samples(videos: &[Video], watch: &dyn Watch) -> Result<Sample
     Ok(all)
 }
 
-fn samples_of(video: &Video) -> Result<Samples> {
+fn samples_of(video: &Video, watch: &dyn Watch) -> Result<Samples> {
     let mut samples = Samples::default();
     let mut places: [Vec<[usize; 2]>; CROP_SIZES.len()] = Default::default();
     let background_step = video.frames()?.div_ceil(BACKGROUNDS_PER_VIDEO).max(1);
@@ -153,8 +153,9 @@ fn samples_of(video: &Video) -> Result<Samples> {
         if tick % background_step == background_step / 2 {
             samples.backgrounds.push(frame.clone());
         }
-        true
+        !watch.is_stopped()
     })?;
+    watch.check()?;
     for (pieces, places) in samples.aircraft.iter_mut().zip(places) {
         for (piece, place) in pieces.iter_mut().zip(places) {
             piece.cover = cover_of(piece, place, &samples.backgrounds);
@@ -217,7 +218,7 @@ fn rgb_bytes(width_px: usize, height_px: usize) -> u64 {
 ///
 /// # Errors
 /// As [`read_samples`].
-pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
+pub fn read_frames(videos: &[Video], count: usize, watch: &dyn Watch) -> Result<Vec<JudgedFrame>> {
     let per_video = count.div_ceil(videos.len().max(1)).max(1);
     let judging = largest_frame_bytes(videos)? / 3 * JUDGING_BYTES_PER_PIXEL;
     let mut needed_bytes = decoding_bytes(videos)?.max(judging);
@@ -238,8 +239,9 @@ pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
                         weather: video.weather.clone(),
                     });
                 }
-                frames.len() < per_video
+                frames.len() < per_video && !watch.is_stopped()
             })?;
+            watch.check()?;
             Ok(frames)
         })
         .collect::<Result<Vec<_>>>()?;

@@ -105,7 +105,7 @@ pub fn train_detector(
     }
     let trained = train(&samples, &config.training, Some(&checkpoint), watch)?;
 
-    let frames = corpus_samples::read_frames(&test, config.judged_frames)?;
+    let frames = corpus_samples::read_frames(&test, config.judged_frames, watch)?;
     let held_out = evaluate(&trained.network, &frames, config.threshold, watch)?;
 
     let model = export::onnx_bytes(&trained.network);

@@ -108,7 +108,7 @@ pub(crate) fn export_as<F: FileFormat>(
     hasher.update(&serde_json::to_vec(export.request).unwrap_or_default());
     hasher.update(export.about.name.as_bytes());
     format.hash(&mut hasher);
-    export.check(&mut format, &mut hasher, &mut outcome)?;
+    export.check(&mut format, &mut hasher, &mut outcome, watch)?;
     let place = match Place::take(out, hasher.finalize().to_hex().as_str())? {
         Found::Complete { bytes } => {
             return Ok(ExportOutcome {
@@ -171,12 +171,14 @@ impl Export<'_> {
         format: &mut F,
         hasher: &mut blake3::Hasher,
         outcome: &mut ExportOutcome,
+        watch: &dyn Watch,
     ) -> Result<()> {
         let mut selection = mem::take(&mut self.selection);
         if F::BY_SIDE {
             selection.sort_by_key(|selected| selected.side);
         }
         for selected in selection {
+            watch.check()?;
             let source = Source::open(&selected, self.request, self.model.as_deref())?;
             format.check(&source, self)?;
             let before = outcome.pictures;

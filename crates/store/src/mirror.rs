@@ -14,8 +14,11 @@ mod fetch;
 mod push;
 mod settle;
 
+use dataset::corpus::Corpus;
+use dataset::corpus::claim::Claim;
 use dataset::corpus::splits::{Leak, Splits};
 use dataset::plan::Plan;
+use tokio::task::spawn_blocking;
 
 use crate::corpus_store::CorpusStore;
 use crate::patience::{Patience, Transfer};
@@ -36,6 +39,13 @@ pub struct Mirror<'a> {
     pub patience: Patience,
     /// The transfers; their watch counts the scenarios.
     pub transfer: &'a Transfer<'a>,
+}
+
+/// The claim of the files of the whole corpus; waits for another writer, on another thread, so that the wait can be dropped.
+async fn claim_corpus(corpus: &Corpus) -> dataset::Result<Claim> {
+    let corpus = corpus.clone();
+    let claimed = spawn_blocking(move || corpus.claim()).await;
+    claimed.unwrap_or_else(|panic| std::panic::resume_unwind(panic.into_panic()))
 }
 
 /// The language of sweeps, in which `corpus.toml` is written. The generator implements it.

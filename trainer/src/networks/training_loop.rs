@@ -453,7 +453,7 @@ mod tests {
         let mut diary = Diary::of(&[1.0, 8.0, 3.0, 2.0, 4.0], Some(1));
         let (kept, reported) = learn_steps(&mut diary, 4).unwrap();
         assert_eq!(kept.step, 0);
-        assert_eq!(diary.entries, ["step 0", "step 1", "finish"]);
+        assert_eq!(diary.entries, ["step 0", "step 1"]);
         assert!(
             reported.last().unwrap().contains("kept step 0"),
             "{reported:?}"

@@ -44,7 +44,7 @@ impl RunPlace {
     /// Takes a vacant location, for results that do not belong in a run's folder.
     pub(crate) fn take_vacant(folder: &Path) -> Result<Self> {
         let refuse_content = |folder: &Path| {
-            let what = "is not empty, and the results of an evaluation replace no files:";
+            let what = "is not empty, and an evaluation replaces no files:";
             refuse_strangers(folder, what, |_| false)
         };
         refuse_content(folder)?;

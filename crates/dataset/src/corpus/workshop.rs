@@ -1,15 +1,15 @@
 //! Folders that appear or are replaced as a whole.
 //!
 //! ```text
-//! NAME             what counts
+//! NAME             the finished folder
 //! NAME.partial/    its workshop, on the same file system
 //!   claim          locked by the process that works on NAME
 //!   new/           the folder in the making, renamed to NAME when all of it is on disk
 //!   ..             further files of the maker, e.g. a checkpoint
 //! ```
 //!
-//! A killed process leaves its workshop to the next one, which resumes or drops what it finds there. Foreign files are never removed and
-//! never become part of a result: a folder that contains any is rejected.
+//! A killed process leaves its workshop to the next one, which resumes or drops what it finds there. A workshop with foreign
+//! entries is rejected, and left as it is; what lies in `new/` is the maker's.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -20,7 +20,7 @@ use std::time::Duration;
 use crate::corpus::claim::Claim;
 use crate::corpus::{PARTIAL_SUFFIX, own_folder_around};
 use crate::error::{Error, FolderFault, Result};
-use crate::files::new_file::{clear_leftovers, sync};
+use crate::files::new_file::{clear_leftovers, is_temporary, sync};
 use crate::files::outside_file::name_of;
 use crate::files::own_path::resolved;
 
@@ -62,8 +62,11 @@ impl Workshop {
         refuse_mount_point(place)?;
         let folder = Self::beside(place);
         refuse_other_than_folder(&folder)?;
+        let own = [&[CLAIM, NEW][..], own].concat();
+        // Before anything is written there, and again, since it may have changed until it is locked.
+        refuse_foreign(&folder, &own)?;
         let claim = lock(&folder, place, patience)?;
-        tidy(&folder, &[&[CLAIM, NEW][..], own].concat())?;
+        tidy(&folder, &own)?;
         Ok(Self {
             place: place.to_owned(),
             folder,
@@ -222,10 +225,18 @@ pub fn refuse_named(folder: &Path, what: &'static str, mut names: Vec<String>) -
     ))
 }
 
-fn tidy(folder: &Path, own: &[&str]) -> Result<()> {
-    clear_leftovers(folder);
+/// Temporary files of a killed process are no foreign entries.
+fn refuse_foreign(folder: &Path, own: &[&str]) -> Result<()> {
     let what = "is where a folder is made, but";
-    refuse_strangers(folder, what, |name| own.contains(&name))
+    refuse_strangers(folder, what, |name| {
+        own.contains(&name) || is_temporary(name)
+    })
+}
+
+fn tidy(folder: &Path, own: &[&str]) -> Result<()> {
+    refuse_foreign(folder, own)?;
+    clear_leftovers(folder);
+    Ok(())
 }
 
 /// A path that cannot be read is reported where the folder is made.

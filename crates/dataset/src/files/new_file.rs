@@ -232,7 +232,8 @@ fn temporary_beside(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-fn is_temporary(name: &str) -> bool {
+/// True for the name of a file that [`write_atomically`](crate::files::json_file::write_atomically) and its kin write before they rename it.
+pub fn is_temporary(name: &str) -> bool {
     let random = || {
         name.strip_prefix('.')?
             .strip_suffix(TEMPORARY_SUFFIX)?

@@ -2,7 +2,7 @@
 
 /// Observer of long work: receives its progress, for example to draw bars, and can stop it. The threads of the work share it.
 pub trait Watch: Sync {
-    /// A new stage of `total` steps begins. The stage of work that has only one is unnamed.
+    /// A new stage of `total` steps begins. Work with a single stage passes an empty name.
     fn begin(&self, _stage: &str, _total: u64) {}
     /// `done` of the current stage's steps are done; `note` is a short text such as a validation error or a scenario, or empty.
     fn advance(&self, _done: u64, _note: &str) {}
@@ -16,7 +16,7 @@ pub trait Watch: Sync {
     fn warn(&self, line: &str) {
         self.say(line);
     }
-    /// True if the work should stop. Polled before each small unit of the work, and while the work waits.
+    /// True if the work should stop. Polled before each small unit of the work.
     fn is_stopped(&self) -> bool {
         false
     }

@@ -12,7 +12,7 @@ pub enum MirrorError {
     /// The folder cannot be used.
     #[error(transparent)]
     Folder(dataset::Error),
-    /// The two are no copies of one corpus, or the request names what the store does not have.
+    /// The two are not copies of one corpus, or the request names what the store does not have.
     #[error("{message}")]
     Refused {
         /// What was found and where, and advice.

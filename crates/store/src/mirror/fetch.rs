@@ -11,7 +11,7 @@ use dataset::files::own_path::own_path;
 use dataset::plan::{Plan, PlannedScenarios};
 
 use super::corpus_files::{BadFile, Conflict, CorpusFiles, Judge};
-use super::{FileDecision, Mirror, MirrorError};
+use super::{FileDecision, Mirror, MirrorError, claim_corpus};
 use crate::corpus_store::Listing;
 use crate::error::StoreError;
 use crate::scenario::{Fetched, MovedDetections};
@@ -157,7 +157,7 @@ impl Mirror<'_> {
         let theirs = CorpusFiles::of_store(self.store, self.sweeps).await?;
         let theirs = theirs.map_err(damaged)?;
         // Other processes must not change them in the meantime.
-        let _claim = corpus.claim()?;
+        let _claim = claim_corpus(corpus).await?;
         let has_plan = corpus.plan_path().exists();
         let mut judge = Judge::new(&theirs, Plan::of_corpus(corpus).ok().flatten());
         let mut is_plan_replaced = false;

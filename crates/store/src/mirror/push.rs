@@ -9,7 +9,7 @@ use dataset::plan::PlannedScenarios;
 
 use super::corpus_files::{BadFile, Conflict, CorpusFiles, Judge};
 use super::settle::Keep;
-use super::{FileDecision, Mirror, MirrorError};
+use super::{FileDecision, Mirror, MirrorError, claim_corpus};
 use crate::corpus_store::Listing;
 use crate::error::StoreError;
 use crate::scenario::{MovedDetections, Pushed};
@@ -160,7 +160,7 @@ impl Mirror<'_> {
                 && let Some(split) = files.split_again()
             {
                 let split = split.map_err(|leak| refuse(BadFile::damaged(name, leak)))?;
-                let _claim = corpus.claim()?;
+                let _claim = claim_corpus(corpus).await?;
                 split.write(&corpus.splits_path())?;
                 files.add(name, read(name)?).map_err(refuse)?;
                 FileDecision::SplitAgain
