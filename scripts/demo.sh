@@ -6,4 +6,4 @@ cd "$(dirname "$0")/.."
 
 bash scripts/setup-build.sh
 cargo build --release --locked
-exec target/release/dtd demo "$@"
+exec "${CARGO_TARGET_DIR:-target}/release/dtd" demo "$@"

@@ -24,6 +24,10 @@ for package in "${packages[@]}"; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")
 done
 if ((${#missing[@]})); then
+    command -v apt-get >/dev/null || {
+        say "there is no apt-get here. Install the equivalents of ${missing[*]} yourself, and run cargo build --release --locked."
+        exit 1
+    }
     as_root=()
     if [ "$(id -u)" -ne 0 ]; then
         command -v sudo >/dev/null || {
