@@ -32,8 +32,7 @@ pub(crate) const METHOD: u32 = 3;
 /// percent even with equal cameras, which makes no difference.
 const COARSER: f64 = 0.95;
 /// Standard deviation of a lamp or an edge in any picture, however coarse its pixels: lens, sampling and compression. With this value the
-/// formula of a zoomed camera has the least error in leave-one-out tests on the approaches of docs/results.md; `dtd refit` prints the
-/// error.
+/// formula of a zoomed camera has the least error in leave-one-out tests on the approaches of docs/results.md.
 const SPOT_PX: f64 = 1.4;
 /// A picture that shows the aircraft larger by more than this factor is blurred no more: a patch ends 26 px beyond its box.
 const MOST_MATCHED: f64 = 3.0;

@@ -232,7 +232,7 @@ fn temporary_beside(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// True for the name of a file that [`write_atomically`](crate::files::json_file::write_atomically) and its kin write before they rename it.
+/// True for the name of a file that is written before it is renamed.
 pub fn is_temporary(name: &str) -> bool {
     let random = || {
         name.strip_prefix('.')?
