@@ -146,9 +146,10 @@ impl Way {
                     .unwrap_or_default()
                     .replace('"', ""),
                 settings.preset,
-                match settings.codec.is_lossless() {
-                    true => String::new(),
-                    false => format!(" crf {}", settings.crf),
+                if settings.codec.is_lossless() {
+                    String::new()
+                } else {
+                    format!(" crf {}", settings.crf)
                 }
             ),
             Self::Program(Variant(pixel_format, range, parameters, crf)) => {

@@ -125,9 +125,10 @@ fn license(text: &str) -> Result<String, String> {
     let is_url = text.starts_with("https://") || text.starts_with("http://");
     let of_spdx = |c: char| c.is_ascii_alphanumeric() || "-.+".contains(c);
     let is_spdx = !text.is_empty() && text.chars().all(of_spdx);
-    match is_url || is_spdx {
-        true => Ok(text.to_owned()),
-        false => Err("expected an SPDX identifier, such as CC-BY-4.0, or a URL".into()),
+    if is_url || is_spdx {
+        Ok(text.to_owned())
+    } else {
+        Err("expected an SPDX identifier, such as CC-BY-4.0, or a URL".into())
     }
 }
 

@@ -45,9 +45,10 @@ fn wanted(xplane: &str, id: &str) -> &'static [Vec<u8>] {
 fn made(simulator: &SimulatorProcess, only: &str) -> Result<std::path::PathBuf, String> {
     let corpus = simulator.folder().join("corpus");
     let output = simulator.generate(only, &corpus);
-    match output.status.success() {
-        true => Ok(corpus),
-        false => Err(said(&output)),
+    if output.status.success() {
+        Ok(corpus)
+    } else {
+        Err(said(&output))
     }
 }
 

@@ -161,7 +161,7 @@ fn folders(tiny: &Tiny) -> Vec<ScenarioFolder> {
 #[test]
 fn labels_and_transfers_resume_with_the_scenarios_that_were_left() {
     interrupted("label corpus --json", |tiny| {
-        label_otherwise(&folders(tiny))
+        label_otherwise(&folders(tiny));
     })
     .resumes()
     .says_what_is_left()

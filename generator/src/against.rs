@@ -53,9 +53,10 @@ pub struct Against {
 impl Against {
     /// Compares a plan with a corpus; a corpus without a plan is empty.
     pub fn compare(plan: &Plan, corpus: &Corpus) -> dataset::Result<Self> {
-        let frozen = match corpus.plan_path().exists() {
-            true => Some(Plan::read(&corpus.plan_path())?),
-            false => None,
+        let frozen = if corpus.plan_path().exists() {
+            Some(Plan::read(&corpus.plan_path())?)
+        } else {
+            None
         };
         let (mut seals, mut damaged) = (BTreeMap::new(), BTreeMap::new());
         for scenario in &plan.scenarios {

@@ -245,9 +245,10 @@ fn detect_with(
         work_through(&jobs, make, options, watch)?;
         for job in jobs {
             let id = job.id();
-            let done = match job.only_registers() {
-                true => &mut outcome.registered,
-                false => &mut outcome.detected,
+            let done = if job.only_registers() {
+                &mut outcome.registered
+            } else {
+                &mut outcome.detected
             };
             match job.end() {
                 End::Done { seconds } => {

@@ -66,22 +66,24 @@ pub(crate) fn register(
     let magnification = view_from_reference.determinant().abs().sqrt();
     let is_coarser = magnification < COARSER;
     let bin = reference.bin().max(view.bin());
-    let blur_px = |larger: f64| match larger * COARSER > 1.0 {
-        true => blur_of_finer_px(larger.min(MOST_MATCHED), SPOT_PX / bin as f64),
-        false => BLUR_PX,
+    let blur_px = |larger: f64| {
+        if larger * COARSER > 1.0 {
+            blur_of_finer_px(larger.min(MOST_MATCHED), SPOT_PX / bin as f64)
+        } else {
+            BLUR_PX
+        }
     };
     let reference = Cleaned::of(&reference.binned(bin), blur_px(magnification.recip()))?;
     let view = Cleaned::of(&view.binned(bin), blur_px(magnification))?;
-    let fit = match is_coarser {
-        true => {
-            let reference_from_view = view_from_reference.inverse();
-            fit(&view, &reference, reference_from_view)?.reversed(
-                reference.centre_px(),
-                view.centre_px(),
-                view_from_reference,
-            )
-        }
-        false => fit(&reference, &view, view_from_reference)?,
+    let fit = if is_coarser {
+        let reference_from_view = view_from_reference.inverse();
+        fit(&view, &reference, reference_from_view)?.reversed(
+            reference.centre_px(),
+            view.centre_px(),
+            view_from_reference,
+        )
+    } else {
+        fit(&reference, &view, view_from_reference)?
     };
     shift_of(&reference, &fit, expected)
 }

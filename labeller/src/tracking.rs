@@ -189,9 +189,10 @@ impl Tracker {
         let (histories, now_s) = (&self.histories, self.now_s);
         self.followed.retain(|track| {
             let history = &histories[track.number as usize];
-            match history.confirmed_s.is_some() {
-                true => !track.is_gone(now_s),
-                false => !track.has_failed(hits) && !history.has_stood_still(LONGEST_STILL_S),
+            if history.confirmed_s.is_some() {
+                !track.is_gone(now_s)
+            } else {
+                !track.has_failed(hits) && !history.has_stood_still(LONGEST_STILL_S)
             }
         });
         for (track, seen) in track_of.iter_mut().zip(boxes) {
@@ -217,9 +218,10 @@ impl Tracker {
             }
             for (index, seen) in boxes.iter().enumerate() {
                 let distance = track.motion.distance(&seen.pixel_box);
-                let (gate, is_other) = match seen.is_faint {
-                    true => (FAINT_GATE, is_confirmed),
-                    false => (GATE, !was_clear),
+                let (gate, is_other) = if seen.is_faint {
+                    (FAINT_GATE, is_confirmed)
+                } else {
+                    (GATE, !was_clear)
                 };
                 if distance <= gate && !(is_other && history.has_stood_still(GROWTH_SHOWS_S)) {
                     let order = (seen.is_faint, !is_confirmed, !was_clear);

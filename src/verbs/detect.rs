@@ -144,9 +144,10 @@ pub(crate) fn detect(
     refuse_other_models(model)?;
     let watch = VerbWatch::new("detect", "pictures");
     let outcome = detect_corpus(corpus, model, &options, &watch).map_err(|error| {
-        match error.is_bad_input() {
-            true => Failure::bad_input(error),
-            false => error.into(),
+        if error.is_bad_input() {
+            Failure::bad_input(error)
+        } else {
+            error.into()
         }
     })?;
     for failure in &outcome.failed {

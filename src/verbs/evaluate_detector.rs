@@ -73,9 +73,10 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
         println!("report: {}", report.display());
     }
     finish("evaluate-detector", began, &Next::default());
-    Ok(match evaluation.failed.is_empty() {
-        true => Ending::Done,
-        false => Ending::Losses,
+    Ok(if evaluation.failed.is_empty() {
+        Ending::Done
+    } else {
+        Ending::Losses
     })
 }
 

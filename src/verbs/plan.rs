@@ -73,9 +73,10 @@ fn warn_of_unused_weathers(sweep: &Sweep, plan: &Plan) {
     };
     for weather in sweep.weathers.keys() {
         if !used.contains(weather.as_str()) {
-            let why = match is_in_grid(weather) {
-                true => "[[exclude]] omits every combination with it",
-                false => "name it in `weathers` of [grid]",
+            let why = if is_in_grid(weather) {
+                "[[exclude]] omits every combination with it"
+            } else {
+                "name it in `weathers` of [grid]"
             };
             eprint_warning!("no scenario has the weather {weather:?}: {why}");
         }

@@ -47,9 +47,12 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
             let report = verify(&corpus, options, &watch)?;
             // An unreadable description counts as outdated.
             let described = exporter::is_described_as_it_is(&corpus).unwrap_or(Some(false));
-            let description = described.map(|is_current| match is_current {
-                true => Description::Current,
-                false => Description::Outdated,
+            let description = described.map(|is_current| {
+                if is_current {
+                    Description::Current
+                } else {
+                    Description::Outdated
+                }
             });
             (root.display().to_string(), report, description)
         }

@@ -196,13 +196,12 @@ pub(crate) fn split_again(
         return Ok(());
     };
     let is_there = LeftOut::parse(setting).is_some_and(|left_out| left_out.split(samples));
-    match is_there {
-        true => Ok(()),
-        false => {
-            let setting = setting.to_owned();
-            let fault = CorpusFault::NothingLeftOut { setting };
-            Err(Error::corpus(corpus.root(), fault))
-        }
+    if is_there {
+        Ok(())
+    } else {
+        let setting = setting.to_owned();
+        let fault = CorpusFault::NothingLeftOut { setting };
+        Err(Error::corpus(corpus.root(), fault))
     }
 }
 

@@ -297,9 +297,10 @@ impl Profile {
         };
         let measured = words(&profile.simulator, profile.plugin.as_deref());
         let found = words(simulator, plugin);
-        match measured == found {
-            true => Ok(profile),
-            false => Err(ProfileError::OtherVersion { measured, found }),
+        if measured == found {
+            Ok(profile)
+        } else {
+            Err(ProfileError::OtherVersion { measured, found })
         }
     }
 

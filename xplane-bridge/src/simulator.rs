@@ -257,9 +257,10 @@ impl Simulator {
             };
             let [name, simulator_version] = [name, simulator_version].map(|text| quoted(&text));
             let plugin = plugin.map(|text| quoted(&text));
-            let sharing = match no_shared_memory {
-                true => Sharing::Impossible,
-                false => Sharing::with(shares_memory_with, link.local_address()),
+            let sharing = if no_shared_memory {
+                Sharing::Impossible
+            } else {
+                Sharing::with(shares_memory_with, link.local_address())
             };
             let profile = KnownProfile::of(
                 profile,
@@ -296,11 +297,10 @@ impl Simulator {
                 description,
                 generation,
                 // A tape's weather has settled.
-                weather_settle: match replayed {
-                    true => Duration::ZERO,
-                    false => Duration::from_secs_f32(
-                        settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0),
-                    ),
+                weather_settle: if replayed {
+                    Duration::ZERO
+                } else {
+                    Duration::from_secs_f32(settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0))
                 },
                 settle_frames: SETTLE_FRAMES,
                 pixels: Box::new(Payload(PixelKind::Link)),

@@ -95,9 +95,10 @@ impl PrecisionTally {
                     let is_crowd = truth.is_some_and(|truth| truth.is_ignored);
                     if fits && (!is_taken || is_crowd) {
                         is_taken = true;
-                        match is_wanted {
-                            true => judged.right[size] |= bit,
-                            false => judged.ignored[size] |= bit,
+                        if is_wanted {
+                            judged.right[size] |= bit
+                        } else {
+                            judged.ignored[size] |= bit
                         }
                     } else if !is_inside(pixel_box) {
                         judged.ignored[size] |= bit;
@@ -137,9 +138,10 @@ impl PrecisionTally {
             if judged.ignored[size] & bit != 0 {
                 continue;
             }
-            match judged.right[size] & bit != 0 {
-                true => right += 1,
-                false => wrong += 1,
+            if judged.right[size] & bit != 0 {
+                right += 1
+            } else {
+                wrong += 1
             }
             let recall = right as f64 / aircraft as f64;
             curve.push((recall, right as f64 / (right + wrong) as f64));

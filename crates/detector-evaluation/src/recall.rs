@@ -171,9 +171,10 @@ impl RecallTally {
                 .any(|group| group.weather == *weather && group.sight != Sight::Open)
         };
         let open: Vec<_> = self.weathers().filter(|weather| !hides(weather)).collect();
-        match open.is_empty() {
-            true => self.weathers().cloned().collect(),
-            false => open.into_iter().cloned().collect(),
+        if open.is_empty() {
+            self.weathers().cloned().collect()
+        } else {
+            open.into_iter().cloned().collect()
         }
     }
 

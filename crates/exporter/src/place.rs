@@ -156,12 +156,13 @@ pub(crate) fn refuse_corpus(corpus: &Corpus, out: &Path) -> Result<()> {
     let is_around = [place.clone(), Workshop::beside(&place)]
         .iter()
         .any(|folder| corpus.starts_with(folder));
-    match is_around || place.starts_with(&corpus) {
-        true => Err(Error::InCorpus {
+    if is_around || place.starts_with(&corpus) {
+        Err(Error::InCorpus {
             out: out.to_owned(),
             corpus,
-        }),
-        false => Ok(()),
+        })
+    } else {
+        Ok(())
     }
 }
 
@@ -169,9 +170,10 @@ fn bytes_in(folder: &Path) -> std::io::Result<u64> {
     let mut bytes = 0;
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
-        bytes += match entry.file_type()?.is_dir() {
-            true => bytes_in(&entry.path())?,
-            false => entry.metadata()?.len(),
+        bytes += if entry.file_type()?.is_dir() {
+            bytes_in(&entry.path())?
+        } else {
+            entry.metadata()?.len()
         };
     }
     Ok(bytes)

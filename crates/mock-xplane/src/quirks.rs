@@ -456,9 +456,10 @@ impl Quirks {
     /// Duration of one second of a client's waiting if the simulator's clock runs this much faster: zero if none of the quirks makes
     /// clients wait.
     pub(crate) fn pace(self, clock_rate: f64) -> f64 {
-        match self.iter().any(|quirk| quirk.facts().costs_time) {
-            true => 1.0 / clock_rate,
-            false => 0.0,
+        if self.iter().any(|quirk| quirk.facts().costs_time) {
+            1.0 / clock_rate
+        } else {
+            0.0
         }
     }
 
@@ -542,9 +543,10 @@ impl FromStr for Quirks {
                         .map(|facts| Self::NONE.with(facts.quirk))
                         .ok_or_else(|| UnknownQuirk { found: word.into() })?,
                 };
-                Ok(match out {
-                    true => Self(set.0 & !named.0),
-                    false => Self(set.0 | named.0),
+                Ok(if out {
+                    Self(set.0 & !named.0)
+                } else {
+                    Self(set.0 | named.0)
                 })
             })
     }

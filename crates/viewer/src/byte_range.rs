@@ -39,9 +39,10 @@ impl Asked {
             (Some(None), Some(Some(last))) => bytes.saturating_sub(last)..bytes,
             _ => return Self::Whole,
         };
-        match part.is_empty() {
-            true => Self::Outside,
-            false => Self::Part(part),
+        if part.is_empty() {
+            Self::Outside
+        } else {
+            Self::Part(part)
         }
     }
 }

@@ -136,9 +136,10 @@ impl Answers {
     fn read(path: &Path) -> Self {
         let mut answers = Self::default();
         let is_folder = path.is_dir();
-        let sealed = match is_folder {
-            true => Sealed::read(path),
-            false => Ok(None),
+        let sealed = if is_folder {
+            Sealed::read(path)
+        } else {
+            Ok(None)
         };
         let sealed = sealed.unwrap_or_else(|error| {
             answers.problems.push(error.to_string());
@@ -148,9 +149,10 @@ impl Answers {
             Some(sealed) if sealed.hash_of(name).is_some() => sealed.check(name),
             _ => Ok(path.join(name)),
         };
-        let table = match is_folder {
-            true => file(PREDICTIONS),
-            false => Ok(path.to_owned()),
+        let table = if is_folder {
+            file(PREDICTIONS)
+        } else {
+            Ok(path.to_owned())
         };
         match table.and_then(|table| flights(&table)) {
             Ok(flights) => answers.flights = flights,
@@ -175,9 +177,10 @@ fn flights(path: &Path) -> dataset::Result<BTreeMap<String, Flight>> {
     let table = Table::read(path, MOST_ROWS)?;
     let scenario = table.text("scenario")?;
     let tick = table.u32("tick")?;
-    let truth = match table.has(TRUTH) {
-        true => table.f64(TRUTH)?,
-        false => Vec::new(),
+    let truth = if table.has(TRUTH) {
+        table.f64(TRUTH)?
+    } else {
+        Vec::new()
     };
     let mut estimators = Vec::new();
     for column in table.column_names() {

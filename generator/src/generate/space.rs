@@ -12,9 +12,12 @@ pub fn free_bytes(folder: &Path) -> Option<u64> {
     let there = folder
         .ancestors()
         // The last ancestor of a relative path is empty and means the current folder.
-        .map(|folder| match folder.as_os_str().is_empty() {
-            true => Path::new("."),
-            false => folder,
+        .map(|folder| {
+            if folder.as_os_str().is_empty() {
+                Path::new(".")
+            } else {
+                folder
+            }
         })
         .find(|folder| folder.exists())?;
     let figures = rustix::fs::statvfs(there).ok()?;

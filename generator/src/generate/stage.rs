@@ -37,13 +37,14 @@ pub(super) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
             let scenarios = own_path(root, "scenarios")?;
             let holds_some =
                 fs::read_dir(scenarios).is_ok_and(|mut entries| entries.next().is_some());
-            match holds_some {
-                false => Ok(()),
-                true => refused(format!(
+            if !holds_some {
+                Ok(())
+            } else {
+                refused(format!(
                     "holds scenarios and no {MARK}, so it is no stage from which they may be taken once they are sent; send them with \
-                     `dtd push {} {url}`",
+                 `dtd push {} {url}`",
                     root.display()
-                )),
+                ))
             }
         }
     }

@@ -91,9 +91,10 @@ impl ScenarioJob {
         options: &DetectOptions,
     ) -> Result<Option<Self>> {
         let scenario = folder.open()?;
-        let standing = match options.force {
-            true => Standing::Missing,
-            false => DetectionRecord::standing(&scenario, model, &Searching::of(options))?,
+        let standing = if options.force {
+            Standing::Missing
+        } else {
+            DetectionRecord::standing(&scenario, model, &Searching::of(options))?
         };
         let stored = match standing {
             Standing::Missing => None,

@@ -107,9 +107,10 @@ impl<'a> Sequence<'a> {
                 .is_none_or(|last_s| now_s - last_s >= period_s - DUE_PART * since_s)
         };
         let may_follow_loss = has_passed(LOSS_PART * self.modes.full_search_s);
-        let period_s = match expected.iter().any(|expected| expected.is_confirmed) {
-            true => self.modes.full_search_s.max(LEAST_PERIOD * since_s),
-            false => self.modes.full_search_s,
+        let period_s = if expected.iter().any(|expected| expected.is_confirmed) {
+            self.modes.full_search_s.max(LEAST_PERIOD * since_s)
+        } else {
+            self.modes.full_search_s
         };
         if is_too_fast || has_passed(period_s) {
             return self.everywhere(pictures);

@@ -113,9 +113,10 @@ impl NmsAnswer<'_> {
             for place in 0..boxes {
                 let index = window * boxes + place;
                 let is_counted = (place as f32) < count;
-                let class = match is_counted {
-                    true => self.classes.numbers()[index],
-                    false => NO_CLASS,
+                let class = if is_counted {
+                    self.classes.numbers()[index]
+                } else {
+                    NO_CLASS
                 };
                 joined.extend(&self.corners.numbers()[4 * index..4 * index + 4]);
                 joined.extend([self.scores.numbers()[index], class]);

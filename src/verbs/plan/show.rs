@@ -150,9 +150,10 @@ impl Report<'_> {
     fn show_difference(&self, compared: &Compared) {
         let against = &compared.against;
         println!();
-        let note = match compared.is_default {
-            true => " (found here; --against names another)",
-            false => "",
+        let note = if compared.is_default {
+            " (found here; --against names another)"
+        } else {
+            ""
         };
         print_after("against     ", &format!("{}{note}", compared.corpus));
         for (standing, note) in [

@@ -38,9 +38,10 @@ pub(super) fn run(args: &TrainArgs, path: &Path, corpora: &[Corpus]) -> Outcome 
     let watch = VerbWatch::new("train", "steps");
     let table = trainer::search(corpora, &args.out, &search, &watch).map_err(failure_of)?;
     drop(watch);
-    match args.json {
-        true => print_json(&table)?,
-        false => print(&search, &table),
+    if args.json {
+        print_json(&table)?
+    } else {
+        print(&search, &table)
     }
     let Some(best) = &table.best else {
         return Ok(Ending::Losses);

@@ -196,9 +196,10 @@ fn sets_of_views(views: usize, training: &[&Sample]) -> BTreeSet<Vec<usize>> {
 
 impl ViewSet {
     fn places(&self, observed: &Observation) -> Option<Places> {
-        match self.registered {
-            true => Places::registered(observed, &self.views),
-            false => Places::of_boxes(observed, &self.views),
+        if self.registered {
+            Places::registered(observed, &self.views)
+        } else {
+            Places::of_boxes(observed, &self.views)
         }
     }
 

@@ -80,9 +80,12 @@ impl ViewRemoval {
         match self {
             Self::AllBut(view) => vec![Lost::AllBut(view); flight.len()],
             Self::AtRandom => {
-                let mut draw = || match random.random_bool(rules.random_share) {
-                    true => Lost::One(random.random_range(0..views)),
-                    false => Lost::None,
+                let mut draw = || {
+                    if random.random_bool(rules.random_share) {
+                        Lost::One(random.random_range(0..views))
+                    } else {
+                        Lost::None
+                    }
                 };
                 flight.iter().map(|_| draw()).collect()
             }
@@ -96,9 +99,10 @@ impl ViewRemoval {
                     let start_s = period(&ticks[0]) * rules.burst_every_s
                         + random.random_range(0.0..=rules.burst_every_s - burst_s);
                     lost.extend(ticks.iter().map(|observed| {
-                        match (start_s..start_s + burst_s).contains(&time_s(observed)) {
-                            true => Lost::One(view),
-                            false => Lost::None,
+                        if (start_s..start_s + burst_s).contains(&time_s(observed)) {
+                            Lost::One(view)
+                        } else {
+                            Lost::None
                         }
                     }));
                 }

@@ -31,9 +31,10 @@ fn models(card: &mut String, metrics: Option<&Metrics>, exported: &[ExportedMode
     );
     for estimator in Estimator::ALL {
         let Description { name, how, .. } = estimator.description();
-        let file = match exported.iter().any(|model| model.name == name) {
-            true => format!("`{name}.onnx`"),
-            false => format!("{name}: not exported, it needs cameras or whole flights"),
+        let file = if exported.iter().any(|model| model.name == name) {
+            format!("`{name}.onnx`")
+        } else {
+            format!("{name}: not exported, it needs cameras or whole flights")
         };
         let figures = metrics.and_then(|metrics| metrics.estimators.get(name));
         let [dual, combination] = [
@@ -91,12 +92,13 @@ fn inputs(card: &mut String, run: &TrainedRun) {
         let picture = run.summary.cameras.get(name).map_or("–".into(), |camera| {
             format!("{}x{}", camera.width_px, camera.height_px)
         });
-        let ranges = normalisation
-            .believed_px(view)
-            .map(|[least, most]| match least <= most {
-                false => "none".into(),
-                true => format!("{least:.1} to {most:.1}"),
-            });
+        let ranges = normalisation.believed_px(view).map(|[least, most]| {
+            if least > most {
+                "none".into()
+            } else {
+                format!("{least:.1} to {most:.1}")
+            }
+        });
         let _ = writeln!(card, "| {name} | {picture} | {} |", ranges.join(" | "));
     }
     if run.config.align_backgrounds {
@@ -110,15 +112,15 @@ fn inputs(card: &mut String, run: &TrainedRun) {
 fn training(card: &mut String, run: &TrainedRun) {
     let (summary, config) = (&run.summary, &run.config);
     let rig = &summary.rig;
-    let vary = match summary.cameras_vary {
-        true => ", whose cameras varied between scenarios",
-        false => "",
+    let vary = if summary.cameras_vary {
+        ", whose cameras varied between scenarios"
+    } else {
+        ""
     };
-    let moved = match config.align_backgrounds {
-        true => "one that was moved or zoomed needs a training of its own, and so do other cameras",
-        false => {
-            "one that was moved or zoomed needs `dtd refit`, other cameras a training of their own"
-        }
+    let moved = if config.align_backgrounds {
+        "one that was moved or zoomed needs a training of its own, and so do other cameras"
+    } else {
+        "one that was moved or zoomed needs `dtd refit`, other cameras a training of their own"
     };
     let farthest = config
         .max_dtd_nm

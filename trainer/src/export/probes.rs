@@ -71,9 +71,10 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
                     scale: random.random_range(0.95..1.05),
                     gain: random.random_range(0.7..1.4),
                     // A shift may come without the rest.
-                    correlation: match random.random_bool(MISSING) {
-                        true => f64::NAN,
-                        false => random.random_range(0.8..1.0),
+                    correlation: if random.random_bool(MISSING) {
+                        f64::NAN
+                    } else {
+                        random.random_range(0.8..1.0)
                     },
                 })
             })

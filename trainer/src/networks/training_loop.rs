@@ -271,12 +271,13 @@ impl<N: Module> Kept<N> {
 /// The errors of a network, all of them finite.
 fn judge<T: Task>(task: &T, network: &T::Network, step: usize) -> Result<Vec<Option<f64>>> {
     let errors_pct = task.errors_pct(network);
-    match errors_pct.iter().flatten().all(|error| error.is_finite()) {
-        true => Ok(errors_pct),
-        false => Err(Error::Diverged {
+    if errors_pct.iter().flatten().all(|error| error.is_finite()) {
+        Ok(errors_pct)
+    } else {
+        Err(Error::Diverged {
             network: T::NAME,
             step,
-        }),
+        })
     }
 }
 

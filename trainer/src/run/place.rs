@@ -236,8 +236,9 @@ fn identity(run: &Path) -> Result<Option<String>> {
 /// Refuses a path in the folder of a run.
 pub(crate) fn refuse_in_run(path: &Path) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    match folder.join(RunFolder::SUMMARY).is_file() {
-        true => Err(Error::run(path, RunFault::InRun)),
-        false => Ok(()),
+    if folder.join(RunFolder::SUMMARY).is_file() {
+        Err(Error::run(path, RunFault::InRun))
+    } else {
+        Ok(())
     }
 }

@@ -391,7 +391,8 @@ impl TrainedRun {
             baselines.pinholes.len(),
             baselines.centre_offsets.len(),
         ];
-        if views == 0 || lengths.iter().any(|&length| length != views) {
+        let is_possible = (1..=limits::MOST_VIEWS).contains(&views);
+        if !is_possible || lengths.iter().any(|&length| length != views) {
             let fault = RunFault::Lengths { views, lengths };
             return Err(sealed.refused(RunFolder::NORMALISATION, fault));
         }

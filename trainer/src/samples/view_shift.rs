@@ -87,11 +87,14 @@ impl Places {
         if !views.contains(&reference) {
             return None;
         }
-        let shift = |&view: &usize| match view == reference {
-            true => Some((DVec2::ZERO, None)),
-            false => observed.shifts[view]
-                .filter(|shift| shift.reference == reference)
-                .map(|shift| (shift.shift_px, Some(shift.variance_px2()))),
+        let shift = |&view: &usize| {
+            if view == reference {
+                Some((DVec2::ZERO, None))
+            } else {
+                observed.shifts[view]
+                    .filter(|shift| shift.reference == reference)
+                    .map(|shift| (shift.shift_px, Some(shift.variance_px2())))
+            }
         };
         let shifts: Vec<_> = views.iter().map(shift).collect::<Option<_>>()?;
         let count = views.len() as f64;

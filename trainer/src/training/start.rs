@@ -74,9 +74,10 @@ impl Start {
                 let (old, new) = (cameras(old, view)?, cameras(fitted, view)?);
                 known.moved(view, &old, &new)
             };
-            let learned = match are_same {
-                true => Some(known.clone()),
-                false => moved(),
+            let learned = if are_same {
+                Some(known.clone())
+            } else {
+                moved()
             };
             if let Some(learned) = learned {
                 features.offset_px[view] = learned.offset_px[view];

@@ -94,9 +94,10 @@ pub fn read(picture: &RgbPicture) -> Result<Sighting, Unreadable> {
         bits = bits << 1 | u64::from(level > bright_above);
     }
     let code = (bits >> CHECKSUM_BITS) as u32;
-    match bits == bits_of(code) {
-        true => Ok(Sighting { code, rectangle }),
-        false => Err(Unreadable::Damaged(rectangle)),
+    if bits == bits_of(code) {
+        Ok(Sighting { code, rectangle })
+    } else {
+        Err(Unreadable::Damaged(rectangle))
     }
 }
 

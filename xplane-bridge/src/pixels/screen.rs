@@ -40,10 +40,10 @@ use grabber::Grabber;
 pub use remote_screen::RemoteScreen;
 
 /// Timeout for a pattern to become visible.
-const PATIENCE: Duration = match cfg!(test) {
-    // A fake screen stays idle while the test waits.
-    true => Duration::from_millis(200),
-    false => Duration::from_secs(2),
+const PATIENCE: Duration = if cfg!(test) {
+    Duration::from_millis(200)
+} else {
+    Duration::from_secs(2)
 };
 /// Number of codes for measuring the lag.
 const TRIALS: u32 = 8;
@@ -338,14 +338,13 @@ impl PixelSource for ScreenSource {
                 picture = self.grabber.grab(picture, 0).await?;
             }
             self.last.clone_from(&picture.rgb);
-            match covers(&picture) {
-                true => Err(PixelError::PatternStays),
-                false => {
-                    if let Some(margins_px) = self.margins_px {
-                        cut_margins(&mut picture, margins_px);
-                    }
-                    Ok(picture.rgb)
+            if covers(&picture) {
+                Err(PixelError::PatternStays)
+            } else {
+                if let Some(margins_px) = self.margins_px {
+                    cut_margins(&mut picture, margins_px);
                 }
+                Ok(picture.rgb)
             }
         })
     }

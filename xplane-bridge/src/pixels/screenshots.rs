@@ -45,9 +45,10 @@ fn decode(png: Vec<u8>, size: PictureSize) -> Result<Vec<u8>, PixelError> {
         width_px: picture.width(),
         height_px: picture.height(),
     };
-    match found == size {
-        true => Ok(picture.into_rgb8().into_raw()),
-        false => Err(wrong(format!("it has {found} pixels, expected {size}"))),
+    if found == size {
+        Ok(picture.into_rgb8().into_raw())
+    } else {
+        Err(wrong(format!("it has {found} pixels, expected {size}")))
     }
 }
 

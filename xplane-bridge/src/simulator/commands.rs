@@ -150,9 +150,10 @@ impl Simulator {
     }
 
     async fn command(&mut self, command: &str) -> Result<(), BridgeError> {
-        match self.command_by_web_api(command).await {
-            true => Ok(()),
-            false => self.udp.command(command).await,
+        if self.command_by_web_api(command).await {
+            Ok(())
+        } else {
+            self.udp.command(command).await
         }
     }
 

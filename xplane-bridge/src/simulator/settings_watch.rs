@@ -67,9 +67,10 @@ impl SettingsWatch {
     /// # Errors
     /// [`BridgeError::Restarted`], [`BridgeError::SettingLost`].
     pub(super) fn check(&mut self) -> Result<(), BridgeError> {
-        match self.subscription.has_changed() {
-            true => self.judge.check(&self.subscription.readings()),
-            false => Ok(()),
+        if self.subscription.has_changed() {
+            self.judge.check(&self.subscription.readings())
+        } else {
+            Ok(())
         }
     }
 }
@@ -115,9 +116,10 @@ impl Judge {
     fn check_running(&mut self, now: Reading) -> Result<(), BridgeError> {
         if let Some(before) = self.running {
             // After a silence datagrams are no longer reordered: then the smallest step back means a restart.
-            let tolerance_s = match now.at.duration_since(before.at) >= SILENCE {
-                true => 0.0,
-                false => OVERTAKING.as_secs_f32(),
+            let tolerance_s = if now.at.duration_since(before.at) >= SILENCE {
+                0.0
+            } else {
+                OVERTAKING.as_secs_f32()
             };
             if now.value < before.value - tolerance_s {
                 return Err(BridgeError::Restarted {

@@ -247,9 +247,10 @@ impl Simulator {
 
     /// A tape gives its next values on every reading.
     pub(super) fn poll_pause(&self) -> Duration {
-        match self.description.replayed {
-            true => REPLAYED_POLL,
-            false => POLL,
+        if self.description.replayed {
+            REPLAYED_POLL
+        } else {
+            POLL
         }
     }
 

@@ -260,12 +260,13 @@ fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
                 .map_err(Error::io("read", path))?;
             serde_json::from_slice::<Process>(&text).is_ok()
         });
-    match is_claim {
-        true => Ok(()),
-        false => Err(Error::corpus(
+    if is_claim {
+        Ok(())
+    } else {
+        Err(Error::corpus(
             path,
             "is in the place of a claim and is none; expected nothing there, or a file of ours that names a process; move it away",
-        )),
+        ))
     }
 }
 

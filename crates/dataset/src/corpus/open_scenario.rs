@@ -349,11 +349,12 @@ impl OpenScenario {
 }
 
 fn kind_of(name: &'static str) -> FileKind {
-    match name.ends_with(".json") {
-        true => FileKind::json(name),
-        false => FileKind::TABLE,
-    }
-    .unlinked()
+    let kind = if name.ends_with(".json") {
+        FileKind::json(name)
+    } else {
+        FileKind::TABLE
+    };
+    kind.unlinked()
 }
 
 /// The column that shows that a row of detections belongs to no picture of the scenario, and why.

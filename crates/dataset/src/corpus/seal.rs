@@ -182,9 +182,10 @@ pub fn hash_file(path: &Path) -> Result<String> {
 
 /// The same for the current content of a sealed file: a file that is far too large is rejected unread.
 pub(crate) fn hash_sealed(name: &str, path: &Path) -> Result<String> {
-    let kind = match name.starts_with(VIDEOS) {
-        true => FileKind::VIDEO,
-        false => FileKind::TABLE,
+    let kind = if name.starts_with(VIDEOS) {
+        FileKind::VIDEO
+    } else {
+        FileKind::TABLE
     };
     hash_opened(outside_file::open(path, kind)?, path)
 }

@@ -178,9 +178,10 @@ impl Sealed {
     /// Finds a file by its name, without reading its content.
     pub(crate) fn find_unread(&self, name: &str) -> Result<Found<PathBuf>> {
         let path = own_path(&self.folder, name)?;
-        Ok(match path.is_file() {
-            true => Found::Whole(path),
-            false => Found::Missing,
+        Ok(if path.is_file() {
+            Found::Whole(path)
+        } else {
+            Found::Missing
         })
     }
 }

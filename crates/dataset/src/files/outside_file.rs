@@ -147,9 +147,10 @@ fn check_size(bytes: u64, path: &Path, kind: FileKind) -> Result<()> {
 }
 
 fn found_instead(path: &Path, kind: FileKind) -> Option<&'static str> {
-    let metadata = match kind.follows_links {
-        true => path.metadata(),
-        false => path.symlink_metadata(),
+    let metadata = if kind.follows_links {
+        path.metadata()
+    } else {
+        path.symlink_metadata()
     };
     let file_type = metadata.ok()?.file_type();
     (!file_type.is_file()).then(|| name_of(file_type))

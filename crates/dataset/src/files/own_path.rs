@@ -25,13 +25,14 @@ pub fn own_path(root: &Path, name: impl AsRef<Path>) -> Result<PathBuf> {
 /// It is one.
 pub fn refuse_link(path: &Path) -> Result<()> {
     let is_link = fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink());
-    match is_link {
-        true => Err(Error::corpus(
+    if is_link {
+        Err(Error::corpus(
             path,
             "is a symbolic link; expected a file or folder of the corpus itself, since links may lead out of it; put the real one in \
-             its place",
-        )),
-        false => Ok(()),
+         its place",
+        ))
+    } else {
+        Ok(())
     }
 }
 

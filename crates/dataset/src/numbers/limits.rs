@@ -34,12 +34,13 @@ impl Limits {
 
     /// Rejects a number outside the limits.
     pub fn check(&self, value: f64) -> Result<(), OutOfLimits> {
-        match self.hold(value) {
-            true => Ok(()),
-            false => Err(OutOfLimits {
+        if self.hold(value) {
+            Ok(())
+        } else {
+            Err(OutOfLimits {
                 value,
                 limits: *self,
-            }),
+            })
         }
     }
 }

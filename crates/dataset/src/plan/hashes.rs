@@ -63,9 +63,10 @@ impl Plan {
                 return Err(HashMismatch::Scenario { id: id.clone() });
             }
         }
-        match plan_hash(self.scenarios.iter().map(PlannedScenario::id_and_hash)) == self.plan_hash {
-            true => Ok(()),
-            false => Err(HashMismatch::Plan),
+        if plan_hash(self.scenarios.iter().map(PlannedScenario::id_and_hash)) == self.plan_hash {
+            Ok(())
+        } else {
+            Err(HashMismatch::Plan)
         }
     }
 }

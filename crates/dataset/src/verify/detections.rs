@@ -197,9 +197,10 @@ fn check_scores(file: &str, counts: &Counts, rows: &[Row], faults: &mut Faults) 
     };
     for row in rows {
         let Row::Box(found) = row else { continue };
-        let (name, least, what) = match found.confirmed {
-            true => ("faint_score", faint.min(score), "a box"),
-            false => ("score", score, "a box that does not count"),
+        let (name, least, what) = if found.confirmed {
+            ("faint_score", faint.min(score), "a box")
+        } else {
+            ("score", score, "a box that does not count")
         };
         if found.score < least {
             let Detection {

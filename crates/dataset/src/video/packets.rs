@@ -144,9 +144,10 @@ fn header_of(parameters: &codec::Parameters) -> Vec<u8> {
     unsafe {
         let parameters = &*parameters.as_ptr();
         let bytes = usize::try_from(parameters.extradata_size).unwrap_or(0);
-        match parameters.extradata.is_null() {
-            true => Vec::new(),
-            false => std::slice::from_raw_parts(parameters.extradata, bytes).to_vec(),
+        if parameters.extradata.is_null() {
+            Vec::new()
+        } else {
+            std::slice::from_raw_parts(parameters.extradata, bytes).to_vec()
         }
     }
 }

@@ -193,9 +193,10 @@ pub(crate) fn describe(folder: &Path, about: &About, contents: &Contents) -> Res
 
 /// A licence as a URL.
 fn license_url(license: &str) -> String {
-    match license.contains("://") {
-        true => license.to_owned(),
-        false => format!("https://spdx.org/licenses/{license}.html"),
+    if license.contains("://") {
+        license.to_owned()
+    } else {
+        format!("https://spdx.org/licenses/{license}.html")
     }
 }
 

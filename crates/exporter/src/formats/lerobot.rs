@@ -173,13 +173,14 @@ impl Form {
 
     /// Refuses a scenario of another form.
     fn check_same(&self, other: &Self, scenario: &str) -> Result<()> {
-        match self == other {
-            true => Ok(()),
-            false => Err(Error::Mixed {
+        if self == other {
+            Ok(())
+        } else {
+            Err(Error::Mixed {
                 scenario: scenario.to_owned(),
                 found: other.to_string(),
                 first: self.to_string(),
-            }),
+            })
         }
     }
 
@@ -378,13 +379,14 @@ impl<'a> Dataset<'a> {
         };
         self.add_rows(source, task_index)?;
         self.add_episode(source, length, task)?;
-        self.videos = match self.videos.is_empty() {
-            true => videos,
-            false => std::mem::take(&mut self.videos)
+        self.videos = if self.videos.is_empty() {
+            videos
+        } else {
+            std::mem::take(&mut self.videos)
                 .into_iter()
                 .zip(videos)
                 .map(|(all, one)| all.and(one))
-                .collect(),
+                .collect()
         };
         let split = split_of(source.selected.side);
         let range = self.splits.entry(split).or_insert((self.episode, 0));

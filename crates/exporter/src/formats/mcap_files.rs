@@ -279,9 +279,10 @@ fn calibration(view: &View<'_>, time: Time) -> CameraCalibration {
         frame_id: view.name.to_owned(),
         width: view.camera.width_px,
         height: view.camera.height_px,
-        distortion_model: match view.camera.distortion.is_empty() {
-            true => String::new(),
-            false => "plumb_bob".to_owned(),
+        distortion_model: if view.camera.distortion.is_empty() {
+            String::new()
+        } else {
+            "plumb_bob".to_owned()
         },
         d: view.camera.distortion.clone(),
         k: k.concat(),

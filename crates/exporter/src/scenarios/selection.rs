@@ -62,9 +62,10 @@ pub(crate) fn select(corpus: &Corpus, request: &ExportRequest) -> Result<Vec<Sel
     for view in request.views.iter().flatten() {
         refuse_unknown("view", view, &all_views)?;
     }
-    match selected.is_empty() {
-        true => Err(Error::Nothing),
-        false => Ok(selected),
+    if selected.is_empty() {
+        Err(Error::Nothing)
+    } else {
+        Ok(selected)
     }
 }
 

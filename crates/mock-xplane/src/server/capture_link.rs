@@ -334,10 +334,13 @@ impl CaptureService {
             Request::Travel { .. } => {
                 refusal("the stand-in is started by PREL, or by its Web API".into())
             }
-            Request::Command { path } => match self.world.lock().command(&path) {
-                true => ready(Answer::Commanded),
-                false => refusal(format!("the stand-in has no command {path}")),
-            },
+            Request::Command { path } => {
+                if self.world.lock().command(&path) {
+                    ready(Answer::Commanded)
+                } else {
+                    refusal(format!("the stand-in has no command {path}"))
+                }
+            }
             Request::KeepProfile { profile } => {
                 *self.lock_profile() = Some(profile);
                 ready(Answer::ProfileKept)

@@ -82,15 +82,17 @@ impl World {
     pub(super) fn new(generation: Generation, flight_loaded: bool, quirks: Quirks) -> Self {
         let quirks = quirks.of(generation);
         let mut datarefs = Datarefs::new(generation);
-        let parked = match quirks.has(Quirk::FarAway) {
-            true => far_away(),
-            false => ON_THRESHOLD,
+        let parked = if quirks.has(Quirk::FarAway) {
+            far_away()
+        } else {
+            ON_THRESHOLD
         };
         let aircraft = Aircraft::parked(parked);
         aircraft.publish(&mut datarefs);
-        let file = match quirks.has(Quirk::LoadedC172) {
-            true => aircraft::C172,
-            false => aircraft::STAND_IN,
+        let file = if quirks.has(Quirk::LoadedC172) {
+            aircraft::C172
+        } else {
+            aircraft::STAND_IN
         };
         aircraft::load(file, &mut datarefs);
         if quirks.has(Quirk::ElectricMasterOff) {

@@ -144,12 +144,13 @@ impl CorpusStore {
         let body = answer.into_body().bytes().await;
         let body = body.map_err(|error| failed(error.to_string()))?;
         let text = String::from_utf8_lossy(&body).into_owned();
-        match status.is_success() {
-            true => Ok(text),
-            false => Err(failed(format!(
+        if status.is_success() {
+            Ok(text)
+        } else {
+            Err(failed(format!(
                 "{status}: {}",
                 element(&text, "Message").unwrap_or(text)
-            ))),
+            )))
         }
     }
 }

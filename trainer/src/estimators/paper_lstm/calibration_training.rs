@@ -240,9 +240,12 @@ fn traced_gradients(
     let optimised = balance.optimised();
     let traced = networks.trace(samples, batch, optimised, &device.clone().inner());
     let predictions: Vec<Tensor<2>> = (traced.predictions().into_iter().zip(optimised))
-        .map(|(prediction, &optimised)| match optimised {
-            true => Tensor::from_inner(prediction).require_grad(),
-            false => Tensor::from_inner(prediction),
+        .map(|(prediction, &optimised)| {
+            if optimised {
+                Tensor::from_inner(prediction).require_grad()
+            } else {
+                Tensor::from_inner(prediction)
+            }
         })
         .collect();
     let mut gradients = loss_of(&predictions, samples, batch, optimised, loss, device).backward();
@@ -270,9 +273,10 @@ pub(crate) fn batch_loss(
     let plain_device = device.clone().inner();
     let plain = networks.valid();
     let predictions: Vec<Tensor<2>> = (0..samples.views())
-        .map(|view| match optimised[view] {
-            true => networks.predict(view, samples.inputs(batch, view, device)),
-            false => {
+        .map(|view| {
+            if optimised[view] {
+                networks.predict(view, samples.inputs(batch, view, device))
+            } else {
                 Tensor::from_inner(plain.predict(view, samples.inputs(batch, view, &plain_device)))
             }
         })

@@ -373,13 +373,12 @@ impl LayerGradients {
         let [rows, columns] = other.input.dims();
         let wide = self.input.clone();
         // The first view uses fewer gates than the others.
-        self.input = match columns == wide.dims()[1] {
-            true => wide + other.input,
-            false => {
-                let places = [0..rows, 0..columns];
-                let sum = wide.clone().slice(places.clone()) + other.input;
-                wide.slice_assign(places, sum)
-            }
+        self.input = if columns == wide.dims()[1] {
+            wide + other.input
+        } else {
+            let places = [0..rows, 0..columns];
+            let sum = wide.clone().slice(places.clone()) + other.input;
+            wide.slice_assign(places, sum)
         };
         add(&mut self.bias, &other.bias);
         self.hidden = match (self.hidden.take(), other.hidden) {

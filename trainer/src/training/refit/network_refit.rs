@@ -92,12 +92,11 @@ impl NetworkRefit<'_> {
         let plain = networks.valid();
         let samples = self.samples.training;
         let of_view = |view: usize| {
-            let features = match view == self.view {
-                true => networks.features(view, samples.inputs(batch, view, device)),
-                false => {
-                    let inputs = samples.inputs(batch, view, &plain_device);
-                    Tensor::from_inner(plain.features(view, inputs))
-                }
+            let features = if view == self.view {
+                networks.features(view, samples.inputs(batch, view, device))
+            } else {
+                let inputs = samples.inputs(batch, view, &plain_device);
+                Tensor::from_inner(plain.features(view, inputs))
             };
             let mask = samples.mask(batch, view);
             let all_present = mask.iter().all(|&present| present > 0.0);

@@ -133,11 +133,12 @@ async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<bool>, B
         return Ok(Finding::Found(true));
     }
     eyes.hold(SETTLED, false).await?;
-    match differ(eyes, noise).await? {
-        true => Ok(Finding::Found(false)),
-        false => Ok(Finding::NotMeasured(
+    if differ(eyes, noise).await? {
+        Ok(Finding::Found(false))
+    } else {
+        Ok(Finding::NotMeasured(
             "the sky and the aircraft give the same picture, as in fog".into(),
-        )),
+        ))
     }
 }
 

@@ -227,9 +227,10 @@ async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
     } else {
         far_m
     };
-    let before = match sees {
-        true => Some(eyes.glance(Shot::BEHIND).await?),
-        false => None,
+    let before = if sees {
+        Some(eyes.glance(Shot::BEHIND).await?)
+    } else {
+        None
     };
     let write = || {
         [DatarefWrite::new(

@@ -168,9 +168,10 @@ impl Talk {
 
     /// Pauses or resumes; returns what was found if it does not.
     async fn set_pause(&mut self, paused: bool) -> Result<(), String> {
-        let command = match paused {
-            true => COMMAND_PAUSE_ON,
-            false => COMMAND_PAUSE_OFF,
+        let command = if paused {
+            COMMAND_PAUSE_ON
+        } else {
+            COMMAND_PAUSE_OFF
         };
         let is_so = |value: f32| (value != 0.0) == paused;
         let mut found = None;

@@ -75,9 +75,10 @@ impl Example {
             for entry in fs::read_dir(folder).unwrap() {
                 let path = entry.unwrap().path();
                 let metadata = fs::symlink_metadata(&path).unwrap();
-                let content = match metadata.is_dir() {
-                    true => Vec::new(),
-                    false => fs::read(&path).unwrap(),
+                let content = if metadata.is_dir() {
+                    Vec::new()
+                } else {
+                    fs::read(&path).unwrap()
                 };
                 if metadata.is_dir() {
                     folders.push(path.clone());

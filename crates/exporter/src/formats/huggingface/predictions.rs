@@ -53,9 +53,12 @@ impl Predictions {
         for (row, scenario) in table.text("scenario")?.into_iter().enumerate() {
             scenarios.entry(scenario).or_default().push(row);
         }
-        let optional = |column: String| match table.has(&column) {
-            true => table.optional_f64(&column),
-            false => Ok(vec![None; table.rows()]),
+        let optional = |column: String| {
+            if table.has(&column) {
+                table.optional_f64(&column)
+            } else {
+                Ok(vec![None; table.rows()])
+            }
         };
         let mut estimators = Vec::new();
         for column in table.column_names() {

@@ -319,9 +319,10 @@ impl PluginScene {
                 scale: world.aircraft_scale(),
                 others: world.others_fly(),
                 panel: shot.panel,
-                gain: match self.quirks.has(Quirk::SlowExposure) {
-                    true => self.exposure.gain(),
-                    false => 1.0,
+                gain: if self.quirks.has(Quirk::SlowExposure) {
+                    self.exposure.gain()
+                } else {
+                    1.0
                 },
                 wave: self.quirks.has(Quirk::WaterMoves).then_some(self.frames),
             },

@@ -48,9 +48,10 @@ impl Scenery {
     /// Begins to load scenery around a place.
     pub(super) fn load(&mut self, middle: LatLon) {
         self.middle = middle;
-        self.loaded_at_s = match self.quirks.has(Quirk::SlowScenery) {
-            true => self.now_s + LOADING_S,
-            false => self.now_s,
+        self.loaded_at_s = if self.quirks.has(Quirk::SlowScenery) {
+            self.now_s + LOADING_S
+        } else {
+            self.now_s
         };
     }
 

@@ -37,9 +37,10 @@ const CLOSE: &[(&str, usize)] = &[
 
 /// State after a new flight.
 pub(super) fn begin_flight(quirks: Quirks, datarefs: &mut Datarefs) {
-    match quirks.has(Quirk::CockpitView) {
-        true => select(datarefs, COCKPIT, false),
-        false => select(datarefs, VIEWS[0].1, true),
+    if quirks.has(Quirk::CockpitView) {
+        select(datarefs, COCKPIT, false)
+    } else {
+        select(datarefs, VIEWS[0].1, true)
     }
     let pop_up = f64::from(u8::from(quirks.has(Quirk::PopUps)));
     datarefs.set(&format!("{POP_UPS}[{POP_UP}]"), pop_up);

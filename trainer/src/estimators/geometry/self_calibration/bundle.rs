@@ -146,9 +146,12 @@ impl Bundle {
 
     fn cost(&self, x: &[f64], deviations: &Deviations) -> f64 {
         let residuals = self.residuals(x);
-        let loss = |size: f64| match size <= HUBER {
-            true => size * size,
-            false => HUBER * (2.0 * size - HUBER),
+        let loss = |size: f64| {
+            if size <= HUBER {
+                size * size
+            } else {
+                HUBER * (2.0 * size - HUBER)
+            }
         };
         let of_residual = |(measured, residual): &(Measured, DVec2)| {
             let [right, down] = measured.deviation(deviations);

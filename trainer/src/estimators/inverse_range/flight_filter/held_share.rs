@@ -32,9 +32,10 @@ pub(super) fn width_that_holds(share: f64, flights: Vec<Vec<f64>>) -> Option<f64
     let (mut low, mut high) = (share, 1.0);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        match pool.held_of_others(middle) < share {
-            true => low = middle,
-            false => high = middle,
+        if pool.held_of_others(middle) < share {
+            low = middle
+        } else {
+            high = middle
         }
     }
     Some(pool.quantile(high, None))

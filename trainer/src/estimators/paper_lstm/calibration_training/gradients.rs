@@ -57,12 +57,13 @@ impl CalibrationNetworks {
             let views = (optimised.iter().enumerate())
                 .map(|(view, &optimised)| {
                     let boxes = samples.inputs(batch, view, device);
-                    match optimised {
-                        true => self.trace_view(view, boxes),
-                        false => TracedView {
+                    if optimised {
+                        self.trace_view(view, boxes)
+                    } else {
+                        TracedView {
                             prediction: self.predict(view, boxes),
                             back: None,
-                        },
+                        }
                     }
                 })
                 .collect();

@@ -57,9 +57,10 @@ pub(super) fn publish(
         .get(names::TEMPERATURE_C)
         .and_then(|values| values.first().copied())
         .unwrap_or_default();
-    let [rain, snow] = match temperature_c > 0.0 {
-        true => [weather.rain_ratio, 0.0],
-        false => [0.0, weather.rain_ratio],
+    let [rain, snow] = if temperature_c > 0.0 {
+        [weather.rain_ratio, 0.0]
+    } else {
+        [0.0, weather.rain_ratio]
     };
     for (name, value) in [
         (
