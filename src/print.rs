@@ -50,9 +50,9 @@ pub(crate) fn to_stdout(line: Arguments<'_>) {
 /// Writes a document for a program, exactly. On a terminal it is sanitised like any other text.
 pub(crate) fn document_to_stdout(document: &str) {
     if io::stdout().is_terminal() {
-        write_to_stdout(&plain(document))
+        write_to_stdout(&plain(document));
     } else {
-        write_to_stdout(document)
+        write_to_stdout(document);
     }
 }
 

@@ -96,9 +96,9 @@ impl PrecisionTally {
                     if fits && (!is_taken || is_crowd) {
                         is_taken = true;
                         if is_wanted {
-                            judged.right[size] |= bit
+                            judged.right[size] |= bit;
                         } else {
-                            judged.ignored[size] |= bit
+                            judged.ignored[size] |= bit;
                         }
                     } else if !is_inside(pixel_box) {
                         judged.ignored[size] |= bit;
@@ -139,9 +139,9 @@ impl PrecisionTally {
                 continue;
             }
             if judged.right[size] & bit != 0 {
-                right += 1
+                right += 1;
             } else {
-                wrong += 1
+                wrong += 1;
             }
             let recall = right as f64 / aircraft as f64;
             curve.push((recall, right as f64 / (right + wrong) as f64));

@@ -39,9 +39,9 @@ pub(super) fn run(args: &TrainArgs, path: &Path, corpora: &[Corpus]) -> Outcome 
     let table = trainer::search(corpora, &args.out, &search, &watch).map_err(failure_of)?;
     drop(watch);
     if args.json {
-        print_json(&table)?
+        print_json(&table)?;
     } else {
-        print(&search, &table)
+        print(&search, &table);
     }
     let Some(best) = &table.best else {
         return Ok(Ending::Losses);

@@ -38,9 +38,9 @@ const CLOSE: &[(&str, usize)] = &[
 /// State after a new flight.
 pub(super) fn begin_flight(quirks: Quirks, datarefs: &mut Datarefs) {
     if quirks.has(Quirk::CockpitView) {
-        select(datarefs, COCKPIT, false)
+        select(datarefs, COCKPIT, false);
     } else {
-        select(datarefs, VIEWS[0].1, true)
+        select(datarefs, VIEWS[0].1, true);
     }
     let pop_up = f64::from(u8::from(quirks.has(Quirk::PopUps)));
     datarefs.set(&format!("{POP_UPS}[{POP_UP}]"), pop_up);

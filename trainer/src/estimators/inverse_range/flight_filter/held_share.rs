@@ -33,9 +33,9 @@ pub(super) fn width_that_holds(share: f64, flights: Vec<Vec<f64>>) -> Option<f64
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
         if pool.held_of_others(middle) < share {
-            low = middle
+            low = middle;
         } else {
-            high = middle
+            high = middle;
         }
     }
     Some(pool.quantile(high, None))
