@@ -195,7 +195,10 @@ pub fn refuse_strangers(
 ) -> Result<()> {
     refuse_other_than_folder(folder)?;
     let entries = match fs::read_dir(folder) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        // What cannot be made there is reported by who makes it.
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(());
+        }
         entries => entries.map_err(Error::io("list", folder))?,
     };
     let mut strangers = Vec::new();
