@@ -73,7 +73,7 @@ fn interrupted(line: &str, prepare: impl Fn(&Tiny)) -> Ran {
     for _ in 0..MOST_ATTEMPTS {
         let process = start(&tiny, line);
         sleep(delay);
-        // As Ctrl-C, which a process that a shell started in the background ignores until it has handlers.
+        // Handled as Ctrl-C is, but not ignored before that by a process that a shell started in the background.
         send(&process, Signal::TERM);
         let output = process.wait_with_output().unwrap();
         match output.status.code() {
@@ -241,7 +241,7 @@ fn a_second_signal_ends_a_verb_at_once() {
     let is_ended_twice = |attempt: u32| {
         let process = start(&tiny, "fetch {store} --out fetched");
         sleep(LATER * attempt);
-        send(&process, Signal::INT);
+        send(&process, Signal::TERM);
         sleep(LATER * 10);
         send(&process, Signal::INT);
         let output = process.wait_with_output().unwrap();
