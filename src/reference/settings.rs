@@ -31,7 +31,7 @@ fn required_tables(schema: &Value) -> String {
 
 /// A TOML table.
 struct Found<'a> {
-    /// Where it may stand: `[weather.NAME]`.
+    /// Its place in the file: `[weather.NAME]`.
     headings: Vec<String>,
     introduction: String,
     table: &'a Value,

@@ -17,7 +17,7 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The message about a regenerated split.
 pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenerated from plan and seed; if the corpus was ever added to, its \
-                                      sides may not be those of before: train again before you evaluate";
+                                      sides may have changed: train again before you evaluate";
 
 /// A failure of the store, or something that the caller must fix.
 pub(super) fn failure_of(error: StoreError) -> Failure {

@@ -1,7 +1,6 @@
 //! A training from corpus to run folder.
 
 pub(crate) mod choice;
-mod encoded_flights;
 mod flights;
 mod network_training;
 pub(crate) mod refit;
@@ -26,6 +25,7 @@ use crate::estimators::inverse_range::CrossFitted;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
 use crate::estimators::mono::pinhole::Pinhole;
 use crate::networks::checkpoint::{Checkpoints, Origin};
+use crate::networks::encoded::{Encoded, EncodedSides};
 use crate::networks::normalisation::Normalisation;
 use crate::networks::training_loop::Companions;
 use crate::run::choice::Choice;
@@ -33,7 +33,6 @@ use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{Baselines, RUN_FORMAT, RunSummary, TrainedRun};
-use crate::training::encoded_flights::EncodedFlights;
 use crate::training::flights::Flights;
 use crate::training::network_training::train_networks;
 use crate::training::start::Start;
@@ -124,7 +123,10 @@ pub(crate) fn train_unless(
         return Ok(outcome);
     }
     let samples_blake3 = origin.samples_blake3.clone();
-    let encoded = EncodedFlights::new(&training, &validation, &normalisation);
+    let encoded = EncodedSides {
+        training: Encoded::new(training.iter().copied(), &normalisation),
+        validation: Encoded::new(&validation, &normalisation),
+    };
     let mut checkpoints = Checkpoints::open(&place.checkpoint(), origin, started, watch);
     let companions = &mut Companions {
         checkpoints: &mut checkpoints,

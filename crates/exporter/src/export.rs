@@ -55,7 +55,7 @@ pub(crate) struct Export<'a> {
     pub(crate) about: About,
     /// Settings of the encoder, if videos are encoded.
     pub(crate) video: VideoSettings,
-    /// What is requested of the corpus, before it is checked.
+    /// Requested scenarios, not yet checked.
     selection: Vec<Selected>,
 }
 

@@ -57,7 +57,7 @@ pub(crate) trait FileFormat: Default + Sync {
     fn finish(&self, written: &Written<'_>) -> Result<Contents>;
 }
 
-/// What a format can express. Options that need more are refused.
+/// Abilities of a format. Options that need more are refused.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Abilities {
     /// Its name.
@@ -95,7 +95,7 @@ pub(crate) enum BoxUse {
 }
 
 impl Format {
-    /// What the format can express.
+    /// Abilities of the format.
     pub(crate) fn abilities(self) -> Abilities {
         let (word, has_stills, ticks, boxes) = match self {
             Self::Coco => ("coco", true, TickChoice::EveryNth, BoxUse::All),

@@ -113,7 +113,7 @@ pub enum Event<'a> {
     StoreAway {
         /// The scenario that is being uploaded.
         id: &'a str,
-        /// Why, and what is done.
+        /// Cause and reaction.
         reason: &'a str,
     },
     /// Another process finished a scenario in the meantime.

@@ -40,7 +40,7 @@ impl Fly {
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Start {
-    /// How the flights are flown; `live` by default.
+    /// Way of flying; `live` by default.
     pub fly: Fly,
     /// Distance to the touchdown target along the course, nautical miles; 10 by default. Recorded flights are trimmed to it.
     #[schemars(transform = limits::START_DTD_NM.in_schema())]

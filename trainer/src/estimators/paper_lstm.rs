@@ -16,7 +16,7 @@ use crate::config::{EstimatorConfig, Loss, Optimisation};
 use crate::error::Result;
 use crate::estimators::paper_lstm::calibration_training::CalibrationNetworks;
 use crate::networks::dense::{Dense, widths};
-use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
+use crate::networks::encoded::{Encoded, EncodedSides, column, draw, mape_pct, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::lstm::{StackedLstm, ViewFeatures};
 use crate::networks::training_loop::{Companions, Kept, Setup, Task, learn};
@@ -79,19 +79,11 @@ pub(crate) struct EstimatorLogEntry {
     pub validation_mape_pct: f64,
 }
 
-/// The samples of the estimator.
-pub(crate) struct EstimatorSamples<'a> {
-    /// To learn from.
-    pub training: &'a Encoded,
-    /// To be judged by.
-    pub validation: &'a Encoded,
-}
-
 /// Trains the estimator on the features, vectors of length `features`, of trained calibration networks: from a random one or `start`.
 pub(crate) fn train_estimator(
     start: Option<&PaperLstm>,
     calibration: &CalibrationNetworks,
-    samples: &EstimatorSamples,
+    sides: &EncodedSides,
     config: &EstimatorConfig,
     features: usize,
     mut setup: Setup,
@@ -101,9 +93,9 @@ pub(crate) fn train_estimator(
     let estimator = start.map_or(random, |start| start.clone().train());
     let mut task = EstimatorTask {
         calibration,
-        dropout: ViewDropout::new(samples.training),
-        training: samples.training,
-        validation: samples.validation,
+        dropout: ViewDropout::new(&sides.training),
+        training: &sides.training,
+        validation: &sides.validation,
         config,
         log: Vec::new(),
         setup,

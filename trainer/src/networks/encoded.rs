@@ -8,6 +8,14 @@ use crate::config::Loss;
 use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
 use crate::samples::{Observation, Sample};
 
+/// The sides of a split that a training uses.
+pub(crate) struct EncodedSides {
+    /// The side that networks learn from.
+    pub(crate) training: Encoded,
+    /// The side that judges them meanwhile.
+    pub(crate) validation: Encoded,
+}
+
 /// Normalised features and true distances of many samples.
 pub(crate) struct Encoded {
     views: usize,

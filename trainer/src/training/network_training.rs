@@ -8,9 +8,9 @@ use crate::error::Result;
 use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
 use crate::estimators::paper_lstm::calibration_training::train_calibration;
 use crate::estimators::paper_lstm::train_estimator;
+use crate::networks::encoded::EncodedSides;
 use crate::networks::training_loop::{Companions, Setup};
 use crate::run::trained::{Convergence, Networks};
-use crate::training::encoded_flights::EncodedFlights;
 use crate::training::stream::Stream;
 
 /// Result of training the networks.
@@ -26,7 +26,7 @@ pub(crate) struct TrainedNetworks {
 /// Trains all networks, from `start` if there is one.
 pub(crate) fn train_networks(
     start: Option<&Networks>,
-    flights: &EncodedFlights,
+    sides: &EncodedSides,
     views: &[String],
     config: &TrainConfig,
     device: &Device,
@@ -41,8 +41,8 @@ pub(crate) fn train_networks(
     };
     let (calibration, calibration_log) = train_calibration(
         start.map(|networks| &networks.calibration),
-        &flights.training,
-        &flights.validation,
+        &sides.training,
+        &sides.validation,
         &config.calibration,
         setup(Stream::Calibration),
         companions,
@@ -52,7 +52,7 @@ pub(crate) fn train_networks(
     let (estimator, estimator_log) = train_estimator(
         start.map(|networks| &networks.estimator),
         &calibration,
-        &flights.of_estimator(),
+        sides,
         &config.estimator,
         config.calibration.features,
         setup(Stream::Estimator),
@@ -60,14 +60,7 @@ pub(crate) fn train_networks(
     )?;
     let mut mono = |start, inputs, stream| {
         let (settings, setup) = (&config.mono, setup(stream));
-        MonoNetworks::train_from(
-            start,
-            inputs,
-            &flights.training,
-            settings,
-            setup,
-            companions,
-        )
+        MonoNetworks::train_from(start, inputs, &sides.training, settings, setup, companions)
     };
     let mono_size = mono(
         start.map(|networks| &networks.mono_size),

@@ -15,7 +15,7 @@ pub enum MirrorError {
     /// The two are not copies of one corpus, or the request names what the store does not have.
     #[error("{message}")]
     Refused {
-        /// What was found and where, and advice.
+        /// Fault, place and advice.
         message: String,
     },
     /// A file of the store is damaged or contradicts another one.

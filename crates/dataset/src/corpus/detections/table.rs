@@ -37,7 +37,7 @@ pub struct Detection {
     pub tile: u32,
     /// Number of its track, which is one aircraft in one view; null without tracking.
     pub track: Option<u32>,
-    /// How its picture was searched.
+    /// Way in which its image was searched.
     pub mode: SearchMode,
     /// Whether the box counts: its track has enough boxes, and moves or grows (docs/tracks.md). True without tracking, false in rows
     /// without a box.

@@ -156,7 +156,7 @@ impl FileFormat for Crops {
         Ok(())
     }
 
-    /// Writes the samples, to be mixed with those of other scenarios.
+    /// Writes the samples, which are mixed with other scenarios later.
     fn write(&self, scenario: &Writing<'_>) -> Result<Vec<Stored>> {
         let source = &scenario.source;
         let mut unmixed = Unmixed::create(&scenario.folder, &source.record.id)?;
