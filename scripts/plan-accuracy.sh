@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
-# Compares the time that `dtd plan` expects with the time that recording then takes, in three cases: ten scenarios at full size and twelve
-# small ones with the stand-in, and live flights with the plugin's own Python behind a stand-in, in real time, after `dtd doctor` and a first
-# scenario (generator/examples/plan_accuracy.rs).
+# Compares the time that `dtd plan` expects with the time that recording then takes with the stand-in, in two cases: ten scenarios at full
+# size, and twelve small ones.
 # Prints the parts that the plan expects, and expected over taken. On an idle machine: everything that runs beside it is in the second.
-# Usage: scripts/plan-accuracy.sh [full|small|plugin ..]; all three take about a quarter of an hour.
+# Usage: scripts/plan-accuracy.sh [full|small ..]; both take about ten minutes.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -37,15 +36,9 @@ small() {
     compare small "$work/small.toml" mock
 }
 
-# Three flights from 2 NM, two of them live, as an X-Plane flies them.
-plugin() {
-    cargo build --quiet --release --locked --workspace --example plan_accuracy
-    "${CARGO_TARGET_DIR:-target}/release/examples/plan_accuracy"
-}
-
 full() { compare full demo.toml mock; }
 
 echo "load before: $(cut -d ' ' -f 1-3 /proc/loadavg), $(nproc) cores"
-[ $# -gt 0 ] || set -- full small plugin
+[ $# -gt 0 ] || set -- full small
 for name; do "$name"; done
 echo "load after: $(cut -d ' ' -f 1-3 /proc/loadavg)"

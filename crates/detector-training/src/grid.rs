@@ -1,15 +1,14 @@
 //! The encoding of boxes in cells, and reading boxes from a whole map.
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel, so cell `i` of 8 px covers -0.5 + 8 i to 7.5 + 8 i and has its centre at 8 i +
-//! 3.5. This file and the graph that `export` writes implement the same formulas; a comparison with ONNX Runtime checks that they
-//! agree (`examples/compare_onnx.rs`).
+//! 3.5. This file and the graph that `export` writes implement the same formulas.
 
 use dataset::tables::pixel_box::PixelBox;
 
 /// Side of a cell, pixels.
 pub(crate) const STRIDE_PX: usize = 8;
 /// Numbers of a cell: objectness logit, offset right, offset down (in cells), logarithm of width and of height (to the anchor).
-pub const CELL_VALUES: usize = 5;
+pub(crate) const CELL_VALUES: usize = 5;
 /// Reference size of the logarithms of width and height, pixels: a B737 at 5 NM through a lens of 10 degrees.
 pub(crate) const ANCHOR_PX: [f64; 2] = [41.0, 14.0];
 /// Half the side of the neighbourhood whose boxes are averaged, and in which a peak is the largest, cells.
