@@ -9,46 +9,6 @@ use std::str::FromStr;
 
 use xplane_bridge::datarefs::Generation;
 
-/// One awkward behaviour.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the table describes each of them")]
-pub enum Quirk {
-    LateClouds,
-    CloudBaseOff,
-    SlidingTemperature,
-    RegenerationFreeze,
-    RegenerationRestoresPreset,
-    PausedWeather,
-    RealWeatherAtStart,
-    CockpitView,
-    LoadedC172,
-    FarAway,
-    SlowScenery,
-    SettlingTerrain,
-    MovingOrigin,
-    DroppedStart,
-    RestartingStart,
-    CameraTaken,
-    PopUps,
-    AiAircraft,
-    TwoCyclesPerLoop,
-    CameraCallbackOrder,
-    DrawBeforeIsOne,
-    AltitudeHoldCaptures,
-    ElectricMasterOff,
-    ParticlesStopWhenPaused,
-    StaleFrames,
-    LateStartCrashes,
-    WindInKnots,
-    RegenerationNeeded,
-    RegenerationNotNeeded,
-    PauseKeepsPose,
-    WaterMoves,
-    WeatherMoves,
-    SlowExposure,
-    ScreenshotWithoutCamera,
-}
-
 /// Reliability of a report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Grade {
@@ -83,315 +43,110 @@ pub struct Facts {
     pub in_11: bool,
 }
 
-/// All quirks, in the order of [`Quirk`].
-pub const FACTS: [Facts; 34] = [
-    Facts {
-        quirk: Quirk::LateClouds,
-        name: "late_clouds",
-        does: "clouds read and show their old values in all slots for 55 s after the last of their writes, then all the new ones at once",
-        source: "OIS",
-        grade: Grade::Measured("12.4.3"),
-        costs_time: true,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::CloudBaseOff,
-        name: "cloud_base_off",
-        does: "clouds settle 3.5 m above the base asked for",
-        source: "EFB",
-        grade: Grade::Single,
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::SlidingTemperature,
-        name: "sliding_temperature",
-        does: "for the first 150 s after the start, and after real weather, the temperature rises by 0.7 °C/s whatever is written",
-        source: "OIS",
-        grade: Grade::Measured("12.4.3"),
-        costs_time: true,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::RegenerationFreeze,
-        name: "regeneration_freeze",
-        does: "`regen_weather` freezes the simulator for 3 s: no frame, no answer",
-        source: "SF",
-        grade: Grade::Measured("12.4"),
-        costs_time: true,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::RegenerationRestoresPreset,
-        name: "regeneration_restores_preset",
-        does: "clouds and temperature that were written before `regen_weather` come back from the preset",
-        source: "LARDON",
-        grade: Grade::Measured("12.4.2"),
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::PausedWeather,
-        name: "paused_weather",
-        does: "in a pause the weather stands still: what was written comes into force when time runs again",
-        source: "EFB",
-        grade: Grade::Single,
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::RealWeatherAtStart,
-        name: "real_weather_at_start",
-        does: "real weather rules at the start and overwrites what is written until it is switched off",
-        source: "OIS",
-        grade: Grade::Measured("12.4.3"),
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::CockpitView,
-        name: "cockpit_view",
-        does: "the view begins in the cockpit, and a camera that is controlled from there shows its panel",
-        source: "SDK, XPY, BP",
-        grade: Grade::Documented,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::LoadedC172,
-        name: "loaded_c172",
-        does: "the aircraft that happens to be loaded is a Cessna 172",
-        source: "OIS, AFT",
-        grade: Grade::Measured("12.4"),
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::FarAway,
-        name: "far_away",
-        does: "it stands 500 NM away from the airport",
-        source: "OIS",
-        grade: Grade::Measured("12.4.3"),
-        costs_time: true,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::SlowScenery,
-        name: "slow_scenery",
-        does: "scenery of a new place loads for 20 s, without ground below until then",
-        source: "SF",
-        grade: Grade::Measured("12.4"),
-        costs_time: true,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::SettlingTerrain,
-        name: "settling_terrain",
-        does: "the terrain settles by metres for 3 s after the loading flag has fallen",
-        source: "SF",
-        grade: Grade::Measured("12.4"),
-        costs_time: true,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::MovingOrigin,
-        name: "moving_origin",
-        does: "the local origin moves while scenery loads, and `lat_ref`, `lon_ref` do not say where to",
-        source: "OIS",
-        grade: Grade::Measured("12.4.3"),
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::DroppedStart,
-        name: "dropped_start",
-        does: "the Web API closes the connection of a flight that it starts",
-        source: "GL, AFT",
-        grade: Grade::Measured("12.4"),
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::RestartingStart,
-        name: "restarting_start",
-        does: "a start that is repeated begins all over, scenery and all",
-        source: "GL, AFT",
-        grade: Grade::Measured("12.4"),
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::CameraTaken,
-        name: "camera_taken",
-        does: "the camera is taken from the plugin every 401 frames and by the screenshot command, and the view is the one from before",
-        source: "CINE, BP",
-        grade: Grade::Practised,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::PopUps,
-        name: "pop_ups",
-        does: "a pop-up window lies over the picture at the start and after each start of a flight until it is closed",
-        source: "LAAS, SISL, LC",
-        grade: Grade::Practised,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::AiAircraft,
-        name: "ai_aircraft",
-        does: "another aircraft flies beside the user's, again after each start of a flight, until a plugin has its number set to 1",
-        source: "XPMP2, libxplanemp",
-        grade: Grade::Practised,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::TwoCyclesPerLoop,
-        name: "two_cycles_per_loop",
-        does: "`getCycleNumber` counts two for every flight loop, one of them before the camera callback",
-        source: "XPY",
-        grade: Grade::Single,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::CameraCallbackOrder,
-        name: "camera_callback_order",
-        does: "the camera callback comes before the flight loops after the flight model in every other frame",
-        source: "swift-project/pilotclient issue 67",
-        grade: Grade::Single,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::DrawBeforeIsOne,
-        name: "draw_before_is_one",
-        does: "a draw callback registered with 1 comes before its phase, one with 0 after it",
-        source: "SDK",
-        grade: Grade::Documented,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::AltitudeHoldCaptures,
-        name: "altitude_hold_captures",
-        does: "`altitude_hold` dials the altitude of the moment, `vertical_speed` the vertical speed",
-        source: "S76, AFT",
-        grade: Grade::Measured("12"),
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::ElectricMasterOff,
-        name: "electric_master_off",
-        does: "the autopilot takes no command until its electric master is on",
-        source: "S76",
-        grade: Grade::Measured("12"),
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::ParticlesStopWhenPaused,
-        name: "particles_stop_when_paused",
-        does: "rain is not drawn in a pause",
-        source: "LAAS, LARDON",
-        grade: Grade::Measured("12"),
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::StaleFrames,
-        name: "stale_frames",
-        does: "the scene is 4 frames behind the pose and the camera that were written, or as many as `--scene-behind` says",
-        source: "WPI, SISL, LXR, AFX",
-        grade: Grade::Practised,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::LateStartCrashes,
-        name: "late_start_crashes",
-        does: "a plugin that starts a flight outside a flight loop before the flight model crashes",
-        source: "SDK, LC",
-        grade: Grade::Documented,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::WindInKnots,
-        name: "wind_in_knots",
-        does: "`wind_speed_msc` is in knots, whatever its name says",
-        source: "SF against OIS, EFB",
-        grade: Grade::Single,
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::RegenerationNeeded,
-        name: "regeneration_needed",
-        does: "without `regen_weather` written weather does not show, although the datarefs read back as written",
-        source: "LARDON against SF",
-        grade: Grade::Measured("12.4.2"),
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::RegenerationNotNeeded,
-        name: "regeneration_not_needed",
-        does: "clouds show as soon as they read back, without `regen_weather`",
-        source: "OIS, EFB, LT against LARDON, LC",
-        grade: Grade::Practised,
-        costs_time: false,
-        in_11: false,
-    },
-    Facts {
-        quirk: Quirk::PauseKeepsPose,
-        name: "pause_keeps_pose",
-        does: "in a pause the picture keeps the pose and the camera that it had before",
-        source: "EFB against WPI, LXR, AFX",
-        grade: Grade::Single,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::WaterMoves,
-        name: "water_moves",
-        does: "water in the foreground moves even in a pause",
-        source: "no report",
-        grade: Grade::Unknown,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::WeatherMoves,
-        name: "weather_moves",
-        does: "while time runs clouds drift, and every frame has its own streaks of rain",
-        source: "no report",
-        grade: Grade::Unknown,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::SlowExposure,
-        name: "slow_exposure",
-        does: "when the camera turns, the picture is too bright at first and settles within 30 frames",
-        source: "no report",
-        grade: Grade::Unknown,
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::ScreenshotWithoutCamera,
-        name: "screenshot_without_camera",
-        does: "the screenshot command takes the camera away before the frame that it keeps is drawn",
-        source: "no report; CINE sees the camera go",
-        grade: Grade::Unknown,
-        costs_time: false,
-        in_11: true,
-    },
-];
+/// Defines [`Quirk`] and [`FACTS`] by a row for each: variant, name, source, grade, properties, effect.
+macro_rules! quirks {
+    ($($quirk:ident $name:ident $source:literal $grade:ident $(($version:literal))? [$($is:ident)*] $does:literal;)*) => {
+        /// One awkward behaviour.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[allow(missing_docs, reason = "the table describes each of them")]
+        pub enum Quirk {
+            $($quirk,)*
+        }
+
+        /// All quirks, in the order of [`Quirk`].
+        pub const FACTS: [Facts; 34] = [$(Facts {
+            quirk: Quirk::$quirk,
+            name: stringify!($name),
+            does: $does,
+            source: $source,
+            grade: Grade::$grade$(($version))?,
+            $($is: true,)*
+            ..PLAIN
+        }),*];
+    };
+}
+
+/// A quirk without properties.
+const PLAIN: Facts = Facts {
+    quirk: Quirk::LateClouds,
+    name: "",
+    does: "",
+    source: "",
+    grade: Grade::Unknown,
+    costs_time: false,
+    in_11: false,
+};
+
+quirks! {
+    LateClouds late_clouds "OIS" Measured("12.4.3") [costs_time]
+        "clouds read and show their old values in all slots for 55 s after the last of their writes, then all the new ones at once";
+    CloudBaseOff cloud_base_off "EFB" Single []
+        "clouds settle 3.5 m above the base asked for";
+    SlidingTemperature sliding_temperature "OIS" Measured("12.4.3") [costs_time]
+        "for the first 150 s after the start, and after real weather, the temperature rises by 0.7 °C/s whatever is written";
+    RegenerationFreeze regeneration_freeze "SF" Measured("12.4") [costs_time]
+        "`regen_weather` freezes the simulator for 3 s: no frame, no answer";
+    RegenerationRestoresPreset regeneration_restores_preset "LARDON" Measured("12.4.2") []
+        "clouds and temperature that were written before `regen_weather` come back from the preset";
+    PausedWeather paused_weather "EFB" Single []
+        "in a pause the weather stands still: what was written comes into force when time runs again";
+    RealWeatherAtStart real_weather_at_start "OIS" Measured("12.4.3") [in_11]
+        "real weather rules at the start and overwrites what is written until it is switched off";
+    CockpitView cockpit_view "SDK, XPY, BP" Documented [in_11]
+        "the view begins in the cockpit, and a camera that is controlled from there shows its panel";
+    LoadedC172 loaded_c172 "OIS, AFT" Measured("12.4") [in_11]
+        "the aircraft that happens to be loaded is a Cessna 172";
+    FarAway far_away "OIS" Measured("12.4.3") [costs_time in_11]
+        "it stands 500 NM away from the airport";
+    SlowScenery slow_scenery "SF" Measured("12.4") [costs_time in_11]
+        "scenery of a new place loads for 20 s, without ground below until then";
+    SettlingTerrain settling_terrain "SF" Measured("12.4") [costs_time in_11]
+        "the terrain settles by metres for 3 s after the loading flag has fallen";
+    MovingOrigin moving_origin "OIS" Measured("12.4.3") [in_11]
+        "the local origin moves while scenery loads, and `lat_ref`, `lon_ref` do not say where to";
+    DroppedStart dropped_start "GL, AFT" Measured("12.4") []
+        "the Web API closes the connection of a flight that it starts";
+    RestartingStart restarting_start "GL, AFT" Measured("12.4") []
+        "a start that is repeated begins all over, scenery and all";
+    CameraTaken camera_taken "CINE, BP" Practised [in_11]
+        "the camera is taken from the plugin every 401 frames and by the screenshot command, and the view is the one from before";
+    PopUps pop_ups "LAAS, SISL, LC" Practised [in_11]
+        "a pop-up window lies over the picture at the start and after each start of a flight until it is closed";
+    AiAircraft ai_aircraft "XPMP2, libxplanemp" Practised [in_11]
+        "another aircraft flies beside the user's, again after each start of a flight, until a plugin has its number set to 1";
+    TwoCyclesPerLoop two_cycles_per_loop "XPY" Single [in_11]
+        "`getCycleNumber` counts two for every flight loop, one of them before the camera callback";
+    CameraCallbackOrder camera_callback_order "swift-project/pilotclient issue 67" Single [in_11]
+        "the camera callback comes before the flight loops after the flight model in every other frame";
+    DrawBeforeIsOne draw_before_is_one "SDK" Documented [in_11]
+        "a draw callback registered with 1 comes before its phase, one with 0 after it";
+    AltitudeHoldCaptures altitude_hold_captures "S76, AFT" Measured("12") [in_11]
+        "`altitude_hold` dials the altitude of the moment, `vertical_speed` the vertical speed";
+    ElectricMasterOff electric_master_off "S76" Measured("12") [in_11]
+        "the autopilot takes no command until its electric master is on";
+    ParticlesStopWhenPaused particles_stop_when_paused "LAAS, LARDON" Measured("12") []
+        "rain is not drawn in a pause";
+    StaleFrames stale_frames "WPI, SISL, LXR, AFX" Practised [in_11]
+        "the scene is 4 frames behind the pose and the camera that were written";
+    LateStartCrashes late_start_crashes "SDK, LC" Documented [in_11]
+        "a plugin that starts a flight outside a flight loop before the flight model crashes";
+    WindInKnots wind_in_knots "SF against OIS, EFB" Single []
+        "`wind_speed_msc` is in knots, whatever its name says";
+    RegenerationNeeded regeneration_needed "LARDON against SF" Measured("12.4.2") []
+        "without `regen_weather` written weather does not show, although the datarefs read back as written";
+    RegenerationNotNeeded regeneration_not_needed "OIS, EFB, LT against LARDON, LC" Practised []
+        "clouds show as soon as they read back, without `regen_weather`";
+    PauseKeepsPose pause_keeps_pose "EFB against WPI, LXR, AFX" Single [in_11]
+        "in a pause the picture keeps the pose and the camera that it had before";
+    WaterMoves water_moves "no report" Unknown [in_11]
+        "water in the foreground moves even in a pause";
+    WeatherMoves weather_moves "no report" Unknown [in_11]
+        "while time runs clouds drift, and every frame has its own streaks of rain";
+    SlowExposure slow_exposure "no report" Unknown [in_11]
+        "when the camera turns, the picture is too bright at first and settles within 30 frames";
+    ScreenshotWithoutCamera screenshot_without_camera "no report; CINE sees the camera go" Unknown [in_11]
+        "the screenshot command takes the camera away before the frame that it keeps is drawn";
+}
 
 /// Contradicted or never reported: `dtd doctor` finds out which is true. Part of no group, each is enabled only by name.
 pub const OPEN: [Quirk; 8] = [
