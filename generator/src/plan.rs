@@ -12,7 +12,7 @@ mod split;
 pub use duration::{Durations, Pacing, WeatherCost};
 pub use estimate::{Estimate, MeasuredSize, room_bytes};
 pub use expand::{expand, is_seeded_by};
-pub use split::assign_sides;
+pub(crate) use split::assign_sides;
 
 #[cfg(test)]
 pub(crate) mod tests;

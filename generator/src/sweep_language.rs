@@ -1,16 +1,12 @@
 //! Reading of sweeps for the comparison of two copies of a corpus ([`store::Mirror`]).
 
-use std::path::Path;
-
-use dataset::corpus::Corpus;
 use dataset::corpus::splits::{Leak, Splits};
-use dataset::plan::{Difference, Plan};
+use dataset::plan::Plan;
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 use store::SweepLanguage;
 
-use crate::plan::{assign_sides, expand, is_seeded_by};
-use crate::sweep::{Corpus as CorpusTable, SplitFractions, Sweep};
+use crate::plan::{assign_sides, is_seeded_by};
+use crate::sweep::{Corpus as CorpusTable, SplitFractions};
 
 /// Reader of sweeps.
 #[derive(Debug, Clone, Copy)]
@@ -22,9 +18,6 @@ struct Head {
     corpus: CorpusTable,
     #[serde(default)]
     split: SplitFractions,
-    /// Rules that name recordings, which are files beside the sweep.
-    #[serde(default)]
-    recorded: Vec<IgnoredAny>,
 }
 
 impl Head {
@@ -49,28 +42,6 @@ impl SweepLanguage for Sweeps {
                 plan.corpus
             )
         })
-    }
-
-    fn difference_from_expansion(&self, sweep: &[u8], plan: &Plan) -> Option<String> {
-        match Head::parse(sweep) {
-            Err(fault) => return Some(fault),
-            Ok(head) if !head.recorded.is_empty() => return None,
-            Ok(_) => {}
-        }
-        let text = String::from_utf8_lossy(sweep).into_owned();
-        // It names no files, so its folder does not matter.
-        let expanded = match Sweep::parse(Path::new(Corpus::SWEEP), Path::new(""), text) {
-            Ok(sweep) => expand(&sweep),
-            Err(error) => return Some(error.message),
-        };
-        if plan.plan_hash == expanded.plan_hash {
-            return None;
-        }
-        let difference = Difference::between(plan, &expanded);
-        let added = difference.added.first();
-        let added = added.map(|id| format!("scenario {id} is not in plan.json"));
-        let conflict = difference.conflict().or(added);
-        Some(conflict.unwrap_or_else(|| "it gives another order of scenarios".into()))
     }
 
     fn split(&self, sweep: &[u8], plan: &Plan) -> Option<Result<Splits, Leak>> {

@@ -27,10 +27,8 @@ pub struct TilingSettings {
     pub tile_score: f64,
     /// Minimum score of a detection in a centred window, 0 to 1.
     pub score: f64,
-    /// A fainter box, down to this score, counts if it belongs to a track that others confirm. Missing in records of earlier versions:
-    /// none does.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub faint_score: Option<f64>,
+    /// A fainter box, down to this score, counts if it belongs to a track that others confirm.
+    pub faint_score: f64,
     /// Boxes that overlap by more than this (intersection over union) are one aircraft, 0 to 1.
     pub merge_iou: f64,
     /// Maximum number of hits per picture that get a second pass, the best first: limits the time spent on clutter.
@@ -55,7 +53,7 @@ impl Default for TilingSettings {
         Self {
             tile_score: 0.15,
             score: 0.4,
-            faint_score: Some(0.15),
+            faint_score: 0.15,
             merge_iou: 0.3,
             most_windows: 6,
             tile_px: None,
@@ -72,7 +70,7 @@ impl TilingSettings {
         let ratios = [
             ("tile_score", self.tile_score),
             ("score", self.score),
-            ("faint_score", self.faint_score.unwrap_or(self.score)),
+            ("faint_score", self.faint_score),
             ("merge_iou", self.merge_iou),
         ];
         for (name, value) in ratios {
@@ -112,8 +110,7 @@ impl TilingSettings {
 
     /// The score of the faintest boxes that may count.
     pub(crate) fn least_score(&self) -> f64 {
-        self.faint_score
-            .map_or(self.score, |faint| faint.min(self.score))
+        self.faint_score.min(self.score)
     }
 
     /// The rows of both scales, as far as they are limited.

@@ -119,7 +119,7 @@ class Changed(unittest.TestCase):
         self.change("scenario.json", lambda record: record.update(effective_weather=effective))
         row = Corpus(self.copy).scenarios().filter(scenario=SCENARIO).row(0, named=True)
         self.assertEqual((row["effective_visibility_m"], row["weather_differs"]), (500.0, ["visibility"]))
-        # As an earlier version recorded it.
+        # A simulator that reports no weather.
         self.change("scenario.json", lambda record: record.pop("effective_weather"))
         row = Corpus(self.copy).scenarios().filter(scenario=SCENARIO).row(0, named=True)
         self.assertEqual((row["effective_visibility_m"], row["weather_differs"]), (None, []))

@@ -101,7 +101,6 @@ pub struct Pace {
     /// Size of the images.
     pub size: PictureSize,
     /// True if the camera rested while the aircraft moved from drawn frame to drawn frame.
-    #[serde(default)]
     pub in_blocks: bool,
     /// Frames that each view settled otherwise.
     pub settle_frames: u32,
@@ -112,7 +111,6 @@ pub struct Pace {
     /// From writing the weather until it is there, seconds.
     pub weather_s: Option<f64>,
     /// From the start of the command of `--restart-simulator` until X-Plane could be used, seconds; absent if it was not restarted.
-    #[serde(default)]
     pub restart_s: Option<f64>,
 }
 
@@ -171,8 +169,7 @@ pub struct Profile {
     pub clouds_need_regeneration: Finding<bool>,
     /// Time until clouds read back, seconds of simulated time.
     pub clouds_take_s: Finding<f64>,
-    /// For each quantity of the weather at the aircraft, true if it follows the written value; empty in profiles of earlier versions.
-    #[serde(default)]
+    /// For each quantity of the weather at the aircraft, true if it follows the written value.
     pub weather_follows: BTreeMap<EffectiveQuantity, Finding<bool>>,
     /// True if a pose and a camera that are written in a pause are drawn.
     pub pause_shows_poses: Finding<bool>,
@@ -185,12 +182,7 @@ pub struct Profile {
     /// The order of the plugin's callbacks.
     pub callbacks: Finding<CallbackOrders>,
     /// Speed of recording.
-    #[serde(default = "pace_of_older_doctors")]
     pub pace: Finding<Pace>,
-}
-
-fn pace_of_older_doctors() -> Finding<Pace> {
-    Finding::NotMeasured("an earlier doctor did not measure it".into())
 }
 
 /// Reason why a profile cannot be used.
@@ -472,17 +464,12 @@ mod tests {
     }
 
     #[test]
-    fn only_a_quantity_that_was_seen_to_follow_does_and_older_profiles_have_seen_none() {
+    fn only_a_quantity_that_was_seen_to_follow_does() {
         let follows = |profile: &Profile| -> Vec<EffectiveQuantity> {
             let all = EffectiveQuantity::ALL.into_iter();
             all.filter(|quantity| profile.follows(*quantity)).collect()
         };
         assert_eq!(follows(&measured()), [EffectiveQuantity::Rain]);
-        let mut older = serde_json::to_value(measured()).unwrap();
-        older.as_object_mut().unwrap().remove("weather_follows");
-        let plugin = Some("dtd_bridge 0.1.0");
-        let known = KnownProfile::of(Some(older), "X-Plane 12.4.3", plugin);
-        assert_eq!(follows(known.current().unwrap()), []);
     }
 
     #[test]

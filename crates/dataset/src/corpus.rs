@@ -38,7 +38,8 @@ use crate::error::{Error, Result};
 use crate::files::own_path::{own_path, refuse_link};
 use crate::video::VideoCodec;
 
-pub use place::{check_path, check_place, foreign_entries, is_plan, own_folder_around};
+pub(crate) use place::check_path;
+pub use place::{check_place, foreign_entries, is_plan, own_folder_around};
 
 /// Ending of a folder that is still being filled.
 pub const PARTIAL_SUFFIX: &str = ".partial";

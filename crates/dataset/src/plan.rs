@@ -35,7 +35,7 @@ pub use planned_scenarios::PlannedScenarios;
 pub use scenario::{LiveStart, Parameters, PlannedScenario};
 
 /// Version of the file format of `plan.json`. Version 1 numbered its scenarios.
-pub const PLAN_VERSION: u32 = 2;
+pub(crate) const PLAN_VERSION: u32 = 2;
 
 /// Its name in messages.
 const WHAT: &str = "plan";
@@ -49,10 +49,9 @@ pub struct Plan {
     pub plan_hash: String,
     /// Name of the corpus.
     pub corpus: String,
-    /// BLAKE3 hash of [`Corpus::SWEEP`], the text that this is the expansion of, so that a change of either is noticed. Missing in plans of
-    /// earlier versions; not part of `plan_hash`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sweep_blake3: Option<String>,
+    /// BLAKE3 hash of [`Corpus::SWEEP`], the text that this is the expansion of, so that a change of either is noticed. Not part of
+    /// `plan_hash`.
+    pub sweep_blake3: String,
     /// Properties shared by all scenarios.
     pub common: Common,
     /// The scenarios, in recording order.
@@ -118,32 +117,27 @@ impl Plan {
             plan_version: PLAN_VERSION,
             plan_hash: plan_hash(scenarios.iter().map(PlannedScenario::id_and_hash)),
             corpus,
-            sweep_blake3: Some(blake3::hash(sweep.as_bytes()).to_string()),
+            sweep_blake3: blake3::hash(sweep.as_bytes()).to_string(),
             common,
             scenarios,
         }
     }
 
-    /// Compares a text with the hash of the sweep that the plan was expanded from; `None` if the plan does not record the hash.
-    pub fn is_of_sweep(&self, sweep: &[u8]) -> Option<bool> {
-        let sealed = self.sweep_blake3.as_deref()?;
-        Some(blake3::hash(sweep).to_string() == sealed)
+    /// True if this text is the sweep that the plan was expanded from, by its hash.
+    pub fn is_of_sweep(&self, sweep: &[u8]) -> bool {
+        blake3::hash(sweep).to_string() == self.sweep_blake3
     }
 
-    /// The plan of a corpus; `None` if it has none, or one of an earlier version.
+    /// The plan of a corpus; `None` if it has none.
     ///
     /// # Errors
-    /// It cannot be read, or is not a plan.
+    /// It cannot be read, or is not a plan of this version.
     pub fn of_corpus(corpus: &Corpus) -> Result<Option<Self>> {
         let path = own_path(corpus.root(), Corpus::PLAN)?;
-        let text = match outside_file::read(&path, FileKind::PLAN.unlinked()) {
-            Ok(text) => text,
-            Err(error) if error.is_not_found() => return Ok(None),
-            Err(error) => return Err(error),
-        };
-        match Version::of(&text, &path)? {
-            PLAN_VERSION => Self::parse(&text, &path).map(Some),
-            _ => Ok(None),
+        match outside_file::read(&path, FileKind::PLAN.unlinked()) {
+            Ok(text) => Self::parse(&text, &path).map(Some),
+            Err(error) if error.is_not_found() => Ok(None),
+            Err(error) => Err(error),
         }
     }
 
@@ -197,15 +191,13 @@ impl Plan {
     }
 
     fn to_json(&self) -> serde_json::Result<Vec<u8>> {
-        let mut head = serde_json::json!({
+        let head = serde_json::json!({
             "plan_version": self.plan_version,
             "plan_hash": self.plan_hash,
             "corpus": self.corpus,
             "common": self.common,
+            "sweep_blake3": self.sweep_blake3,
         });
-        if let Some(sweep_blake3) = &self.sweep_blake3 {
-            head["sweep_blake3"] = sweep_blake3.as_str().into();
-        }
         let mut text = serde_json::to_vec_pretty(&head)?;
         text.truncate(text.len() - "\n}".len());
         text.extend_from_slice(b",\n  \"scenarios\": [");

@@ -1,7 +1,6 @@
 //! The first weights of a training, from a detector of this project.
 //!
-//! Input: an ONNX model that [`super::export`] wrote. Output: the network in it. Models from before the network saw the strength of
-//! contrast have no such layers: those stay 0, which is what the older network computed.
+//! Input: an ONNX model that [`super::export`] wrote. Output: the network in it.
 
 use std::path::Path;
 
@@ -15,7 +14,7 @@ use crate::convolution::Convolution;
 use crate::error::{Error, Result};
 use crate::network::{INPUT_GAIN, Network};
 
-/// Layers that models of all versions have, in the order of the graph: the first, then the ones of [`layers`].
+/// Layers besides those for the strength of contrast, in the order of the graph: the first, then the ones of [`layers`].
 const LAYERS: usize = 13;
 const STRENGTHS: usize = 3;
 
@@ -51,7 +50,7 @@ fn network_of(onnx: &[u8], device: &Device) -> Option<Network> {
             _ => found.push(weights),
         }
     }
-    if found.len() != LAYERS || !(strengths.is_empty() || strengths.len() == STRENGTHS) {
+    if found.len() != LAYERS || strengths.len() != STRENGTHS {
         return None;
     }
     let mut network = Network::new(device, 0);
@@ -168,32 +167,6 @@ mod tests {
     fn a_network_comes_back_from_its_model() {
         let network = trained();
         let back = network_of(&onnx_bytes(&network), &Device::flex()).unwrap();
-        assert_same(&output(&back), &output(&network));
-    }
-
-    #[test]
-    fn a_model_without_layers_for_the_strength_starts_as_it_was() {
-        let mut network = trained();
-        let mut older = model(&network);
-        let graph = older.graph.as_mut().unwrap();
-        let dims = |name: &str| -> Vec<i64> {
-            let constant = graph.initializer.iter().find(|c| c.name == name);
-            constant.map_or_else(Vec::new, |constant| constant.dims.clone())
-        };
-        let of_strength: Vec<bool> = graph
-            .node
-            .iter()
-            .map(|node| {
-                node.op_type == "Conv"
-                    && matches!(dims(&node.input[1])[..], [out, 1, ..] if out > 1)
-            })
-            .collect();
-        let mut kept = of_strength.iter();
-        graph.node.retain(|_| !kept.next().unwrap());
-        let back = network_of(&older.encode_to_vec(), &Device::flex()).unwrap();
-        for layer in strength_layers(&mut network) {
-            *layer = Convolution::zeros([1, layer.weight.dims()[1]], &Device::flex());
-        }
         assert_same(&output(&back), &output(&network));
     }
 

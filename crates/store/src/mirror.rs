@@ -56,10 +56,6 @@ pub trait SweepLanguage: Sync {
     /// Reason why a sweep of another corpus than the plan, by its name or its seed, is one.
     fn other_corpus(&self, sweep: &[u8], plan: &Plan) -> Option<String>;
 
-    /// Difference between a plan and the expansion of a sweep. `None` if they are equal, or if the sweep names recordings, which are files
-    /// elsewhere.
-    fn difference_from_expansion(&self, sweep: &[u8], plan: &Plan) -> Option<String>;
-
     /// A new split of the plan, as the sweep divides it; `None` if the text is not a sweep.
     fn split(&self, sweep: &[u8], plan: &Plan) -> Option<Result<Splits, Leak>>;
 }

@@ -103,7 +103,7 @@ async fn object_of(store: &CorpusStore, file: &str) -> String {
     scenario_file(ID, &object)
 }
 
-/// Puts a scenario into a store as earlier versions did: under the names of the files, without notes.
+/// Puts a scenario into a store as a tool that copies folders does: under the names of the files, without notes.
 async fn put_as_before(store: &CorpusStore, id: &str, folder: &ScenarioFolder) {
     let names = [
         "frames.parquet",
@@ -126,6 +126,14 @@ async fn refusal(store: &CorpusStore, id: &str) -> String {
     let fetched = store.fetch_scenario(id, &theirs, None, &UNWATCHED).await;
     assert!(theirs.scenarios().unwrap().is_empty());
     fetched.unwrap_err().to_string()
+}
+
+/// Fetches the scenario into an empty folder, where it has the files of this corpus.
+async fn arrives(store: &CorpusStore, ours: &Corpus) {
+    let (_theirs, theirs) = empty();
+    let fetched = store.fetch_scenario(ID, &theirs, None, &UNWATCHED).await;
+    fetched.unwrap();
+    same_files(&ours.scenario(ID), &theirs.scenario(ID));
 }
 
 static UNWATCHED: Transfer<'_> = Transfer::new(&Silent);
@@ -226,12 +234,7 @@ async fn what_has_the_right_size_but_another_content_is_sent_again() {
             .await;
         let (_ours, ours) = corpus_with("table");
         push(&store, &ours).await.unwrap();
-        let (_theirs, theirs) = empty();
-        store
-            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-            .await
-            .unwrap();
-        same_files(&ours.scenario(ID), &theirs.scenario(ID));
+        arrives(&store, &ours).await;
     }
 }
 
@@ -649,19 +652,14 @@ async fn a_manifest_larger_than_readers_take_is_not_brought() {
 }
 
 #[tokio::test]
-async fn stores_of_earlier_versions_are_read_and_added_to() {
+async fn stores_that_another_tool_copied_are_read_and_added_to() {
     let (_folder, stores) = stores();
     for store in stores {
         let (_ours, ours) = corpus_with("table");
         put_as_before(&store, ID, &ours.scenario(ID)).await;
         let state = store.committed_state(ID, None).await.unwrap();
         assert!(matches!(state, Committed::Whole(_)), "{state:?}");
-        let (_theirs, theirs) = empty();
-        store
-            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-            .await
-            .unwrap();
-        same_files(&ours.scenario(ID), &theirs.scenario(ID));
+        arrives(&store, &ours).await;
         assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
         // An object that the store lost is sent again, the others are not.
         let table = store.key(&scenario_file(ID, "frames.parquet"));
@@ -677,12 +675,7 @@ async fn stores_of_earlier_versions_are_read_and_added_to() {
                 before
             }
         );
-        let (_again, again) = empty();
-        store
-            .fetch_scenario(ID, &again, None, &UNWATCHED)
-            .await
-            .unwrap();
-        same_files(&ours.scenario(ID), &again.scenario(ID));
+        arrives(&store, &ours).await;
     }
 }
 

@@ -57,7 +57,7 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
             dtd: "0".into(),
             simulator: "fixture".into(),
             capture_link: 1,
-            pixels: None,
+            pixels: "link".into(),
             encoder: None,
         },
     }

@@ -347,7 +347,7 @@ impl SyntheticCorpus {
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 simulator: "geometry".into(),
                 capture_link: 0,
-                pixels: None,
+                pixels: "link".into(),
                 encoder: None,
             },
             ..plain
@@ -357,7 +357,7 @@ impl SyntheticCorpus {
 
 /// The box of an aircraft that flies towards the camera: as wide as its span, as high as itself, its centre 1 m above the centre of
 /// gravity. A point behind the camera has a box far outside the picture.
-pub fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
+pub(crate) fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
     let range_m = camera.to_camera(ecef_m).z;
     let outside = glam::DVec2::splat(-1e6);
     let centre = camera.project(ecef_m).unwrap_or(outside);

@@ -55,7 +55,7 @@ pub(super) fn lost_files(corpus_root: &Path, plan: &Plan) -> dataset::Result<Vec
 fn check_sweep(corpus_root: &Path, plan: &Plan) -> Result<(), GenerateError> {
     let path = corpus_root.join(Corpus::SWEEP);
     match outside_file::read(&path, FileKind::SWEEP.unlinked()) {
-        Ok(text) if text.is_empty() || plan.is_of_sweep(&text) == Some(true) => Ok(()),
+        Ok(text) if text.is_empty() || plan.is_of_sweep(&text) => Ok(()),
         Ok(_) => Err(dataset::Error::corpus(
             &path,
             "differs from the sweep of this run, and there is no plan.json that was made from it; move it away, or use another folder",
@@ -70,7 +70,7 @@ fn check_sweep(corpus_root: &Path, plan: &Plan) -> Result<(), GenerateError> {
 fn has_sweep(corpus_root: &Path, plan: &Plan) -> dataset::Result<bool> {
     let path = corpus_root.join(Corpus::SWEEP);
     match outside_file::read(&path, FileKind::SWEEP.unlinked()) {
-        Ok(text) => Ok(plan.is_of_sweep(&text) == Some(true)),
+        Ok(text) => Ok(plan.is_of_sweep(&text)),
         Err(error) if error.is_not_found() => Ok(false),
         Err(error) => Err(error),
     }

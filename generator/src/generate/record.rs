@@ -459,7 +459,7 @@ fn scenario_record(
                 simulator.description().version
             ),
             capture_link: simulator.description().capture_link,
-            pixels: Some(simulator.pixels().name().into()),
+            pixels: simulator.pixels().name().into(),
             encoder: encoder.of_codec(common.video.codec).map(str::to_owned),
         },
     }

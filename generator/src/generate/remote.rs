@@ -132,7 +132,7 @@ impl Remote {
                         Keep::Theirs
                     }
                     // A text that the plan was not expanded from is damaged, or of an interrupted run.
-                    Corpus::SWEEP if plan.is_of_sweep(theirs) == Some(true) => settled_plan,
+                    Corpus::SWEEP if plan.is_of_sweep(theirs) => settled_plan,
                     _ => Keep::Ours,
                 })
             })

@@ -82,7 +82,7 @@ pub struct Durations {
 
 impl Durations {
     /// All parts together, hours.
-    pub fn total_h(&self) -> f64 {
+    pub(crate) fn total_h(&self) -> f64 {
         self.pictures_h + self.live_flying_h + self.loading_h + self.weather_h + self.restarts_h
     }
 

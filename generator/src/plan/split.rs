@@ -27,7 +27,7 @@ impl<'a> Group<'a> {
 
 /// Assigns every scenario of a plan to a side. The test side is filled first, with weathers and times spread evenly; then
 /// validation; the rest is for training. Assignments of `earlier` are kept, so that what was ever held out stays held out.
-pub fn assign_sides(
+pub(crate) fn assign_sides(
     plan: &Plan,
     parts: &SplitFractions,
     master_seed: u64,

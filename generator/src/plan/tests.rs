@@ -553,13 +553,6 @@ fn what_a_profile_has_measured_takes_the_place_of_what_is_assumed() {
         restarts_basis.contains("90 s each, measured"),
         "{restarts_basis}"
     );
-    // A profile of an earlier version has neither.
-    let pace = json!({
-        "measured_by": "doctor", "size": { "width_px": 1920, "height_px": 1280 }, "settle_frames": 5, "pictures_per_s": 8.0,
-        "loading_s": null, "weather_s": null,
-    });
-    let assumed = seconds(&Pacing::XPlane(Some(profile(pace))), Some(3));
-    assert!(assumed[4] > restarts, "{assumed:?}");
 }
 
 #[test]

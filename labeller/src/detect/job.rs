@@ -133,7 +133,7 @@ impl ScenarioJob {
     fn searching(&self) -> Searching {
         Searching {
             settings: self.tiling,
-            modes: Some(self.modes),
+            modes: self.modes,
         }
     }
 
@@ -268,14 +268,14 @@ impl ScenarioJob {
                 provenance,
                 profile: self.model.profile.clone(),
                 detector: detector.unwrap_or_default(),
-                device: Some(self.device.to_string()),
+                device: self.device.to_string(),
                 searching: self.searching(),
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 pictures: self.views.iter().map(|view| view.ticks.len() as u64).sum(),
                 detections: detections.boxes.len() as u64,
                 misses: detections.misses.len() as u64,
-                windows: Some(windows),
-                cpu_s: Some(cpu_s),
+                windows,
+                cpu_s,
                 seconds,
                 registration,
             },

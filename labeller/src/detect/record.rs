@@ -27,9 +27,8 @@ pub(super) struct DetectionRecord {
     pub profile: Option<ModelProfile>,
     /// Output layout and window size.
     pub detector: String,
-    /// Device that the model ran on, such as `cpu` or `cuda:0`; missing in earlier corpora.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub device: Option<String>,
+    /// Device that the model ran on, such as `cpu` or `cuda:0`.
+    pub device: String,
     #[serde(flatten)]
     pub searching: Searching,
     /// Version of this software.
@@ -38,15 +37,12 @@ pub(super) struct DetectionRecord {
     pub pictures: u64,
     /// Boxes in the table.
     pub detections: u64,
-    /// Pictures without a box; missing in records of earlier versions.
-    #[serde(default)]
+    /// Pictures without a box.
     pub misses: u64,
-    /// Windows that the model was run on; missing in records of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub windows: Option<u64>,
-    /// Processor time of the search, with the registration; missing in records of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cpu_s: Option<CpuTime>,
+    /// Windows that the model was run on.
+    pub windows: u64,
+    /// Processor time of the search, with the registration.
+    pub cpu_s: CpuTime,
     /// Total time of the workers, seconds.
     pub seconds: f64,
     /// Registration of the views; missing if they were not registered.
@@ -59,16 +55,15 @@ pub(super) struct DetectionRecord {
 pub(super) struct Searching {
     /// Thresholds and windows of the search.
     pub settings: TilingSettings,
-    /// Parts of the pictures that were searched; missing in records of earlier versions, which had no tracking.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub modes: Option<ModeSettings>,
+    /// Parts of the pictures that were searched.
+    pub modes: ModeSettings,
 }
 
 impl Searching {
     pub(super) fn of(options: &DetectOptions) -> Self {
         Self {
             settings: options.settings,
-            modes: Some(options.modes),
+            modes: options.modes,
         }
     }
 }

@@ -144,11 +144,11 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
     assert_eq!(
         (
             record.provenance.detector.model.as_deref(),
-            record.device.as_deref(),
+            record.device.as_str(),
             record.searching.settings,
             record.pictures
         ),
-        (Some("blobs.onnx"), Some("cpu"), other, 6)
+        (Some("blobs.onnx"), "cpu", other, 6)
     );
     assert_eq!(
         detect(

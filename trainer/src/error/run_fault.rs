@@ -120,7 +120,7 @@ pub enum RunFault {
     OtherNetworks(SafetensorsStoreError),
     /// There are numbers for networks that the settings do not have.
     #[error(
-        "holds {}, which the networks of config.json do not have, as in runs of earlier versions; train again", .0.join(", ")
+        "holds {}, which the networks of config.json do not have; train again", .0.join(", ")
     )]
     UnknownWeights(Vec<String>),
     /// A run to start from that has other networks.

@@ -55,7 +55,6 @@ pub struct FlightFigures {
     /// The trajectory that it flies.
     pub trajectory: String,
     /// Share of the stated intervals that hold the truth, if the estimator states any.
-    #[serde(default)]
     pub intervals_held: Option<f64>,
     /// The figures.
     #[serde(flatten)]
@@ -152,8 +151,7 @@ pub struct Metrics {
     pub disbelieved_boxes: usize,
     /// Pictures of these ticks in which the detector found only boxes that the picture's edge cuts off, which are ignored.
     pub cut_off_boxes: usize,
-    /// Deviations of the training of `paper_lstm` from the paper, by its settings; missing in earlier evaluations.
-    #[serde(default)]
+    /// Deviations of the training of `paper_lstm` from the paper, by its settings.
     pub deviations_from_paper: Vec<PaperDeviation>,
     /// Alignment of the cameras by their backgrounds; missing if the training did not ask for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]

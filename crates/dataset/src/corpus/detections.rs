@@ -52,7 +52,7 @@ pub struct Provenance {
     pub videos_blake3: BTreeMap<String, String>,
     /// BLAKE3 hash of the table.
     pub table_blake3: String,
-    /// BLAKE3 hash of the table of registrations; missing if there is none: one view, or an earlier version of this software.
+    /// BLAKE3 hash of the table of registrations; missing if there is none, as with one view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registrations_blake3: Option<String>,
 }

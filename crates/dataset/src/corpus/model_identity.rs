@@ -65,7 +65,7 @@ pub struct NamedDetections {
 
 impl NamedDetections {
     /// True if `asked`, as written by a user, names these detections.
-    pub fn is_meant_by(&self, asked: &str) -> bool {
+    pub(crate) fn is_meant_by(&self, asked: &str) -> bool {
         self.hash == asked || self.model.as_deref() == Some(asked)
     }
 }

@@ -34,7 +34,7 @@ pub fn own_folder_around(path: &Path) -> Option<&Path> {
 
 /// Rejects a path that cannot hold a corpus, before anything is done: FFmpeg accepts only UTF-8 paths, and so do most tools that
 /// read a corpus.
-pub fn check_path(root: &Path) -> Result<()> {
+pub(crate) fn check_path(root: &Path) -> Result<()> {
     match root.to_str() {
         Some(_) => Ok(()),
         None => Err(Error::corpus(

@@ -86,7 +86,7 @@ pub struct ScenarioRecord {
     pub geoid: Option<String>,
     /// Weather and time, as planned and written.
     pub conditions: Conditions,
-    /// The weather that the simulator reported at the aircraft; missing in older records, and of simulators that report none.
+    /// The weather that the simulator reported at the aircraft; missing if the simulator reports none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effective_weather: Option<EffectiveWeather>,
     /// Source of the flight.
@@ -129,11 +129,9 @@ pub struct Versions {
     pub simulator: String,
     /// Version of the capture link in use.
     pub capture_link: u32,
-    /// Source of the pixels: `link`, `gl`, `screen` or `screenshot`; missing in older records.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pixels: Option<String>,
-    /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`; missing in older records.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Source of the pixels: `link`, `gl`, `screen` or `screenshot`.
+    pub pixels: String,
+    /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`.
     pub encoder: Option<String>,
 }
 

@@ -45,8 +45,8 @@ pub struct Seal {
     pub config_hash: String,
     /// BLAKE3 hash of `MANIFEST.b3`.
     pub manifest_blake3: String,
-    /// Sizes of the videos by name, in bytes: a check that does not read them still detects a truncated one. Empty in seals of
-    /// earlier versions, and if there are no videos.
+    /// Sizes of the videos by name, in bytes: a check that does not read them still detects a truncated one. Empty if there
+    /// are no videos.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub video_bytes: BTreeMap<String, u64>,
 }

@@ -75,7 +75,7 @@ fn check_scenario(
     faults: &mut Faults,
 ) {
     let parameters = &scenario.parameters;
-    let common = plan.common(scenario);
+    let common = &plan.common;
     // Pictures and cameras that cannot be read are reported with the calibration.
     let frame_rate = common.picture.value().map(|picture| {
         let planned = Written::Value(picture.frame_rate.to_string());

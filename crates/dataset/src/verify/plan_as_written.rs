@@ -19,8 +19,7 @@ use crate::plan::{Aim, Jitter, Picture, PlannedCamera, plan_hash};
 #[serde(default)]
 pub(super) struct PlanAsWritten {
     pub(super) plan_hash: Written<String>,
-    /// Missing in plans of version 1, where every scenario has it among its own parameters.
-    common: Option<CommonAsWritten>,
+    pub(super) common: CommonAsWritten,
     scenarios: Vec<ScenarioAsWritten>,
 }
 
@@ -55,8 +54,6 @@ pub(super) struct ParametersAsWritten {
     pub(super) aim: Written<Option<Aim>>,
     pub(super) jitter: Written<Option<BTreeMap<String, Jitter>>>,
     pub(super) imaging: Written<Option<BTreeMap<String, Imaging>>>,
-    #[serde(flatten)]
-    common: CommonAsWritten,
 }
 
 impl PlanAsWritten {
@@ -75,11 +72,6 @@ impl PlanAsWritten {
         scenarios
             .filter_map(|scenario| Some((scenario.id.value()?.as_str(), scenario)))
             .collect()
-    }
-
-    /// The properties that a scenario shares with all others.
-    pub(super) fn common<'a>(&'a self, scenario: &'a ScenarioAsWritten) -> &'a CommonAsWritten {
-        self.common.as_ref().unwrap_or(&scenario.parameters.common)
     }
 }
 

@@ -155,7 +155,7 @@ fn record(id: &str) -> ScenarioRecord {
             dtd: "0".into(),
             simulator: "none".into(),
             capture_link: 1,
-            pixels: None,
+            pixels: "link".into(),
             encoder: None,
         },
     }

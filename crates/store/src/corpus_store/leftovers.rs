@@ -53,7 +53,7 @@ impl CorpusStore {
     ///
     /// # Errors
     /// The store does not list them, or does not allow clearing them.
-    pub fn clear_unfinished<'a>(
+    pub(crate) fn clear_unfinished<'a>(
         &'a self,
         scenarios: &'a BTreeSet<String>,
     ) -> BoxFuture<'a, Result<usize>> {

@@ -116,13 +116,7 @@ impl CorpusFile {
             (Self::Plan(one), Self::Plan(other)) => {
                 let conflict = |plan, with| Difference::between(with, plan).conflict();
                 match (conflict(one, other), conflict(other, one)) {
-                    (None, None) => {
-                        match (one.sweep_blake3.is_some(), other.sweep_blake3.is_some()) {
-                            (true, false) => Standing::HasMore,
-                            (false, true) => Standing::HasLess,
-                            _ => Standing::Same,
-                        }
-                    }
+                    (None, None) => Standing::Same,
                     (None, Some(_)) => Standing::HasMore,
                     (Some(_), None) => Standing::HasLess,
                     (Some(difference), Some(_)) => Standing::Conflict(difference),
@@ -243,10 +237,11 @@ impl<'a> CorpusFiles<'a> {
             return Ok(());
         };
         let fault = self.sweeps.other_corpus(sweep, plan).or_else(|| {
-            let difference = difference_from_sweep(plan, sweep, self.sweeps)?;
-            Some(format!(
-                "it is not the text that plan.json was made from: {difference}"
-            ))
+            (!plan.is_of_sweep(sweep)).then(|| {
+                "it is not the text that plan.json was made from: its hash differs from \
+                 sweep_blake3 there"
+                    .into()
+            })
         });
         match fault {
             None => Ok(()),
@@ -310,7 +305,7 @@ impl<'a> Judge<'a> {
     /// True if this is not the sweep of the plan in the destination.
     fn is_of_other_plan(&self, sweep: &[u8]) -> bool {
         let plan = self.plan_there.as_ref();
-        plan.is_some_and(|plan| difference_from_sweep(plan, sweep, self.source.sweeps).is_some())
+        plan.is_some_and(|plan| !plan.is_of_sweep(sweep))
     }
 
     fn has_sweep_of_plan(&self) -> bool {
@@ -339,16 +334,6 @@ pub fn sweep_fault(corpus: &Corpus, sweeps: &dyn SweepLanguage) -> Option<String
     files.check_together().err().map(|bad| bad.fault)
 }
 
-/// Difference between a text and the sweep that a plan was made from, found by its hash in the plan or, for plans of earlier versions, by
-/// its expansion. `None` if they are the same, or if it cannot be decided.
-fn difference_from_sweep(plan: &Plan, text: &[u8], sweeps: &dyn SweepLanguage) -> Option<String> {
-    match plan.is_of_sweep(text) {
-        Some(true) => None,
-        Some(false) => Some("its hash differs from sweep_blake3 there".into()),
-        None => sweeps.difference_from_expansion(text, plan),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -365,10 +350,6 @@ mod tests {
         }
 
         fn other_corpus(&self, _: &[u8], _: &Plan) -> Option<String> {
-            None
-        }
-
-        fn difference_from_expansion(&self, _: &[u8], _: &Plan) -> Option<String> {
             None
         }
 

@@ -1,8 +1,7 @@
 //! Names of a scenario's objects: a file's content is part of its object's name, so no upload, however late it arrives, replaces
 //! another content. `frames.parquet` is the object `frames.<hash>.parquet`.
 //!
-//! Stores of earlier versions, and folders that other tools copied there, have objects under the plain names of the files; readers
-//! take those if there is no other.
+//! Folders that other tools copied there have objects under the plain names of the files; readers take those if there is no other.
 
 use dataset::corpus::seal::SealedFile;
 

@@ -118,7 +118,7 @@ impl CorpusStore {
     }
 
     /// Uploads the detections of a scenario that the store lacks, or has older.
-    pub fn push_detections<'a>(
+    pub(crate) fn push_detections<'a>(
         &'a self,
         folder: &'a ScenarioFolder,
         transfer: &'a Transfer<'_>,

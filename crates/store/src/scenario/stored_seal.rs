@@ -25,14 +25,14 @@ use crate::error::{Result, StoreError};
 pub(crate) struct StoredSeal {
     #[serde(flatten)]
     pub(crate) seal: Seal,
-    /// Time at which the scenario was sealed in its folder, by that machine's clock, in milliseconds since 1970. Missing in stores of
-    /// earlier versions.
+    /// Time at which the scenario was sealed in its folder, by that machine's clock, in milliseconds since 1970. Missing if another
+    /// tool copied the folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sealed_unix_ms: Option<u64>,
-    /// The objects of all sealed files and of the manifest, by the names of the files. Empty in stores of earlier versions.
+    /// The objects of all sealed files and of the manifest, by the names of the files. Empty if another tool copied the folder.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) objects: BTreeMap<String, Noted>,
-    /// BLAKE3 hash of all other fields. Missing in stores of earlier versions.
+    /// BLAKE3 hash of all other fields. Missing if another tool copied the folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     seal_blake3: Option<String>,
 }
@@ -120,7 +120,7 @@ impl StoredSeal {
         SystemTime::UNIX_EPOCH.checked_add(since_1970)
     }
 
-    /// True if it seals the same content. Seals of earlier versions lack the sizes of the videos.
+    /// True if it seals the same content.
     pub(crate) fn is_of(&self, seal: &Seal) -> bool {
         self.seal.manifest_blake3 == seal.manifest_blake3
             && self.seal.config_hash == seal.config_hash
@@ -132,14 +132,14 @@ impl StoredSeal {
         noted.filter(|noted| noted.blake3 == file.blake3)
     }
 
-    /// Replaces the note about a file. Seals of earlier versions have notes of all files or none, and get none.
+    /// Replaces the note about a file. A seal that another tool copied has no notes, and gets none.
     pub(crate) fn note(&mut self, file: &SealedFile, object: Noted) {
         if let Some(noted) = self.objects.get_mut(&file.name) {
             *noted = object;
         }
     }
 
-    /// Notes when the scenario was sealed. In stores of earlier versions, the time of `DONE.json` stands for it until that is replaced.
+    /// Notes when the scenario was sealed. In a folder that another tool copied, the time of `DONE.json` stands for it until then.
     pub(crate) fn keep_time(&mut self, sealed: SystemTime) {
         self.sealed_unix_ms.get_or_insert(unix_ms(sealed));
     }

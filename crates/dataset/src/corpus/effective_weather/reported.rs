@@ -23,7 +23,7 @@ pub struct Range {
 pub struct ReportedWeather {
     /// Number of scenarios.
     pub scenarios: usize,
-    /// Number of scenarios without any report: recorded by an earlier version, or by a simulator that reports none.
+    /// Number of scenarios without any report: recorded by a simulator that reports none.
     pub unreported: usize,
     /// The ranges of the reported quantities; those that no scenario has are missing.
     pub ranges: BTreeMap<EffectiveQuantity, Range>,
