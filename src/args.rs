@@ -4,7 +4,7 @@
 //! `view CORPUS --run RUN`. `push` copies, from one argument to the other.
 
 use std::env;
-use std::net::{IpAddr, SocketAddr};
+use std::net::IpAddr;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::process;
@@ -26,7 +26,6 @@ use store::{CorpusLocation, StoreUrl, redacted};
 use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
-use xplane_tape::FramesKept;
 
 use crate::estimator_args::{
     EvaluateArgs, ExportEstimatorsArgs, PredictArgs, RefitArgs, TrainArgs,
@@ -560,26 +559,14 @@ pub(crate) struct MockXplaneArgs {
     /// It listens on this computer only.
     #[arg(long)]
     pub(crate) web_port: Option<u16>,
-    /// Start in the main menu: the Web API has no datarefs until a flight is loaded
-    #[arg(long)]
-    pub(crate) main_menu: bool,
-    /// Simulate "Accept incoming connections" switched off: UDP is ignored and the Web API answers 403
-    #[arg(long)]
-    pub(crate) incoming_off: bool,
     /// Send no beacon
     #[arg(long)]
     pub(crate) no_beacon: bool,
     /// The computer's name in the beacon
     #[arg(long, value_name = "NAME", default_value = "dtd-mock-xplane")]
     pub(crate) beacon_name: String,
-    /// Send the beacon without a name, as X-Plane 12 may do
-    #[arg(long)]
-    pub(crate) beacon_nameless: bool,
-    /// Send the data output (DATA packets, rows 1, 3, 14, 16, 17, 20, 21) to this address, ten times a second
-    #[arg(long, value_name = "HOST:PORT")]
-    pub(crate) data_to: Option<SocketAddr>,
     /// Replay a session recorded with `dtd tape`. Everything but address and beacon is then as recorded
-    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults", "quirks", "clock_rate"])]
+    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "faults", "quirks", "clock_rate"])]
     pub(crate) tape: Option<PathBuf>,
     /// Faults, e.g. loss=0.1,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
     ///
@@ -621,20 +608,36 @@ pub(crate) struct MockXplaneArgs {
     /// --window, whose size the plugin then sees.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) plugin: Option<PathBuf>,
-    /// Imitate an X-Plane without our plugin: no capture link, so no recording
-    #[arg(long, conflicts_with_all = ["plugin", "window", "tape"])]
-    pub(crate) no_plugin: bool,
     /// Size of the window that the plugin sees: the pictures' size
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1280")]
     pub(crate) plugin_window: WindowSize,
-    /// Let the scene be this many frames behind the pose and the camera that the plugin writes [default: as the quirks say]
-    #[arg(long, value_name = "FRAMES", requires = "plugin", value_parser = clap::value_parser!(u8).range(..=4))]
-    pub(crate) scene_behind: Option<u8>,
+    /// States of an X-Plane that a client meets rarely, for tests
+    #[arg(
+        long,
+        hide = true,
+        value_enum,
+        value_name = "STATE,..",
+        value_delimiter = ','
+    )]
+    pub(crate) state: Vec<MockState>,
     /// Stop when standard input ends, besides Ctrl-C and SIGTERM
     ///
     /// It then ends with its parent process, even if that is killed.
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,
+}
+
+/// A state of the stand-in that a test asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MockState {
+    /// The main menu: the Web API has no datarefs until a flight is loaded.
+    MainMenu,
+    /// "Accept incoming connections" is off: UDP is ignored and the Web API answers 403.
+    IncomingOff,
+    /// The beacon has no name, as X-Plane 12 may send it.
+    NamelessBeacon,
+    /// Our plugin is not installed: no capture link, so no recording.
+    NoPlugin,
 }
 
 #[derive(Debug, ClapArgs)]
@@ -683,9 +686,6 @@ pub(crate) struct TapeArgs {
     /// The addresses are printed as one JSON line when it is ready.
     #[arg(long, default_value_t = 49100)]
     pub(crate) port: u16,
-    /// How to store the pictures: inline (lossless), reference (their BLAKE3 hashes) or none
-    #[arg(long, value_name = "HOW", default_value_t = FramesKept::Inline, value_parser = one_of::<FramesKept>(&["inline", "reference", "none"]))]
-    pub(crate) frames: FramesKept,
     /// Stop when standard input ends, besides Ctrl-C and SIGTERM
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,

@@ -107,7 +107,7 @@ fn a_sound_simulator_of_either_generation_is_found_well() {
 
 #[test]
 fn a_simulator_that_takes_nothing_fails_with_what_to_switch_on_and_skips_the_rest() {
-    let simulator = stand_in(&["--incoming-off"]);
+    let simulator = stand_in(&["--state", "incoming-off"]);
     let (code, checks) = examined(simulator.udp());
     assert_eq!(code, Some(1));
     assert_eq!(verdict(&checks, "udp"), "failed");
@@ -126,7 +126,7 @@ fn a_simulator_that_takes_nothing_fails_with_what_to_switch_on_and_skips_the_res
 
 #[test]
 fn a_simulator_without_our_plugin_is_told_how_to_get_it_and_the_rest_of_udp_is_examined() {
-    let simulator = stand_in(&["--no-plugin"]);
+    let simulator = stand_in(&["--state", "no-plugin"]);
     let (code, checks) = examined(simulator.udp());
     assert_eq!(code, Some(1));
     let plugin = checks.iter().find(|check| check["name"] == "plugin");
@@ -249,7 +249,7 @@ fn what_the_user_has_before_the_eyes_is_looked_at() {
     assert!(found(&checks, "view").starts_with("from inside"));
     assert!(found(&checks, "aircraft").contains("C172"), "{checks:#?}");
     assert_eq!(verdict(&checks, "menus"), "ok");
-    let menu = stand_in(&["--main-menu"]);
+    let menu = stand_in(&["--state", "main-menu"]);
     let (code, checks) = examined(menu.udp());
     assert_eq!(
         (code, verdict(&checks, "menus")),
@@ -263,7 +263,7 @@ fn what_the_user_has_before_the_eyes_is_looked_at() {
 fn a_web_api_is_well_only_if_it_is_that_of_this_simulator_with_a_flight_loaded() {
     let one = stand_in(&[]);
     let other = stand_in(&[]);
-    let menu = stand_in(&["--main-menu"]);
+    let menu = stand_in(&["--state", "main-menu"]);
     for (sim, web_api, expected, words) in [
         (&one, one.web_api(), "ok", "the same simulator"),
         (&one, other.web_api(), "warning", "of another simulator"),
@@ -327,7 +327,7 @@ fn the_environment_says_where_the_web_api_is_by_name_too_and_what_it_cannot_say_
 
 #[test]
 fn a_web_api_that_refuses_tells_that_incoming_connections_are_off_without_a_beacon() {
-    let simulator = stand_in(&["--incoming-off"]);
+    let simulator = stand_in(&["--state", "incoming-off"]);
     let (code, checks) = outcome(doctor(&[
         "--sim",
         simulator.udp(),

@@ -211,17 +211,6 @@ fn a_recorded_session_gives_the_same_corpus_again_and_mcaps_own_reader_reads_it(
     );
     assert_eq!(count("link/to_simulator"), count("link/from_simulator"));
     assert!(verdict["pictures"].as_u64().unwrap() > 80, "{verdict}");
-    assert_eq!(verdict["metadata"]["frames"], "inline");
-}
-
-#[test]
-fn pictures_kept_by_their_hash_are_drawn_again_for_a_single_scenario_too() {
-    let folder = tempfile::tempdir().unwrap();
-    let (corpus, tape) = recorded(folder.path(), &["--frames", "reference"], &[]);
-    let again = replayed(folder.path(), &tape, &["--only", IDS[1]]);
-    same_scenario(IDS[1], &corpus, &again);
-    let bytes = fs::metadata(&tape).unwrap().len();
-    assert!(bytes < 1_000_000, "{bytes} bytes without a picture");
 }
 
 /// The tables of the stored tape, with labels, as `hash  scenario/file` lines.

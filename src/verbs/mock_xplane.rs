@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use mock_xplane::server::{
-    Addresses, LinkPatience, LinkServer, MockError, PluginOptions, SceneBehind, ServerOptions,
-    serve, serve_tape,
+    Addresses, LinkPatience, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
 };
 use mock_xplane::window::{DisplayWindow, X11Window};
 use xplane_bridge::link::LinkToken;
@@ -12,7 +11,7 @@ use xplane_bridge::link::LinkToken;
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
-use crate::args::{MockXplaneArgs, WindowSize};
+use crate::args::{MockState, MockXplaneArgs, WindowSize};
 use crate::failure::{Ending, Failure};
 use crate::signals::CleanStop;
 
@@ -25,16 +24,16 @@ const PLUGIN: &str = "PI_dtd_bridge.py";
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
     let stage = args.window.map(open_window).transpose()?;
+    let is = |state| args.state.contains(&state);
     let options = ServerOptions {
         bind: args.bind,
         port: args.port,
         beacon: !args.no_beacon,
-        beacon_name: (!args.beacon_nameless).then(|| args.beacon_name.clone()),
+        beacon_name: (!is(MockState::NamelessBeacon)).then(|| args.beacon_name.clone()),
         generation: args.xplane,
         web_port: args.web_port,
-        flight_loaded: !args.main_menu,
-        incoming: !args.incoming_off,
-        data_to: args.data_to,
+        flight_loaded: !is(MockState::MainMenu),
+        incoming: !is(MockState::IncomingOff),
         faults: args.faults.clone(),
         quirks: args.quirks,
         clock_rate: args.clock_rate,
@@ -73,7 +72,7 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
 }
 
 fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
-    if args.no_plugin {
+    if args.state.contains(&MockState::NoPlugin) {
         return Ok(LinkServer::Nobody);
     }
     let WindowSize {
@@ -92,9 +91,6 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     Ok(LinkServer::Plugin(PluginOptions {
         window_px: (width_px, height_px),
         frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(LONGEST_FRAME_S),
-        scene_behind: args
-            .scene_behind
-            .map(|frames| SceneBehind::Constant(frames.into())),
         ..PluginOptions::new(folder)
     }))
 }

@@ -44,7 +44,6 @@ pub(crate) fn run(args: &TapeArgs) -> Outcome {
         bind: args.bind,
         port: args.port,
         out: args.out.clone(),
-        frames: args.frames,
         token: LinkToken::from_environment(),
         local_udp: noting,
     };

@@ -1,4 +1,4 @@
-"""Drives the stand-in with `pyxpudpserver`, unmodified. Arguments: UDP port, name in the beacon, port for the data output.
+"""Drives the stand-in with `pyxpudpserver`, unmodified. Arguments: UDP port, name in the beacon.
 
 The client sends `0` as the fifth byte, pads paths with spaces, appends [0] to scalars, opens a socket per dataref, sends commands
 without a NUL, and detects a live simulator by the name in its beacon.
@@ -21,8 +21,8 @@ def wait_until(what, condition, seconds=15.0):
         time.sleep(0.02)
 
 
-udp_port, beacon_name, data_port = int(sys.argv[1]), sys.argv[2], int(sys.argv[3])
-client.initialiseUDP(("127.0.0.1", data_port), ("127.0.0.1", udp_port), beacon_name)
+udp_port, beacon_name = int(sys.argv[1]), sys.argv[2]
+client.initialiseUDP(("127.0.0.1", 0), ("127.0.0.1", udp_port), beacon_name)
 client.start()
 try:
     # Discover: another simulator's beacon must not count.
@@ -43,10 +43,6 @@ try:
     # Command.
     client.sendXPCmd("sim/operation/pause_on")
     wait_until("the pause", lambda: client.getData(PAUSED) == 1.0)
-
-    # Data output: row 17 is pitch, roll, true heading; row 20 begins with latitude and longitude.
-    wait_until("the data output", lambda: abs(client.getData((17, 2)) - 23.02) < 0.01)
-    wait_until("latitude", lambda: abs(client.getData((20, 0)) - 1.349) < 0.001)
 finally:
     client.quit()
 print("ok")

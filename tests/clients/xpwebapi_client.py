@@ -1,4 +1,4 @@
-"""Drives the stand-in with `xpwebapi`, unmodified: beacon, UDP, REST and WebSocket. Arguments: UDP port, Web API port.
+"""Drives the stand-in with `xpwebapi`, unmodified: beacon, UDP and REST. Arguments: UDP port, Web API port.
 
 It requires a name in the beacon, pads commands to 505 bytes, and expects JSON as the answer to a write.
 """
@@ -84,39 +84,8 @@ def over_rest():
         expect("elements", rest.dataref_value(xpwebapi.Dataref(CLOUDS, rest)), [0.0, 650.5, 0.0])
 
 
-def over_websocket():
-    api = xpwebapi.ws_api(host="127.0.0.1", port=web_port)
-    values, states = {}, {}
-    api.add_callback(
-        xpwebapi.CALLBACK_TYPE.ON_DATAREF_UPDATE, lambda dataref, value: values.__setitem__(dataref, value)
-    )
-    api.add_callback(
-        xpwebapi.CALLBACK_TYPE.ON_COMMAND_ACTIVE, lambda command, active: states.__setitem__(command, active)
-    )
-    api.connect()
-    try:
-        wait_until("the connection", lambda: api.connected and api.websocket_listener_running and api.has_data)
-        datarefs = [xpwebapi.Dataref(path, api) for path in (FREQUENCY, PAUSED, f"{CLOUDS}[0]", f"{CLOUDS}[1]")]
-        api.monitor_datarefs(datarefs)
-        wait_until("a frequency", lambda: values.get(FREQUENCY) == 11150)
-        wait_until("an element", lambda: values.get(f"{CLOUDS}[1]") == 650.5)
-        api.set_dataref_value(FREQUENCY, 11190)
-        wait_until("the written frequency", lambda: values.get(FREQUENCY) == 11190)
-        pause = xpwebapi.Command(api, "sim/operation/pause_on")
-        api.monitor_command_active(pause)
-        wait_until("the state of the command", lambda: "sim/operation/pause_on" in states)
-        api.execute_command(pause)
-        wait_until("the pause", lambda: values.get(PAUSED) == 1)
-        api.unmonitor_datarefs(datarefs)
-    finally:
-        api.stop()
-        api.disconnect(timeout_seconds=1)
-        api.close()
-
-
 found = discover()
 expect("version in the beacon", found.xplane_version, 124009)
 over_udp()
 over_rest()
-over_websocket()
 print("ok")

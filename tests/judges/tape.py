@@ -27,15 +27,12 @@ with open(sys.argv[1], "rb") as file:
             assert data[:4].isalpha() and data[:4].isupper(), data[:8]
             if kind == "udp/to_simulator" and data[:4] == b"RREF":
                 assert len(data) == 413
-        elif channel.message_encoding == "dtd-link":
+        else:
+            assert channel.message_encoding == "dtd-link"
             head, payload = struct.unpack("<II", data[:8])
             assert len(data) == 8 + head + payload
             answer = json.loads(data[8 : 8 + head])
             pictures += answer["message"] == "frame" and payload == answer["width_px"] * answer["height_px"] * 3
-        else:
-            assert channel.message_encoding == "dtd-link-reference"
-            head, _ = struct.unpack("<II", data[:8])
-            assert len(data) == 8 + head + 32
 
 assert summary.statistics.message_count == sum(counts.values())
 assert header.profile == "dtd-tape"

@@ -96,16 +96,6 @@ from_simulator(
         "velocity_east_mps": 37.5, "velocity_up_mps": -4.0, "velocity_south_mps": -88.25,
         "roll_rate_rad_s": 0.125, "pitch_rate_rad_s": -0.25, "yaw_rate_rad_s": 0.5}},
 )
-PLACE = {
-    "plane": 0, "latitude_deg": 1.194827667, "longitude_deg": 103.912427524, "elevation_msl_m": 762.0085,
-    "heading_true_deg": 23.0, "pitch_deg": 5.25, "roll_deg": -0.5,
-}
-for tag, freeze in [("VEHX", True), ("VEHS", False)]:
-    to_simulator(
-        tag.lower(), "latitude first; heading, pitch, roll",
-        struct.pack("<5si3d3f", tag.encode(), 0, 1.194827667, 103.912427524, 762.0085, 23.0, 5.25, -0.5),
-        {"place_aircraft": {"freeze": freeze, **PLACE}},
-    )
 to_simulator(
     "prel", "start at latitude, longitude, elevation",
     struct.pack("<5sii8sii5d", b"PREL", 6, 0, b"WSSS", 0, 0, 1.194827667, 103.912427524, 762.0085, 23.0, 80.5),
@@ -118,15 +108,6 @@ to_simulator(
     "acfn", "an aircraft and its second livery",
     struct.pack("<5si150s2xi", b"ACFN", 0, ACF, 1),
     {"load_aircraft": {"plane": 0, "path": ACF.decode(), "livery": 1}},
-)
-ROWS = [(20, [1.25, 103.5, 762.0, 755.25, 0.0, 2500.0, 1.0, 103.0]), (17, [5.25, -0.5, 23.0] + [-999.0] * 5)]
-DATA = b"".join(struct.pack("<i8f", index, *values) for index, values in ROWS)
-DATA_MEANING = {"data": {"rows": [{"index": index, "values": values} for index, values in ROWS]}}
-to_simulator("data_to_simulator", "two rows, five values left alone", b"DATA\0" + DATA, DATA_MEANING)
-from_simulator("data_from_simulator", "the same rows under the tag of X-Plane 11 and 12", b"DATA*" + DATA, DATA_MEANING)
-from_simulator(
-    "data_from_simulator_old_tag", "the same rows under the tag of older versions", b"DATA@" + DATA, DATA_MEANING,
-    encodes_back=False,
 )
 BEACON = {"major": 1, "minor": 2, "host": 1, "version": 120400, "role": 1, "port": 49000}
 BEACON_FIXED = struct.pack("<5sBBiiIH", b"BECN", 1, 2, 1, 120400, 1, 49000)

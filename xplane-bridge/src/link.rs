@@ -23,7 +23,7 @@ pub use message::{Answer, Request};
 pub use picture_bytes::{PictureBytes, PooledPicture};
 pub use screen::{ScreenAnswer, ScreenOffer, ScreenPart, ScreenRequest};
 pub use shared_memory::{DrawingSlot, DrawingSlots, SharedMemory, SharedPicture, SharedPictures};
-pub use soundness::{MAX_PROFILE_BYTES, UnsoundRequest};
+pub use soundness::UnsoundRequest;
 pub use token::LinkToken;
 pub use wire::{
     LINK_VERSION, LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings, read_exact,

@@ -9,7 +9,6 @@ mod aircraft_file;
 mod beacon;
 mod body;
 mod command;
-mod data;
 mod dataref;
 mod place;
 mod position;
@@ -20,9 +19,8 @@ use serde::{Deserialize, Serialize};
 pub use aircraft_file::LoadAircraft;
 pub use beacon::{BEACON_GROUP, BEACON_PORT, Beacon};
 pub use command::Command;
-pub use data::{DataRow, DataRows, LEAVE_ALONE};
 pub use dataref::WriteDataref;
-pub use place::{PlaceAircraft, PlaceAtStart};
+pub use place::PlaceAtStart;
 pub use position::{Position, SubscribePosition};
 pub use subscription::{
     DatarefValue, DatarefValues, DatarefValuesView, MAX_VALUES_PER_REPLY, SubscribeDataref,
@@ -83,14 +81,10 @@ pub enum ToSimulator {
     Command(Command),
     /// `RPOS`: send me the aircraft's position at this rate.
     SubscribePosition(SubscribePosition),
-    /// `VEHX` or `VEHS`: put the aircraft there.
-    PlaceAircraft(PlaceAircraft),
     /// `PREL`: start a flight there.
     PlaceAtStart(PlaceAtStart),
     /// `ACFN`: load another aircraft.
     LoadAircraft(LoadAircraft),
-    /// `DATA`: set values of the data output.
-    Data(DataRows),
 }
 
 /// A packet on its way from the simulator.
@@ -103,8 +97,6 @@ pub enum FromSimulator {
     Position(Position),
     /// `BECN`: here I am.
     Beacon(Beacon),
-    /// `DATA*`: rows of the data output.
-    Data(DataRows),
 }
 
 impl ToSimulator {
@@ -115,10 +107,8 @@ impl ToSimulator {
             b"DREF" => WriteDataref::decode(datagram).map(Self::WriteDataref),
             b"CMND" => Command::decode(datagram).map(Self::Command),
             b"RPOS" => SubscribePosition::decode(datagram).map(Self::SubscribePosition),
-            b"VEHX" | b"VEHS" => PlaceAircraft::decode(datagram).map(Self::PlaceAircraft),
             b"PREL" => PlaceAtStart::decode(datagram).map(Self::PlaceAtStart),
             b"ACFN" => LoadAircraft::decode(datagram).map(Self::LoadAircraft),
-            b"DATA" => DataRows::decode(datagram).map(Self::Data),
             tag => Err(unknown(tag, "to the simulator")),
         }
     }
@@ -130,10 +120,8 @@ impl ToSimulator {
             Self::WriteDataref(packet) => packet.encode(),
             Self::Command(packet) => packet.encode(),
             Self::SubscribePosition(packet) => Ok(packet.encode()),
-            Self::PlaceAircraft(packet) => Ok(packet.encode()),
             Self::PlaceAtStart(packet) => packet.encode(),
             Self::LoadAircraft(packet) => packet.encode(),
-            Self::Data(packet) => packet.encode_to_simulator(),
         }
     }
 }
@@ -145,7 +133,6 @@ impl FromSimulator {
             b"RREF" => DatarefValues::decode(datagram).map(Self::DatarefValues),
             b"RPOS" => Position::decode(datagram).map(Self::Position),
             b"BECN" => Beacon::decode(datagram).map(Self::Beacon),
-            b"DATA" => DataRows::decode(datagram).map(Self::Data),
             tag => Err(unknown(tag, "from the simulator")),
         }
     }
@@ -156,7 +143,6 @@ impl FromSimulator {
             Self::DatarefValues(packet) => packet.encode(),
             Self::Position(packet) => Ok(packet.encode()),
             Self::Beacon(packet) => packet.encode(),
-            Self::Data(packet) => packet.encode_from_simulator(),
         }
     }
 }
@@ -205,9 +191,7 @@ mod tests {
 
     #[test]
     fn a_bare_tag_is_refused_unless_its_body_may_be_empty() {
-        for tag in [
-            b"RREF", b"DREF", b"CMND", b"RPOS", b"VEHX", b"VEHS", b"PREL", b"ACFN",
-        ] {
+        for tag in [b"RREF", b"DREF", b"CMND", b"RPOS", b"PREL", b"ACFN"] {
             assert!(ToSimulator::decode(tag).is_err(), "{}", tag.escape_ascii());
         }
         for tag in [b"RPOS", b"BECN"] {
@@ -219,8 +203,6 @@ mod tests {
         }
         let nothing = FromSimulator::DatarefValues(DatarefValues { values: vec![] });
         assert_eq!(FromSimulator::decode(b"RREF"), Ok(nothing));
-        let nothing = FromSimulator::Data(DataRows { rows: vec![] });
-        assert_eq!(FromSimulator::decode(b"DATA"), Ok(nothing));
     }
 
     #[test]

@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use xplane_bridge::packet::{
-    Beacon, Command, DataRow, DataRows, DatarefValue, DatarefValues, DatarefValuesView,
-    FromSimulator, LoadAircraft, PacketError, PlaceAircraft, PlaceAtStart, Position,
-    SubscribeDataref, SubscribePosition, ToSimulator, WriteDataref,
+    Beacon, Command, DatarefValue, DatarefValues, DatarefValuesView, FromSimulator, LoadAircraft,
+    PacketError, PlaceAtStart, Position, SubscribeDataref, SubscribePosition, ToSimulator,
+    WriteDataref,
 };
 
 /// A text that fits a field: no NUL, no closing space, at most `most` bytes.
@@ -20,17 +20,6 @@ fn text(most: usize) -> impl Strategy<Value = String> {
 
 fn name(most: usize) -> impl Strategy<Value = String> {
     text(most).prop_filter("a name has characters", |name| !name.is_empty())
-}
-
-prop_compose! {
-    fn place_aircraft()(
-        freeze: bool, plane: i32, (latitude_deg, longitude_deg, elevation_msl_m) in any::<(f64, f64, f64)>(),
-        (heading_true_deg, pitch_deg, roll_deg) in any::<(f32, f32, f32)>(),
-    ) -> PlaceAircraft {
-        PlaceAircraft {
-            freeze, plane, latitude_deg, longitude_deg, elevation_msl_m, heading_true_deg, pitch_deg, roll_deg,
-        }
-    }
 }
 
 prop_compose! {
@@ -66,11 +55,6 @@ prop_compose! {
     }
 }
 
-fn data_rows() -> impl Strategy<Value = DataRows> {
-    let row = any::<(i32, [f32; 8])>().prop_map(|(index, values)| DataRow { index, values });
-    proptest::collection::vec(row, 0..40).prop_map(|rows| DataRows { rows })
-}
-
 fn to_simulator() -> impl Strategy<Value = ToSimulator> {
     prop_oneof![
         (any::<i32>(), any::<i32>(), text(399)).prop_map(|(frequency_hz, index, path)| {
@@ -86,7 +70,6 @@ fn to_simulator() -> impl Strategy<Value = ToSimulator> {
         any::<u32>().prop_map(
             |frequency_hz| ToSimulator::SubscribePosition(SubscribePosition { frequency_hz })
         ),
-        place_aircraft().prop_map(ToSimulator::PlaceAircraft),
         place_at_start().prop_map(ToSimulator::PlaceAtStart),
         (any::<i32>(), text(149), any::<i32>()).prop_map(|(plane, path, livery)| {
             ToSimulator::LoadAircraft(LoadAircraft {
@@ -95,7 +78,6 @@ fn to_simulator() -> impl Strategy<Value = ToSimulator> {
                 livery,
             })
         }),
-        data_rows().prop_map(ToSimulator::Data),
     ]
 }
 
@@ -106,7 +88,6 @@ fn from_simulator() -> impl Strategy<Value = FromSimulator> {
             .prop_map(|values| FromSimulator::DatarefValues(DatarefValues { values })),
         position().prop_map(FromSimulator::Position),
         beacon().prop_map(FromSimulator::Beacon),
-        data_rows().prop_map(FromSimulator::Data),
     ]
 }
 
@@ -120,8 +101,8 @@ fn datagram() -> impl Strategy<Value = Vec<u8>> {
         .prop_map(|(tag, body)| [tag, body].concat())
 }
 
-const TAGS: [&[u8; 4]; 10] = [
-    b"RREF", b"DREF", b"CMND", b"RPOS", b"VEHX", b"VEHS", b"PREL", b"ACFN", b"DATA", b"BECN",
+const TAGS: [&[u8; 4]; 8] = [
+    b"RREF", b"DREF", b"CMND", b"RPOS", b"PREL", b"ACFN", b"DATA", b"BECN",
 ];
 
 proptest! {

@@ -8,7 +8,7 @@ use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::Runway;
-use fake_simulator::Fake;
+use fake_simulator::{Fake, Told};
 use testkit::changi_02l;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::datarefs;
@@ -88,6 +88,15 @@ async fn set_up_and_fly(fake: &Fake) -> Simulator {
     simulator
 }
 
+fn assert_wrote(told: &Told, name: &str, value: f32) {
+    let found = told.wrote(name);
+    let found = found.unwrap_or_else(|| panic!("{name} was not written"));
+    assert!(
+        (found - value).abs() < 1e-3,
+        "{name}: {found}, expected {value}"
+    );
+}
+
 #[tokio::test]
 async fn x_plane_11_is_told_its_own_datarefs_in_its_own_units() {
     let fake = Fake::start(ELEVEN, "C172", Some("dtd plugin")).await;
@@ -111,13 +120,7 @@ async fn x_plane_11_is_told_its_own_datarefs_in_its_own_units() {
         ("sim/cockpit2/autopilot/autopilot_electric_master", 1.0),
         ("sim/cockpit2/radios/actuators/HSI_source_select_pilot", 0.0),
     ] {
-        let found = told
-            .wrote(name)
-            .unwrap_or_else(|| panic!("{name} was not written"));
-        assert!(
-            (found - value).abs() < 1e-3,
-            "{name}: {found}, expected {value}"
-        );
+        assert_wrote(&told, name, value);
     }
     let foreign = told
         .writes
@@ -162,13 +165,7 @@ async fn x_plane_12_is_told_its_clouds_again_after_the_weather_was_regenerated()
         ("sim/weather/region/wind_direction_degt[12]", 340.0),
         ("sim/cockpit/radios/nav1_freq_hz", 11_090.0),
     ] {
-        let found = told
-            .wrote(name)
-            .unwrap_or_else(|| panic!("{name} was not written"));
-        assert!(
-            (found - value).abs() < 1e-3,
-            "{name}: {found}, expected {value}"
-        );
+        assert_wrote(&told, name, value);
     }
     let old = told.writes.iter().find(|(name, _)| {
         name.starts_with("sim/weather/") && !name.starts_with("sim/weather/region/")

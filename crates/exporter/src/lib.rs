@@ -18,5 +18,5 @@ mod still;
 pub use description::{describe_corpus, is_described_as_it_is};
 pub use error::{Error, Result};
 pub use export::{ExportOutcome, export};
-pub use request::{BoxSource, ExportRequest, Format, Ticks, USUAL_CROP_PX};
+pub use request::{BoxSource, ExportRequest, Format, Ticks};
 pub use still::StillFormat;

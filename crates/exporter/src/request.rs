@@ -76,7 +76,7 @@ pub enum BoxSource {
 }
 
 /// Width and height of a crop, pixels, if none is requested: the smallest window in which the detector looks at an aircraft.
-pub const USUAL_CROP_PX: [u32; 2] = [160, 160];
+pub(crate) const USUAL_CROP_PX: [u32; 2] = [160, 160];
 
 /// Content, format and options of an export.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -73,8 +73,6 @@ pub struct ServerOptions {
     pub flight_loaded: bool,
     /// True if "Accept incoming connections" is on in X-Plane's network settings. A fresh X-Plane 12 has it off.
     pub incoming: bool,
-    /// Destination of the data output (`DATA`), if any.
-    pub data_to: Option<SocketAddr>,
     /// Faults to simulate.
     pub faults: Faults,
     /// The awkward habits of a live X-Plane to imitate.
@@ -115,7 +113,6 @@ impl Default for ServerOptions {
             web_port: None,
             flight_loaded: true,
             incoming: true,
-            data_to: None,
             faults: Faults::default(),
             quirks: Quirks::NONE,
             clock_rate: 1.0,

@@ -251,32 +251,6 @@ async fn clients_that_leave_their_answers_unread_keep_nobody_out_for_long() {
 }
 
 #[tokio::test]
-async fn websockets_whose_clients_are_gone_without_a_word_keep_nobody_out_for_long() {
-    let running = start(LinkPatience::default(), None).await;
-    let web = running.addresses.web_api.unwrap();
-    let open = async || {
-        let mut stream = TcpStream::connect(web).await.unwrap();
-        let head = "GET /api/v3 HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
-            Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
-        stream.write_all(head.as_bytes()).await.unwrap();
-        let mut status = [0; 12];
-        stream.read_exact(&mut status).await.unwrap();
-        (status == *b"HTTP/1.1 101").then_some(stream)
-    };
-    let mut silent = Vec::new();
-    while let Some(stream) = open().await {
-        silent.push(stream);
-    }
-    assert!(silent.len() > 10, "{}", silent.len());
-    let another = async {
-        while open().await.is_none() {
-            tokio::time::sleep(Duration::from_millis(200)).await;
-        }
-    };
-    timeout(PATIENCE, another).await.unwrap();
-}
-
-#[tokio::test]
 async fn web_pages_from_elsewhere_are_refused() {
     let running = start(LinkPatience::default(), None).await;
     let web = running.addresses.web_api.unwrap();

@@ -17,7 +17,7 @@ use tokio::time::timeout;
 use xplane_bridge::link::PictureBytes;
 use xplane_bridge::packet::{SubscribePosition, ToSimulator};
 use xplane_bridge::{BridgeError, CaptureRequest, CapturedFrame, Deliver, Simulator};
-use xplane_tape::{FramesKept, RecordOptions, record};
+use xplane_tape::{RecordOptions, record};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -138,13 +138,10 @@ fn conditions() -> Conditions {
 }
 
 /// A tape of the session, and what the client got in it.
-async fn recorded(folder: &Path, frames: FramesKept) -> (PathBuf, (Vec<CapturedFrame>, Vec<u8>)) {
+async fn recorded(folder: &Path) -> (PathBuf, (Vec<CapturedFrame>, Vec<u8>)) {
     let simulator = serving(quiet()).await;
     let tape = folder.join("session.mcap");
-    let options = RecordOptions {
-        frames,
-        ..RecordOptions::new(simulator, tape.clone())
-    };
+    let options = RecordOptions::new(simulator, tape.clone());
     let (tell, told) = oneshot::channel();
     let (stop, stopped) = oneshot::channel::<()>();
     let recording = tokio::spawn(async move {
@@ -162,26 +159,20 @@ async fn recorded(folder: &Path, frames: FramesKept) -> (PathBuf, (Vec<CapturedF
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_client_gets_the_same_frames_and_positions_from_the_tape() {
-    for frames in [FramesKept::Inline, FramesKept::Reference] {
-        let folder = tempfile::tempdir().unwrap();
-        let (tape, got) = recorded(folder.path(), frames).await;
-        let player = played(&tape).await;
-        assert!(session(player.udp).await == got, "{frames}");
-        // And once more: a tape is played as often as one likes.
-        assert!(
-            session(player.udp).await == got,
-            "{frames}, the second time"
-        );
-    }
+    let folder = tempfile::tempdir().unwrap();
+    let (tape, got) = recorded(folder.path()).await;
+    let player = played(&tape).await;
+    assert!(session(player.udp).await == got);
+    // And once more: a tape is played as often as one likes.
+    assert!(session(player.udp).await == got, "the second time");
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_is_not_on_the_tape_is_refused_with_what_there_is() {
     let folder = tempfile::tempdir().unwrap();
-    let (tape, _) = recorded(folder.path(), FramesKept::None).await;
+    let (tape, _) = recorded(folder.path()).await;
     let player = played(&tape).await;
     let cases = [
-        (request(0, 1.345), "Record with --frames inline"),
         (
             request(0, 1.346),
             "pose.latitude_deg was 1.345 then, and is 1.346 now",

@@ -4,11 +4,8 @@
 //! |---|---|---|
 //! | `/udp/N/to_simulator`, `/udp/N/from_simulator` | `xplane-udp` | a datagram of client N |
 //! | `/link/N/to_simulator`, `/link/N/from_simulator` | `dtd-link` | a message of link connection N, with lengths, header, payload |
-//! | `/link/N/from_simulator/reference` | `dtd-link-reference` | the same without its payload; in its place the payload's BLAKE3 hash (32 bytes), if stored |
 
 use std::collections::BTreeMap;
-use std::fmt;
-use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
@@ -39,48 +36,6 @@ impl Direction {
     }
 }
 
-/// Storage format of the images, by far the largest part of a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum FramesKept {
-    /// They are on the tape, compressed without loss.
-    #[default]
-    Inline,
-    /// Only their BLAKE3 hashes: enough to prove that an image drawn again is the same.
-    Reference,
-    /// Not at all.
-    None,
-}
-
-/// A text that names none of [`FramesKept`].
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("no way to keep frames: {text:?}; expected inline, reference or none")]
-pub struct UnknownFramesKept {
-    text: String,
-}
-
-impl FromStr for FramesKept {
-    type Err = UnknownFramesKept;
-
-    fn from_str(text: &str) -> Result<Self, UnknownFramesKept> {
-        match text {
-            "inline" => Ok(Self::Inline),
-            "reference" => Ok(Self::Reference),
-            "none" => Ok(Self::None),
-            _ => Err(UnknownFramesKept { text: text.into() }),
-        }
-    }
-}
-
-impl fmt::Display for FramesKept {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Inline => "inline",
-            Self::Reference => "reference",
-            Self::None => "none",
-        })
-    }
-}
-
 /// A channel of the tape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Channel {
@@ -97,8 +52,6 @@ pub enum Channel {
         connection: u32,
         /// Direction of its messages.
         direction: Direction,
-        /// True if the payloads were left out.
-        reference: bool,
     },
 }
 
@@ -117,11 +70,7 @@ impl Channel {
             Self::Link {
                 connection,
                 direction,
-                reference,
-            } => {
-                let end = if *reference { "/reference" } else { "" };
-                format!("/link/{connection}/{}{end}", direction.word())
-            }
+            } => format!("/link/{connection}/{}", direction.word()),
         }
     }
 
@@ -129,12 +78,7 @@ impl Channel {
     pub fn encoding(&self) -> &'static str {
         match self {
             Self::Udp { .. } => "xplane-udp",
-            Self::Link {
-                reference: false, ..
-            } => "dtd-link",
-            Self::Link {
-                reference: true, ..
-            } => "dtd-link-reference",
+            Self::Link { .. } => "dtd-link",
         }
     }
 
@@ -147,15 +91,14 @@ impl Channel {
             "from_simulator" => Direction::FromSimulator,
             _ => return None,
         };
-        match (kind, words.next(), words.next()) {
-            ("udp", None, None) => Some(Self::Udp {
+        match (kind, words.next()) {
+            ("udp", None) => Some(Self::Udp {
                 client: number,
                 direction,
             }),
-            ("link", end @ (None | Some("reference")), None) => Some(Self::Link {
+            ("link", None) => Some(Self::Link {
                 connection: number,
                 direction,
-                reference: end.is_some(),
             }),
             _ => None,
         }
@@ -173,19 +116,16 @@ pub struct TapeInfo {
     pub simulator: String,
     /// Start of the recording, RFC 3339 in UTC.
     pub began: String,
-    /// Storage format of the images: `inline`, `reference` or `none`.
-    pub frames: String,
 }
 
 impl TapeInfo {
     /// About a recording of this version.
-    pub fn new(simulator: String, began: String, frames: FramesKept) -> Self {
+    pub fn new(simulator: String, began: String) -> Self {
         Self {
             format: FORMAT.into(),
             dtd: env!("CARGO_PKG_VERSION").into(),
             simulator,
             began,
-            frames: frames.to_string(),
         }
     }
 
@@ -195,7 +135,6 @@ impl TapeInfo {
             ("dtd", &self.dtd),
             ("simulator", &self.simulator),
             ("began", &self.began),
-            ("frames", &self.frames),
         ];
         pairs
             .map(|(key, value)| (key.to_owned(), value.clone()))
@@ -213,7 +152,6 @@ impl TapeInfo {
             dtd: take("dtd")?,
             simulator: take("simulator")?,
             began: take("began")?,
-            frames: take("frames")?,
         };
         if info.format == FORMAT {
             Ok(info)
@@ -241,12 +179,6 @@ mod tests {
             Channel::Link {
                 connection: 1,
                 direction: FromSimulator,
-                reference: false,
-            },
-            Channel::Link {
-                connection: 3,
-                direction: FromSimulator,
-                reference: true,
             },
         ];
         for channel in channels {
@@ -266,13 +198,9 @@ mod tests {
 
     #[test]
     fn a_tape_of_another_format_is_refused_with_both_versions() {
-        let mut metadata = TapeInfo::new(
-            "127.0.0.1:49000".into(),
-            "2026-01-01T00:00:00Z".into(),
-            FramesKept::None,
-        )
-        .to_metadata();
-        assert_eq!(TapeInfo::of_metadata(&metadata).unwrap().frames, "none");
+        let mut metadata =
+            TapeInfo::new("127.0.0.1:49000".into(), "2026-01-01T00:00:00Z".into()).to_metadata();
+        assert!(TapeInfo::of_metadata(&metadata).is_ok());
         metadata.insert("format".into(), "9".into());
         let error = TapeInfo::of_metadata(&metadata).unwrap_err();
         assert!(

@@ -18,8 +18,8 @@ mod recorder;
 mod writer;
 
 pub use error::TapeError;
-pub use format::{Channel, Direction, FramesKept, PROFILE, TapeInfo, UnknownFramesKept};
-pub use link_message::{BadLinkMessage, LinkMessage, MAGIC, ReferencedMessage};
+pub use format::{Channel, Direction, PROFILE, TapeInfo};
+pub use link_message::{BadLinkMessage, LinkMessage, MAGIC};
 pub use reader::{Entry, MessagePosition, TapeReader};
 pub use recorder::{RecordOptions, RecorderAddresses, record};
 pub use writer::{TapeSummary, TapeWriter};

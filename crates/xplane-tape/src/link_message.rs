@@ -11,8 +11,6 @@ use xplane_bridge::link::{
 pub const MAGIC: [u8; 4] = *b"DTDL";
 /// Bytes of the two lengths before a header.
 const LENGTHS: usize = 8;
-/// Bytes of a BLAKE3 hash.
-const HASH: usize = 32;
 /// Replacement for a token on a tape.
 const TOKEN_LEFT_OUT: &str = "left out of the tape";
 
@@ -30,14 +28,6 @@ pub enum BadLinkMessage {
     OtherLength {
         /// Number of bytes by its own lengths.
         expected: usize,
-        /// Number of bytes.
-        found: usize,
-    },
-    /// Neither a hash nor the end follows the header.
-    #[error("{end} bytes and perhaps a hash of {HASH} expected, {found} found")]
-    NoHash {
-        /// Number of bytes up to the end of the header.
-        end: usize,
         /// Number of bytes.
         found: usize,
     },
@@ -159,11 +149,6 @@ impl LinkMessage {
         &self.bytes[self.header_end..]
     }
 
-    /// True if it contains an image.
-    pub(super) fn is_picture(&self) -> bool {
-        !self.payload().is_empty() && message_of(self.header()).as_deref() == Some("frame")
-    }
-
     /// The token of a hello.
     pub fn token(&self) -> Option<String> {
         let header: Value = serde_json::from_slice(self.header()).ok()?;
@@ -183,55 +168,6 @@ impl LinkMessage {
         *token = TOKEN_LEFT_OUT.into();
         Some(Self::new(header.to_string().as_bytes(), self.payload()))
     }
-
-    /// The stored form without the payload: lengths and header unchanged, then the payload's hash if `with_hash`.
-    pub(super) fn reference(&self, with_hash: bool) -> Vec<u8> {
-        let mut kept = self.bytes[..self.header_end].to_vec();
-        if with_hash {
-            kept.extend(blake3::hash(self.payload()).as_bytes());
-        }
-        kept
-    }
-}
-
-/// A message whose payload was left out of the tape.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ReferencedMessage {
-    /// Its header, which should be JSON.
-    pub header: Vec<u8>,
-    /// Length of its payload, bytes.
-    pub payload_bytes: usize,
-    /// BLAKE3 hash of its payload; `None` if that was not stored either.
-    pub hash: Option<blake3::Hash>,
-}
-
-impl ReferencedMessage {
-    /// From the bytes on the tape.
-    pub fn parse(bytes: &[u8]) -> Result<Self, BadLinkMessage> {
-        let (header, payload_bytes) = lengths(bytes)?;
-        let end = LENGTHS + header;
-        let hash = match bytes.get(end..) {
-            Some([]) => None,
-            Some(hash) if hash.len() == HASH => blake3::Hash::from_slice(hash).ok(),
-            _ => {
-                return Err(BadLinkMessage::NoHash {
-                    end,
-                    found: bytes.len(),
-                });
-            }
-        };
-        Ok(Self {
-            header: bytes[LENGTHS..end].to_vec(),
-            payload_bytes,
-            hash,
-        })
-    }
-}
-
-/// The message name in a header.
-fn message_of(header: &[u8]) -> Option<String> {
-    let header: Value = serde_json::from_slice(header).ok()?;
-    Some(header.get("message")?.as_str()?.to_owned())
 }
 
 fn lengths(bytes: &[u8]) -> Result<(usize, usize), BadLinkMessage> {
@@ -251,7 +187,6 @@ mod tests {
     #[tokio::test]
     async fn a_message_is_read_byte_for_byte() {
         let message = LinkMessage::new(br#"{"message":"frame" }"#, &[1, 2, 3]);
-        assert!(message.is_picture());
         let mut stream = message.bytes();
         let read = LinkMessage::read(&mut stream).await.unwrap().unwrap();
         assert_eq!(read, message);
@@ -263,21 +198,6 @@ mod tests {
         assert!(matches!(error, LinkError::Ended { .. }), "{error}");
         let error = LinkMessage::read(&mut &[0xff; 8][..]).await.unwrap_err();
         assert!(matches!(error, LinkError::TooLong { .. }), "{error}");
-    }
-
-    #[test]
-    fn a_payload_left_out_leaves_its_length_and_its_hash() {
-        let message = LinkMessage::new(b"{}", &[7; 100]);
-        let kept = ReferencedMessage::parse(&message.reference(true)).unwrap();
-        assert_eq!(
-            (kept.header.as_slice(), kept.payload_bytes),
-            (&b"{}"[..], 100)
-        );
-        assert_eq!(kept.hash, Some(blake3::hash(&[7; 100])));
-        let kept = ReferencedMessage::parse(&message.reference(false)).unwrap();
-        assert_eq!(kept.hash, None);
-        assert!(ReferencedMessage::parse(message.bytes()).is_err());
-        assert!(ReferencedMessage::parse(&[1, 2]).is_err());
     }
 
     #[test]

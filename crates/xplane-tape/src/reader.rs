@@ -264,7 +264,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::{Direction, FramesKept, TapeWriter};
+    use crate::{Direction, TapeWriter};
 
     const CHANNEL: Channel = Channel::Udp {
         client: 1,
@@ -272,11 +272,7 @@ mod tests {
     };
 
     fn info() -> TapeInfo {
-        TapeInfo::new(
-            "127.0.0.1:49000".into(),
-            "2026-01-01T00:00:00Z".into(),
-            FramesKept::Inline,
-        )
+        TapeInfo::new("127.0.0.1:49000".into(), "2026-01-01T00:00:00Z".into())
     }
 
     fn datagram(number: u32) -> Vec<u8> {

@@ -30,7 +30,7 @@ use xplane_bridge::link::LinkToken;
 use xplane_bridge::simulator_address::reachable;
 
 use super::error::TapeError;
-use super::format::{FramesKept, TapeInfo};
+use super::format::TapeInfo;
 use super::writer::{TapeSummary, TapeWriter};
 use tape_thread::TapeThread;
 
@@ -48,8 +48,6 @@ pub struct RecordOptions {
     pub port: u16,
     /// The tape.
     pub out: PathBuf,
-    /// Storage format of the images.
-    pub frames: FramesKept,
     /// The token that a client of the capture link must send. Required if the address is not a loopback one.
     pub token: Option<LinkToken>,
     /// The local side towards the simulator: its port is the first client's, and each further client takes the next free one.
@@ -57,14 +55,13 @@ pub struct RecordOptions {
 }
 
 impl RecordOptions {
-    /// Of that simulator, on any free port of this machine, with its images.
+    /// Of that simulator, on any free port of this machine.
     pub fn new(simulator: SocketAddr, out: PathBuf) -> Self {
         Self {
             simulator,
             bind: Ipv4Addr::LOCALHOST.into(),
             port: 0,
             out,
-            frames: FramesKept::default(),
             token: None,
             local_udp: LocalUdp::default(),
         }
@@ -101,9 +98,8 @@ pub async fn record(
     };
     let (listener, link_address) = listen_tcp(SocketAddr::new(options.bind, link_port)).await?;
     let began = Utc::now().to_rfc3339_opts(SecondsFormat::Secs, true);
-    let info = TapeInfo::new(options.simulator.to_string(), began, options.frames);
-    let (tape_thread, mut writing) =
-        TapeThread::start(TapeWriter::create(&options.out, &info)?, options.frames);
+    let info = TapeInfo::new(options.simulator.to_string(), began);
+    let (tape_thread, mut writing) = TapeThread::start(TapeWriter::create(&options.out, &info)?);
     let route = Arc::new(Route {
         simulator: reachable(options.simulator),
         local_udp: options.local_udp,

@@ -45,7 +45,7 @@ impl Tolerance {
     }
 
     /// True if `found` is acceptable after writing `written`.
-    pub fn allows(self, written: f32, found: f32) -> bool {
+    pub(crate) fn allows(self, written: f32, found: f32) -> bool {
         let off = (found - written).abs();
         match self {
             Self::Absolute(most) => off <= most,

@@ -16,7 +16,7 @@ pub enum Generation {
 
 impl Generation {
     /// Of the value of [`super::VERSION`].
-    pub fn of_version(internal_version: f32) -> Self {
+    pub(crate) fn of_version(internal_version: f32) -> Self {
         Version::of_number(internal_version as u32).generation()
     }
 }

@@ -15,7 +15,7 @@ const LENGTHS_M: [f64; 2] = [-1e6, 1e6];
 const ANGLES_DEG: [f64; 2] = [-720.0, 720.0];
 
 /// Largest [`Request::KeepProfile`] profile as it is sent, bytes: a hello contains it, and has to stay a header that can be sent.
-pub const MAX_PROFILE_BYTES: usize = 16 << 10;
+pub(crate) const MAX_PROFILE_BYTES: usize = 16 << 10;
 
 /// Reason why a request cannot be met.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,63 +1,9 @@
-//! `VEHX`, `VEHS`, `PREL`: putting the aircraft somewhere.
-//!
-//! `VEHX` freezes the flight model and must be streamed, `VEHS` moves the aircraft once, `PREL` starts a flight. The order on the
-//! wire is latitude, longitude, then heading, pitch, roll: the reverse of `RPOS`.
+//! `PREL`: starts a flight. The order on the wire is latitude, longitude: the reverse of `RPOS`.
 
 use serde::{Deserialize, Serialize};
 
 use super::PacketError;
 use super::body::{Fields, push_text, start, text};
-
-/// `VEHX` or `VEHS` to the simulator.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PlaceAircraft {
-    /// True if the flight model stops (`VEHX`), false if it flies on from there (`VEHS`).
-    pub freeze: bool,
-    /// Index of the aircraft; 0 is the user's.
-    pub plane: i32,
-    /// Latitude, degrees.
-    pub latitude_deg: f64,
-    /// Longitude, degrees.
-    pub longitude_deg: f64,
-    /// Height above mean sea level, metres.
-    pub elevation_msl_m: f64,
-    /// Heading, degrees true.
-    pub heading_true_deg: f32,
-    /// Pitch, degrees, nose up positive.
-    pub pitch_deg: f32,
-    /// Roll, degrees, right wing down positive.
-    pub roll_deg: f32,
-}
-
-impl PlaceAircraft {
-    pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
-        let freeze = !datagram.starts_with(b"VEHS");
-        let mut fields = Fields::new(if freeze { "VEHX" } else { "VEHS" }, datagram);
-        Ok(Self {
-            freeze,
-            plane: fields.i32("plane")?,
-            latitude_deg: fields.f64("latitude")?,
-            longitude_deg: fields.f64("longitude")?,
-            elevation_msl_m: fields.f64("elevation")?,
-            heading_true_deg: fields.f32("heading")?,
-            pitch_deg: fields.f32("pitch")?,
-            roll_deg: fields.f32("roll")?,
-        })
-    }
-
-    pub(super) fn encode(&self) -> Vec<u8> {
-        let mut datagram = start(if self.freeze { b"VEHX" } else { b"VEHS" }, 40);
-        datagram.extend(self.plane.to_le_bytes());
-        for coordinate in [self.latitude_deg, self.longitude_deg, self.elevation_msl_m] {
-            datagram.extend(coordinate.to_le_bytes());
-        }
-        for angle in [self.heading_true_deg, self.pitch_deg, self.roll_deg] {
-            datagram.extend(angle.to_le_bytes());
-        }
-        datagram
-    }
-}
 
 /// `PREL` to the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -75,8 +75,6 @@ fn deprecated_in_12(dataref: &Dataref) -> Option<Dataref> {
 
 /// Common to X-Plane 11 and 12, then ours.
 const BOTH: &[Dataref] = &[
-    read_only("sim/version/xplm_internal_version", Int, 411.0),
-    read_only("sim/network/misc/network_time_sec", Float, 0.0),
     // Time. A fresh simulator follows the computer's clock, which is why clients must switch that off first.
     writable(names::USE_SYSTEM_TIME, Int, 1.0),
     writable(names::ZULU_TIME_S, Float, 0.0),
@@ -85,18 +83,13 @@ const BOTH: &[Dataref] = &[
     read_only("sim/time/total_running_time_sec", Float, 0.0),
     read_only("sim/time/total_flight_time_sec", Float, 0.0),
     read_only("sim/time/paused", Int, 0.0),
-    read_only("sim/time/sim_speed_actual", Float, 1.0),
     read_only("sim/time/is_in_replay", Int, 0.0),
     writable("sim/operation/misc/frame_rate_period", Float, 1.0 / 60.0),
-    writable("sim/operation/override/override_timestep", Int, 0.0),
     array("sim/operation/override/override_planepath", Int, 20, 0.0),
     writable("sim/operation/override/override_flightcontrol", Int, 0.0),
-    writable("sim/operation/override/override_flight_control", Int, 0.0),
     writable("sim/operation/override/override_throttles", Int, 0.0),
     writable("sim/operation/override/override_joystick", Int, 0.0),
-    writable("sim/operation/override/override_airport_lites", Int, 0.0),
     writable("sim/joystick/mouse_is_yoke", Int, 0.0),
-    writable("sim/graphics/scenery/airport_lights_on", Int, 0.0),
     read_only(names::SCENERY_LOADING, Int, 0.0),
     // Position of the aircraft. Latitude and longitude belong to the simulator; local coordinates and attitude may be set.
     read_only("sim/flightmodel/position/latitude", Double, 0.0),
@@ -127,12 +120,7 @@ const BOTH: &[Dataref] = &[
     text("sim/aircraft/view/acf_descrip", 500),
     read_only(names::AIRCRAFT_WIDTH_M, Float, 0.0),
     read_only(names::AIRCRAFT_LENGTH_M, Float, 0.0),
-    // Flaps, gear, brakes, lights and the yoke, by the names that pilots' tools use.
-    writable("sim/cockpit2/controls/parking_brake_ratio", Float, 1.0),
-    writable("sim/cockpit2/controls/speedbrake_ratio", Float, 0.0),
-    writable("sim/cockpit2/controls/yoke_pitch_ratio", Float, 0.0),
-    writable("sim/cockpit2/controls/yoke_roll_ratio", Float, 0.0),
-    writable("sim/cockpit2/controls/yoke_heading_ratio", Float, 0.0),
+    // Flaps, gear and lights, by the names that pilots' tools use.
     array(
         "sim/cockpit2/switches/landing_lights_switch",
         Float,

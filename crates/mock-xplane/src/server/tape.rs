@@ -8,7 +8,7 @@
 //! No answer is invented. A dataref has the recorded values, in their order, and advances past a write or a command when a client sends the
 //! same one ([`history`]); the weather at the aircraft is looked up by the same writes ([`shown_weather`]). A request of the capture link
 //! is answered if the tape has it, under the same written datarefs; otherwise an `error` reports what was requested and what the tape has
-//! ([`conversation`]). A picture that was recorded by its hash is drawn again by the stand-in's renderer and sent only if it is the same.
+//! ([`conversation`]).
 
 mod conversation;
 mod history;
@@ -24,21 +24,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use futures_util::future::BoxFuture;
 use tokio::task::{JoinSet, spawn_blocking};
-use xplane_bridge::datarefs::Generation;
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::Beacon;
-use xplane_tape::{TapeInfo, TapeReader};
+use xplane_tape::TapeReader;
 
 use self::conversation::{Context, Conversation};
 use self::history::Histories;
 use self::positions::Positions;
 use self::shown_weather::ShownWeather;
-use super::engine::{BuiltIn, Engine};
 use super::faults::outages::Outages;
-use super::scenes::Scenes;
-use super::world::World;
 use super::{Addresses, LinkPatience, MockError, Ports, ServerOptions, beacon};
-use crate::quirks::Quirks;
 
 /// Serves a tape until the future is dropped; calls `ready` once it listens. Of the options, only address, beacon and token apply:
 /// everything else is as recorded.
@@ -81,7 +76,6 @@ async fn run(
         raknet_port: Some(beacon::RAKNET_PORT),
         ..Beacon::default()
     };
-    let generation = Generation::of_version(loaded.version as f32);
     let player = Arc::new(Player {
         playback: Mutex::new(Playback {
             histories: loaded.histories,
@@ -89,16 +83,12 @@ async fn run(
             positions: loaded.positions,
             conversation: loaded.conversation,
             context: Context::default(),
-            world: World::new(generation, true, Quirks::NONE),
         }),
         reader: Mutex::new(loaded.reader),
-        info: loaded.info,
         link_version: loaded.link_version,
         our_link_port: addresses.capture_link.port(),
         token: options.token.clone(),
         patience: options.patience,
-        scenes: Scenes::default(),
-        engine: Box::new(BuiltIn),
     });
     let mut tasks = JoinSet::new();
     tasks.spawn(udp::run(ports.udp, player.clone()));
@@ -119,13 +109,10 @@ async fn run(
 struct Player {
     playback: Mutex<Playback>,
     reader: Mutex<TapeReader>,
-    info: TapeInfo,
     link_version: u32,
     our_link_port: u16,
     token: Option<LinkToken>,
     patience: LinkPatience,
-    scenes: Scenes,
-    engine: Box<dyn Engine>,
 }
 
 /// Progress of a replay.
@@ -136,8 +123,6 @@ struct Playback {
     conversation: Conversation,
     /// Writes of clients since the link was opened.
     context: Context,
-    /// The stand-in's current state, for pictures that are drawn again.
-    world: World,
 }
 
 impl Player {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::time::{MissedTickBehavior, interval};
-use xplane_bridge::packet::{DataRows, FromSimulator, ToSimulator};
+use xplane_bridge::packet::{FromSimulator, ToSimulator};
 
 use super::faults::disorder::{Disorder, Way};
 use super::faults::outages::Outages;
@@ -16,9 +16,6 @@ use super::{MockError, ServerOptions, Shared, UdpSockets};
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 /// Maximum simulated time from one frame to the next, seconds: X-Plane slows down rather than jump.
 const MAX_FRAME_S: f64 = 0.25;
-
-/// Interval of the data output (ten times per second), seconds.
-const DATA_PERIOD_S: f64 = 0.1;
 
 /// A datagram, with its source or destination.
 type Mail = (Vec<u8>, SocketAddr);
@@ -39,8 +36,6 @@ pub(super) async fn run(
         begin: Instant::now(),
         last_frame_s: 0.0,
         incoming_is_on: options.incoming,
-        data_to: options.data_to,
-        next_data_s: 0.0,
         clock_rate: options.clock_rate,
     };
     let mut frames = interval(FRAME);
@@ -81,8 +76,6 @@ struct Server {
     begin: Instant,
     last_frame_s: f64,
     incoming_is_on: bool,
-    data_to: Option<SocketAddr>,
-    next_data_s: f64,
     clock_rate: f64,
 }
 
@@ -134,29 +127,15 @@ impl Server {
                     tracing::debug!(%from, "request lost: too many");
                 }
             }
-            ToSimulator::PlaceAircraft(place) if place.plane == 0 => {
-                if !self.world.lock().place(&place) {
-                    tracing::warn!(%from, ?place, "place ignored: expected finite numbers");
-                }
-            }
             ToSimulator::PlaceAtStart(start) if start.plane == 0 => {
                 if !self.world.lock().start(&start) {
-                    tracing::warn!(%from, ?start, "start ignored: known are type 6 anywhere, and 10, 11, 13 at WSSS");
+                    tracing::warn!(%from, ?start, "start ignored: expected type 6");
                 }
             }
             ToSimulator::LoadAircraft(load) if load.plane == 0 => {
                 self.world.lock().load_aircraft(&load.path);
             }
-            ToSimulator::Data(data) => {
-                for row in &data.rows {
-                    if !self.world.lock().set_data_row(row) {
-                        tracing::warn!(%from, row = row.index, "row of the data output ignored");
-                    }
-                }
-            }
-            ToSimulator::PlaceAircraft(_)
-            | ToSimulator::PlaceAtStart(_)
-            | ToSimulator::LoadAircraft(_) => {
+            ToSimulator::PlaceAtStart(_) | ToSimulator::LoadAircraft(_) => {
                 tracing::warn!(%from, "ignored: the only aircraft is the user's");
             }
         }
@@ -185,12 +164,6 @@ impl Server {
         }
         for client in self.subscriptions.due_positions(now_s) {
             self.send(client, &FromSimulator::Position(position)).await;
-        }
-        if let Some(receiver) = self.data_to.filter(|_| now_s >= self.next_data_s) {
-            self.next_data_s = now_s + DATA_PERIOD_S;
-            let rows = self.world.lock().data_rows();
-            self.send(receiver, &FromSimulator::Data(DataRows { rows }))
-                .await;
         }
         if let Some((datagram, client)) = self.outgoing.pass_time() {
             self.put_on_the_wire(&datagram, client).await;

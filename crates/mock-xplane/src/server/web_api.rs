@@ -1,4 +1,4 @@
-//! X-Plane 12's Web API: datarefs, commands and flights over HTTP, updates over a WebSocket.
+//! X-Plane 12's Web API: datarefs, commands and flights over HTTP, without the WebSocket.
 //!
 //! Input: requests of clients on this computer. Output: JSON. `v1` has datarefs, `v2` adds commands, `v3` flights; the world behind
 //! it is the same as for UDP and the capture link. Written from Laminar's "X-Plane Web API" and "Flight Initialization API".
@@ -10,7 +10,6 @@ mod flight;
 mod flight_form;
 mod ids;
 mod refusal;
-mod socket;
 mod value;
 
 use std::sync::Arc;
@@ -19,7 +18,7 @@ use std::time::Duration;
 use axum::extract::{Request, State};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, patch, post};
+use axum::routing::{get, post};
 use axum::{Json, Router};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -28,20 +27,17 @@ use serde_json::json;
 #[cfg(target_os = "linux")]
 use socket2::SockRef;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 use xplane_bridge::doorway::Doorway;
 
-use self::commands::ActiveCommands;
 use self::ids::Ids;
 use self::refusal::Refusal;
 use super::faults::outages::Outages;
 use super::{MockError, Shared};
 
-/// Maximum HTTP connections, and maximum WebSockets.
+/// Maximum connections.
 const MOST_CONNECTIONS: usize = 64;
-const MOST_SOCKETS: usize = 32;
 /// Time limits for the head of a request, from the end of the previous one, and for the rest of it with its answer.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
@@ -54,10 +50,6 @@ struct WebApiService {
     outages: Arc<Outages>,
     incoming_is_on: bool,
     ids: Ids,
-    active: ActiveCommands,
-    sockets: Doorway,
-    /// Closed when the session ends: WebSockets are tasks that we do not hold.
-    session: watch::Receiver<()>,
 }
 
 /// Accepts clients forever. `session` is a number that no earlier session had.
@@ -68,16 +60,12 @@ pub(super) async fn run(
     session: u64,
     outages: Arc<Outages>,
 ) -> Result<(), MockError> {
-    let (_over, watched) = watch::channel(());
     let ids = Ids::new(session, world.lock().datarefs());
     let service = Arc::new(WebApiService {
         world,
         outages,
         incoming_is_on,
         ids,
-        active: ActiveCommands::default(),
-        sockets: Doorway::new("the WebSocket", MOST_SOCKETS),
-        session: watched,
     });
     let service = TowerToHyperService::new(router(service));
     // Like the server's own tasks, connections end with it.
@@ -94,7 +82,6 @@ pub(super) async fn run(
                         .timer(TokioTimer::new())
                         .header_read_timeout(HEAD_WITHIN)
                         .serve_connection(TokioIo::new(stream), service)
-                        .with_upgrades()
                         .await;
                     if let Err(error) = served {
                         tracing::debug!(%from, %error, "Web API connection closed");
@@ -118,7 +105,6 @@ fn end_if_unread(stream: &TcpStream) {
 
 fn router(service: Arc<WebApiService>) -> Router {
     let one = Router::new()
-        .route("/", get(socket::open))
         .route("/datarefs", get(datarefs::list))
         .route("/datarefs/count", get(datarefs::count))
         .route(
@@ -130,9 +116,7 @@ fn router(service: Arc<WebApiService>) -> Router {
         .route("/commands", get(commands::list))
         .route("/commands/count", get(commands::count))
         .route("/command/{id}/activate", post(commands::activate));
-    let three = two
-        .clone()
-        .route("/flight", post(flight::start).merge(patch(flight::update)));
+    let three = two.clone().route("/flight", post(flight::start));
     Router::new()
         .route("/api/capabilities", get(capabilities))
         .nest("/api/v1", one)

@@ -6,7 +6,6 @@ mod aircraft;
 pub(super) mod airport;
 mod autopilot;
 mod clock;
-mod data_output;
 pub(super) mod flight_start;
 pub(super) mod local_frame;
 mod motion;
@@ -24,7 +23,7 @@ use dataset::geometry::imaging::Imaging;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use dataset::geometry::runway::Runway;
 use xplane_bridge::datarefs::{self as names, Generation, Version};
-use xplane_bridge::packet::{PlaceAircraft, Position};
+use xplane_bridge::packet::Position;
 
 use self::aircraft::{Aircraft, POSITION, at_rest};
 use self::airport::{GROUND_MSL_M, ON_THRESHOLD, far_away};
@@ -361,40 +360,6 @@ impl World {
             aircraft.fly_on(elapsed_s);
             aircraft.publish(datarefs);
         }
-    }
-
-    /// `VEHX`, `VEHS`: moves the aircraft, and stops the flight model for the first of them. A position with a NaN is ignored.
-    pub(super) fn place(&mut self, place: &PlaceAircraft) -> bool {
-        let State {
-            datarefs, aircraft, ..
-        } = &mut self.state;
-        let angles = [place.heading_true_deg, place.pitch_deg, place.roll_deg].map(f64::from);
-        let position = [
-            place.latitude_deg,
-            place.longitude_deg,
-            place.elevation_msl_m,
-        ];
-        if !angles
-            .iter()
-            .chain(&position)
-            .all(|number| number.is_finite())
-        {
-            return false;
-        }
-        if place.freeze {
-            datarefs.set(names::OVERRIDE_FLIGHT_MODEL, 1.0);
-        }
-        aircraft.place(Pose {
-            latitude_deg: place.latitude_deg,
-            longitude_deg: place.longitude_deg,
-            altitude_msl_m: place.elevation_msl_m,
-            heading_true_deg: f64::from(place.heading_true_deg),
-            pitch_deg: f64::from(place.pitch_deg),
-            roll_deg: f64::from(place.roll_deg),
-        });
-        aircraft.publish(datarefs);
-        self.placements += 1;
-        true
     }
 
     /// `ACFN`: another aircraft replaces the old one.

@@ -190,7 +190,6 @@ impl Connection {
         Channel::Link {
             connection: self.number,
             direction,
-            reference: false,
         }
     }
 }

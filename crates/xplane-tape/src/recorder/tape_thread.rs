@@ -8,7 +8,7 @@ use tokio::task::{JoinError, JoinHandle, spawn_blocking};
 use tokio::time::interval;
 
 use crate::error::TapeError;
-use crate::format::{Channel, Direction, FramesKept};
+use crate::format::{Channel, Direction};
 use crate::link_message::LinkMessage;
 use crate::writer::{TapeSummary, TapeWriter};
 
@@ -20,7 +20,6 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 enum Job {
     AddChannel(Channel, BTreeMap<String, String>),
     Datagram(Channel, u64, Vec<u8>),
-    /// With its channel for a payload that is kept.
     LinkMessage(Channel, u64, LinkMessage),
     Look,
     Stop,
@@ -33,12 +32,9 @@ pub(super) struct TapeThread {
 
 impl TapeThread {
     /// Starts the thread. It ends on an error, or on request.
-    pub(super) fn start(
-        tape: TapeWriter,
-        frames: FramesKept,
-    ) -> (Self, JoinHandle<Result<TapeSummary, TapeError>>) {
+    pub(super) fn start(tape: TapeWriter) -> (Self, JoinHandle<Result<TapeSummary, TapeError>>) {
         let (jobs, waiting) = mpsc::channel(QUEUE);
-        let writing = spawn_blocking(move || write(tape, frames, waiting));
+        let writing = spawn_blocking(move || write(tape, waiting));
         let look = jobs.downgrade();
         tokio::spawn(async move {
             let mut often = interval(LOOK_EVERY);
@@ -77,7 +73,6 @@ impl TapeThread {
         let channel = Channel::Link {
             connection,
             direction,
-            reference: false,
         };
         self.hand_over(Job::LinkMessage(channel, now_ns(), message.clone()))
             .await;
@@ -101,58 +96,20 @@ pub(super) fn ended(
     joined.unwrap_or(Err(TapeError::WriterStopped))
 }
 
-fn write(
-    mut tape: TapeWriter,
-    frames: FramesKept,
-    mut jobs: mpsc::Receiver<Job>,
-) -> Result<TapeSummary, TapeError> {
+fn write(mut tape: TapeWriter, mut jobs: mpsc::Receiver<Job>) -> Result<TapeSummary, TapeError> {
     while let Some(job) = jobs.blocking_recv() {
         match job {
             Job::AddChannel(channel, about) => tape.add_channel(channel, &about)?,
             Job::Datagram(channel, time_ns, datagram) => tape.write(channel, time_ns, &datagram)?,
             Job::LinkMessage(channel, time_ns, message) => {
-                write_link_message(&mut tape, frames, channel, time_ns, &message)?;
+                let safe = message.without_token();
+                tape.write(channel, time_ns, safe.as_ref().unwrap_or(&message).bytes())?;
             }
             Job::Look => tape.flush_if_due()?,
             Job::Stop => break,
         }
     }
     tape.finish()
-}
-
-fn write_link_message(
-    tape: &mut TapeWriter,
-    frames: FramesKept,
-    channel: Channel,
-    time_ns: u64,
-    message: &LinkMessage,
-) -> Result<(), TapeError> {
-    let with_hash = match frames {
-        FramesKept::Inline => None,
-        FramesKept::Reference => Some(true),
-        FramesKept::None => Some(false),
-    };
-    match (with_hash, channel) {
-        (
-            Some(with_hash),
-            Channel::Link {
-                connection,
-                direction,
-                ..
-            },
-        ) if message.is_picture() => {
-            let channel = Channel::Link {
-                connection,
-                direction,
-                reference: true,
-            };
-            tape.write(channel, time_ns, &message.reference(with_hash))
-        }
-        _ => match message.without_token() {
-            Some(safe) => tape.write(channel, time_ns, safe.bytes()),
-            None => tape.write(channel, time_ns, message.bytes()),
-        },
-    }
 }
 
 fn now_ns() -> u64 {

@@ -42,15 +42,6 @@ impl Context {
     }
 }
 
-/// Location of an answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum AnswerPlace {
-    /// All of it.
-    Whole(MessagePosition),
-    /// Its header, and at most the hash of its picture.
-    Reference(MessagePosition),
-}
-
 /// The subject of a request, for finding similar ones.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 struct Subject {
@@ -87,7 +78,7 @@ impl Subject {
 struct Exchange {
     context: usize,
     request: MessagePosition,
-    answer: AnswerPlace,
+    answer: MessagePosition,
 }
 
 /// All requests of a tape with their answers.
@@ -108,7 +99,7 @@ impl Conversation {
         request: &Value,
         context: &Context,
         at: MessagePosition,
-        answer: AnswerPlace,
+        answer: MessagePosition,
     ) {
         if self.contexts.last() != Some(context) {
             self.contexts.push(context.clone());
@@ -141,7 +132,7 @@ impl Conversation {
         request: &Value,
         now: &Context,
         mut reread: impl FnMut(MessagePosition) -> Option<Value>,
-    ) -> Result<AnswerPlace, String> {
+    ) -> Result<MessagePosition, String> {
         let subject = Subject::of(request);
         let mut equal = self
             .by_content
@@ -281,7 +272,7 @@ fn difference(asked: &Value, recorded: &Value) -> Option<String> {
 mod tests {
     use serde_json::json;
     use std::path::Path;
-    use xplane_tape::{Channel, Direction, FramesKept, TapeInfo, TapeReader, TapeWriter};
+    use xplane_tape::{Channel, Direction, TapeInfo, TapeReader, TapeWriter};
 
     use super::*;
 
@@ -291,11 +282,10 @@ mod tests {
         requests: &[(Value, f32)],
     ) -> (Conversation, Vec<MessagePosition>, TapeReader) {
         let path = folder.join("a.mcap");
-        let info = TapeInfo::new("x".into(), "now".into(), FramesKept::None);
+        let info = TapeInfo::new("x".into(), "now".into());
         let channel = Channel::Link {
             connection: 1,
             direction: Direction::ToSimulator,
-            reference: false,
         };
         let mut tape = TapeWriter::create(&path, &info).unwrap();
         for (request, _) in requests {
@@ -307,8 +297,7 @@ mod tests {
         let (mut conversation, mut places) = (Conversation::default(), Vec::new());
         for (request, visibility) in requests {
             let place = tape.next_entry().unwrap().unwrap().place;
-            let answer = AnswerPlace::Whole(place);
-            conversation.add(request, &sky(*visibility), place, answer);
+            conversation.add(request, &sky(*visibility), place, place);
             places.push(place);
         }
         (conversation, places, tape)
@@ -334,10 +323,10 @@ mod tests {
         ];
         let (mut tape, places, _) = recorded(folder.path(), &requests);
         let mut find = |visibility| tape.find(&capture(0, 1.0), &sky(visibility), |_| None);
-        assert_eq!(find(80.0), Ok(AnswerPlace::Whole(places[1])));
-        assert_eq!(find(80.0), Ok(AnswerPlace::Whole(places[2])));
-        assert_eq!(find(80.0), Ok(AnswerPlace::Whole(places[1])));
-        assert_eq!(find(10.0), Ok(AnswerPlace::Whole(places[0])));
+        assert_eq!(find(80.0), Ok(places[1]));
+        assert_eq!(find(80.0), Ok(places[2]));
+        assert_eq!(find(80.0), Ok(places[1]));
+        assert_eq!(find(10.0), Ok(places[0]));
         let error = find(50.0).unwrap_err();
         assert!(
             error.contains("visibility was 80 then, and is 50 now"),
@@ -353,7 +342,7 @@ mod tests {
             recorded(folder.path(), &[(capture(3, 1.35), 10.0)]);
         let mut reread = |place| serde_json::from_slice(&tape.read_again(place).unwrap()).ok();
         let found = conversation.find(&capture(3, 1.35 + 1e-14), &sky(10.0), &mut reread);
-        assert_eq!(found, Ok(AnswerPlace::Whole(places[0])));
+        assert_eq!(found, Ok(places[0]));
         let error = conversation
             .find(&capture(3, 1.36), &sky(10.0), &mut reread)
             .unwrap_err();
@@ -376,6 +365,6 @@ mod tests {
         let hello = |client: &str| json!({"message": "hello", "client": client});
         let (mut tape, places, _) = recorded(folder.path(), &[(hello("dtd 0.1.0"), 10.0)]);
         let found = tape.find(&hello("another"), &sky(1.0), |_| None);
-        assert_eq!(found, Ok(AnswerPlace::Whole(places[0])));
+        assert_eq!(found, Ok(places[0]));
     }
 }

@@ -3,22 +3,19 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::numbers::units::SimTime;
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::{JoinSet, spawn_blocking};
 use tokio::time::timeout;
 use xplane_bridge::doorway::Doorway;
-use xplane_bridge::link::{Answer, CaptureRequest, LinkError, Request};
-use xplane_tape::{LinkMessage, MAGIC, MessagePosition, ReferencedMessage};
+use xplane_bridge::link::{Answer, LinkError};
+use xplane_tape::{LinkMessage, MAGIC, MessagePosition};
 
-use super::conversation::AnswerPlace;
 use super::loading::is_hello;
 use super::{Playback, Player};
 use crate::server::MockError;
 use crate::server::capture_link::WANTS_TOKEN;
-use crate::server::scenes::SceneKey;
 
 /// Connections at a time.
 const MOST_CONNECTIONS: usize = 32;
@@ -108,7 +105,6 @@ impl Player {
         if is_hello(&request) {
             playback.context.clear();
         }
-        follow(&mut playback, &request);
         let Playback {
             conversation,
             context,
@@ -119,15 +115,8 @@ impl Player {
                 tracing::warn!("{text}");
                 error(&text)
             }
-            Ok(AnswerPlace::Whole(place)) if is_hello(&request) => {
-                marked_as_replayed(&self.whole(place))
-            }
-            Ok(AnswerPlace::Whole(place)) => self.whole(place),
-            Ok(AnswerPlace::Reference(place)) => {
-                let key = scene_key(&playback, &request);
-                drop(playback);
-                self.drawn_again(place, key)
-            }
+            Ok(place) if is_hello(&request) => marked_as_replayed(&self.whole(place)),
+            Ok(place) => self.whole(place),
         }
     }
 
@@ -143,48 +132,6 @@ impl Player {
             .and_then(|bytes| LinkMessage::parse(bytes).map_err(|bad| bad.to_string()));
         message.unwrap_or_else(|text| error(&text))
     }
-
-    /// A picture that is not on the tape: drawn by the stand-in, and sent if it matches the recorded hash.
-    fn drawn_again(
-        &self,
-        place: MessagePosition,
-        scene: Result<(SceneKey, CaptureRequest), String>,
-    ) -> LinkMessage {
-        let bytes = self
-            .reader()
-            .read_again(place)
-            .map_err(|failed| failed.to_string());
-        let parsed =
-            |bytes: Vec<u8>| ReferencedMessage::parse(&bytes).map_err(|bad| bad.to_string());
-        let recorded = match bytes.and_then(parsed) {
-            Ok(recorded) => recorded,
-            Err(text) => return error(&text),
-        };
-        let Some(expected) = recorded.hash else {
-            return error(&format!(
-                "the tape holds no pictures and no hashes of them: it was recorded with --frames {}. Record with --frames inline",
-                self.info.frames
-            ));
-        };
-        let (key, request) = match scene {
-            Ok(scene) => scene,
-            Err(text) => return error(&text),
-        };
-        let mut rgb = vec![0; request.rgb_bytes()];
-        let time_s = SimTime(request.time_ns).seconds();
-        self.scenes.with(self.engine.as_ref(), &key, |picture| {
-            picture.draw(&request.pose, &request.controls, time_s, &mut rgb);
-        });
-        let found = blake3::hash(&rgb);
-        if found != expected {
-            return error(&format!(
-                "the picture of tick {}, view {} was recorded by its hash {expected}, and what the stand-in draws there is \
-                 {found}: it came from X-Plane, or from a stand-in of another version. Record with --frames inline",
-                request.tick, request.view
-            ));
-        }
-        LinkMessage::new(&recorded.header, &rgb)
-    }
 }
 
 /// A recorded hello that announces the replay: a client does not wait for what a tape does not have.
@@ -198,39 +145,6 @@ fn marked_as_replayed(hello: &LinkMessage) -> LinkMessage {
         }
         _ => error("the recorded answer to hello is not an object"),
     }
-}
-
-/// Keeps the stand-in's world in sync, for pictures that are drawn again.
-fn follow(playback: &mut Playback, request: &Value) {
-    match serde_json::from_value(request.clone()) {
-        Ok(Request::Freeze {
-            runway, imaging, ..
-        }) => {
-            playback.world.freeze(runway);
-            playback.world.set_imaging(imaging);
-        }
-        Ok(Request::Release | Request::Fly(_) | Request::Hello { .. }) => playback.world.release(),
-        _ => {}
-    }
-}
-
-fn scene_key(playback: &Playback, request: &Value) -> Result<(SceneKey, CaptureRequest), String> {
-    let Ok(Request::Capture(request)) = serde_json::from_value(request.clone()) else {
-        return Err("only captures can be drawn again".into());
-    };
-    request.check().map_err(|bad| bad.to_string())?;
-    let runway = playback.world.frozen_runway().cloned();
-    let runway = runway.ok_or("a capture needs a frozen simulator: send freeze first")?;
-    let key = SceneKey {
-        camera: request.camera,
-        imaging: playback.world.imaging(request.view),
-        width_px: request.width_px,
-        height_px: request.height_px,
-        runway,
-        weather: playback.world.weather(),
-        clock: playback.world.clock(),
-    };
-    Ok((key, request))
 }
 
 fn error(text: &str) -> LinkMessage {

@@ -8,11 +8,9 @@ use serde_json::Value;
 use xplane_bridge::datarefs::VERSION;
 use xplane_bridge::link::LINK_VERSION;
 use xplane_bridge::packet::{DatarefValuesView, SubscribeDataref, ToSimulator};
-use xplane_tape::{
-    Channel, Direction, Entry, LinkMessage, MessagePosition, TapeError, TapeInfo, TapeReader,
-};
+use xplane_tape::{Channel, Direction, Entry, LinkMessage, MessagePosition, TapeError, TapeReader};
 
-use super::conversation::{AnswerPlace, Context, Conversation};
+use super::conversation::{Context, Conversation};
 use super::history::Histories;
 use super::positions::Positions;
 use super::shown_weather::ShownWeather;
@@ -23,7 +21,6 @@ const USUAL_VERSION: i32 = 124_009;
 /// A tape prepared for replay.
 pub(super) struct Loaded {
     pub(super) reader: TapeReader,
-    pub(super) info: TapeInfo,
     pub(super) histories: Histories<SocketAddr>,
     pub(super) shown_weather: ShownWeather,
     pub(super) positions: Positions,
@@ -64,7 +61,6 @@ pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
         "tape loaded"
     );
     Ok(Loaded {
-        info: reader.info().clone(),
         link_version: reader.link_version().unwrap_or(LINK_VERSION),
         reader,
         histories,
@@ -105,13 +101,11 @@ impl Loading {
             Channel::Link {
                 connection,
                 direction: Direction::ToSimulator,
-                ..
             } => return self.asked(connection, entry),
             Channel::Link {
                 connection,
                 direction: Direction::FromSimulator,
-                reference,
-            } => self.answered(connection, reference, entry.place),
+            } => self.answered(connection, entry.place),
         }
         Ok(())
     }
@@ -125,7 +119,7 @@ impl Loading {
                 self.context.write(&write.path, write.value);
             }
             Ok(ToSimulator::Command(command)) => self.histories.add_command(&command.path),
-            Ok(ToSimulator::PlaceAircraft(_) | ToSimulator::PlaceAtStart(_)) => {
+            Ok(ToSimulator::PlaceAtStart(_)) => {
                 self.positions.add_placing(datagram);
             }
             _ => {}
@@ -171,15 +165,10 @@ impl Loading {
     }
 
     /// Answers come in the order of the requests.
-    fn answered(&mut self, connection: u32, reference: bool, place: MessagePosition) {
+    fn answered(&mut self, connection: u32, place: MessagePosition) {
         let open = self.open.entry(connection).or_default();
         if let Some((request, context, at)) = open.pop_front() {
-            let answer = if reference {
-                AnswerPlace::Reference(place)
-            } else {
-                AnswerPlace::Whole(place)
-            };
-            self.conversation.add(&request, &context, at, answer);
+            self.conversation.add(&request, &context, at, place);
         }
     }
 }

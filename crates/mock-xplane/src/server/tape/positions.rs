@@ -12,7 +12,7 @@ pub(super) struct Positions {
 #[derive(Debug, PartialEq)]
 enum Step {
     Sent(Vec<u8>),
-    /// By `PREL`, `VEHX` or `VEHS`, as it was sent.
+    /// By `PREL`, as it was sent.
     Placed(Vec<u8>),
 }
 

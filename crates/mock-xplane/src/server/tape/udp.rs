@@ -25,7 +25,6 @@ pub(super) async fn run(sockets: UdpSockets, player: Arc<Player>) -> Result<(), 
         player,
         subscriptions: Subscriptions::default(),
         begin: Instant::now(),
-        last_frame_s: 0.0,
         warned: BTreeSet::new(),
     };
     let mut frames = interval(FRAME);
@@ -54,7 +53,6 @@ struct Server {
     player: Arc<Player>,
     subscriptions: Subscriptions,
     begin: Instant,
-    last_frame_s: f64,
     /// Missing parts of the tape that were reported.
     warned: BTreeSet<String>,
 }
@@ -78,8 +76,6 @@ impl Server {
             }
             Ok(ToSimulator::WriteDataref(write)) => {
                 playback.context.write(&write.path, write.value);
-                // Writes that the stand-in would reject were rejected by the recorded simulator as well.
-                let _ = playback.world.write(&write.path, write.value);
                 if !playback.histories.write(&write.path, write.value) {
                     self.warn(format!(
                         "the tape has no write of {} to {}: it stays as it is",
@@ -88,7 +84,6 @@ impl Server {
                 }
             }
             Ok(ToSimulator::Command(command)) => {
-                playback.world.command(&command.path);
                 if !playback.histories.command(&command.path) {
                     tracing::debug!(
                         path = command.path,
@@ -100,7 +95,7 @@ impl Server {
                 self.subscriptions
                     .subscribe_position(from, request.frequency_hz, now_s);
             }
-            Ok(ToSimulator::PlaceAircraft(_) | ToSimulator::PlaceAtStart(_)) => {
+            Ok(ToSimulator::PlaceAtStart(_)) => {
                 if !playback.positions.place(datagram) {
                     self.warn(
                         "the aircraft was never placed there on the tape: it stays where it is"
@@ -116,8 +111,6 @@ impl Server {
     fn frame(&mut self) -> Vec<(Vec<u8>, SocketAddr)> {
         let now_s = self.begin.elapsed().as_secs_f64();
         let mut playback = self.player.playback();
-        playback.world.advance(now_s - self.last_frame_s);
-        self.last_frame_s = now_s;
         let our_port = f32::from(self.player.our_link_port);
         let Playback {
             histories,

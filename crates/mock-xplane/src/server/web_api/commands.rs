@@ -1,14 +1,11 @@
 //! Commands over HTTP: listing them, and activating one for a while.
 
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::Arc;
 
 use axum::Json;
 use axum::extract::{Path, Query, State};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use tokio::time::Instant;
 
 use super::WebApiService;
 use super::datarefs::{Filters, filtered};
@@ -16,32 +13,6 @@ use super::refusal::Refusal;
 
 /// Maximum time to hold down a command, seconds.
 const LONGEST_S: f64 = 10.0;
-
-/// Commands that are held down, and until when.
-#[derive(Debug, Default)]
-pub(super) struct ActiveCommands(Mutex<HashMap<u64, Option<Instant>>>);
-
-impl ActiveCommands {
-    /// Holds a command down: for a time, or until it is released.
-    pub(super) fn hold(&self, id: u64, time: Option<Duration>) {
-        let until = time.map(|time| Instant::now() + time);
-        self.lock().insert(id, until);
-    }
-
-    pub(super) fn release(&self, id: u64) {
-        self.lock().remove(&id);
-    }
-
-    pub(super) fn is_held(&self, id: u64) -> bool {
-        self.lock()
-            .get(&id)
-            .is_some_and(|until| until.is_none_or(|until| Instant::now() < until))
-    }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<u64, Option<Instant>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
 
 impl WebApiService {
     pub(super) fn command(&self, id: u64) -> Result<&'static str, Refusal> {
@@ -53,7 +24,7 @@ impl WebApiService {
         })
     }
 
-    /// Runs a command once and shows it as held down for `duration_s`.
+    /// Runs a command once, however long it is held down.
     pub(super) fn activate(&self, id: u64, duration_s: f64) -> Result<(), Refusal> {
         let path = self.command(id)?;
         if !(0.0..=LONGEST_S).contains(&duration_s) {
@@ -63,8 +34,6 @@ impl WebApiService {
             ));
         }
         self.world.lock().command(path);
-        self.active
-            .hold(id, Some(Duration::from_secs_f64(duration_s)));
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
-//! Starting and changing a flight: X-Plane's "Flight Initialization API".
+//! Starting a flight: X-Plane's "Flight Initialization API", limited to starts in the air.
 //!
-//! Strict like X-Plane: exactly one start, no unknown key, no missing key of the weather. One trap is included as well: an integer
+//! Strict like X-Plane: no unknown key, no missing key of the weather. One trap is included as well: an integer
 //! where X-Plane expects a float makes it ignore the request while it reports success.
 
 use std::io;
@@ -19,12 +19,9 @@ use hyper::body::Frame;
 use serde_json::{Value, json};
 use xplane_bridge::datarefs::{self as names, Generation};
 
-use super::super::world::airport::{self, CODE, ON_THRESHOLD, RUNWAY};
-use super::super::world::flight_start::{FlightStart, StartTime};
+use super::super::world::flight_start::FlightStart;
 use super::WebApiService;
-use super::flight_form::{
-    CloudWord, Envelope, Flight, SetWeather, SpeedWord, TimeOfYear, WeatherChoice,
-};
+use super::flight_form::{AirStart, CloudWord, Envelope, SetWeather, TimeOfYear};
 use super::refusal::Refusal;
 use crate::quirks::Quirk;
 
@@ -34,29 +31,15 @@ const SECONDS_PER_HOUR: f64 = 3_600.0;
 const PASCAL_PER_HECTOPASCAL: f64 = 100.0;
 const METERS_PER_KILOMETER: f64 = 1_000.0;
 
-/// Start or change of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Occasion {
-    New,
-    Update,
-}
-
 pub(super) async fn start(
     State(service): State<Arc<WebApiService>>,
     Json(body): Json<Value>,
 ) -> Result<Response, Refusal> {
-    let answer = service.fly(&body, Occasion::New)?;
+    let answer = service.fly(&body)?;
     if service.world.lock().quirks().has(Quirk::DroppedStart) {
         return Ok(Response::new(Body::new(BrokenOff)));
     }
     Ok(answer.into_response())
-}
-
-pub(super) async fn update(
-    State(service): State<Arc<WebApiService>>,
-    Json(body): Json<Value>,
-) -> Result<Json<Value>, Refusal> {
-    service.fly(&body, Occasion::Update)
 }
 
 /// An answer whose connection ends before it has begun.
@@ -75,9 +58,9 @@ impl hyper::body::Body for BrokenOff {
 }
 
 impl WebApiService {
-    fn fly(&self, body: &Value, occasion: Occasion) -> Result<Json<Value>, Refusal> {
+    fn fly(&self, body: &Value) -> Result<Json<Value>, Refusal> {
         let success = Ok(Json(json!({ "error_code": "success" })));
-        let start = flight_start(body, occasion)?;
+        let start = flight_start(body)?;
         if let Some(key) = whole_number_for_float(body) {
             tracing::warn!(
                 key,
@@ -111,131 +94,46 @@ fn whole_number_for_float(value: &Value) -> Option<&str> {
 }
 
 /// Content of a request.
-fn flight_start(body: &Value, occasion: Occasion) -> Result<FlightStart, Refusal> {
+fn flight_start(body: &Value) -> Result<FlightStart, Refusal> {
     let Envelope { data } =
         serde_json::from_value(body.clone()).map_err(|error| invalid(error.to_string()))?;
-    let place = place(&data)?;
-    match occasion {
-        Occasion::New if place.is_none() || data.aircraft.is_none() => {
-            return Err(invalid("a new flight needs an aircraft and a start"));
-        }
-        Occasion::Update if place.is_some() || data.aircraft.is_some() => {
-            return Err(invalid("an update cannot change aircraft or start"));
-        }
-        _ => {}
+    let AirStart {
+        latitude,
+        longitude,
+        elevation_in_meters,
+        heading_true,
+        speed_in_meters_per_second,
+        pitch_in_degrees,
+    } = data.lle_air_start;
+    let TimeOfYear {
+        day_of_year,
+        time_in_24_hours,
+    } = data.gmt_time;
+    if day_of_year > 365 || !(0.0..24.0).contains(&time_in_24_hours) {
+        return Err(invalid(format!(
+            "there is no such time: day {day_of_year}, {time_in_24_hours} h"
+        )));
     }
     Ok(FlightStart {
-        aircraft: data.aircraft.as_ref().map(|aircraft| aircraft.path.clone()),
-        place,
-        time: time(&data)?,
-        weather: data.weather.as_ref().map_or(Ok(Vec::new()), weather)?,
+        aircraft: Some(data.aircraft.path),
+        pose: Pose {
+            latitude_deg: latitude,
+            longitude_deg: longitude,
+            altitude_msl_m: elevation_in_meters,
+            heading_true_deg: heading_true,
+            pitch_deg: pitch_in_degrees,
+            roll_deg: 0.0,
+        },
+        speed_mps: speed_in_meters_per_second,
+        // X-Plane has no leap day.
+        zulu: Some((day_of_year.min(364), time_in_24_hours * SECONDS_PER_HOUR)),
+        weather: weather(&data.weather)?,
     })
 }
 
-fn place(flight: &Flight) -> Result<Option<(Pose, f64)>, Refusal> {
-    let starts = [
-        flight.runway_start.is_some(),
-        flight.ramp_start.is_some(),
-        flight.lle_ground_start.is_some(),
-        flight.lle_air_start.is_some(),
-        flight.boat_start.is_some(),
-    ];
-    if starts.into_iter().filter(|&given| given).count() > 1 {
-        return Err(invalid("more than one start is given"));
-    }
-    let unknown = |airport: &str| invalid(format!("airport {airport} is not known, only {CODE}"));
-    if let Some(start) = &flight.runway_start {
-        if start.airport_id != CODE {
-            return Err(unknown(&start.airport_id));
-        }
-        if start.runway != RUNWAY {
-            let message = format!("{CODE} has no runway {}, only {RUNWAY}", start.runway);
-            return Err(invalid(message));
-        }
-        return Ok(Some(match start.final_distance_in_nautical_miles {
-            None => (ON_THRESHOLD, 0.0),
-            Some(distance_nm) => (airport::on_final(distance_nm), airport::APPROACH_SPEED_MPS),
-        }));
-    }
-    if let Some(start) = &flight.ramp_start {
-        if start.airport_id != CODE {
-            return Err(unknown(&start.airport_id));
-        }
-        return Ok(Some((ON_THRESHOLD, 0.0)));
-    }
-    if let Some(start) = &flight.lle_ground_start {
-        let pose = Pose {
-            latitude_deg: start.latitude,
-            longitude_deg: start.longitude,
-            heading_true_deg: start.heading_true,
-            ..ON_THRESHOLD
-        };
-        return Ok(Some((pose, 0.0)));
-    }
-    if flight.boat_start.is_some() {
-        return Err(invalid("there are no boats here"));
-    }
-    let Some(start) = &flight.lle_air_start else {
-        return Ok(None);
-    };
-    let speed_mps = match (start.speed_in_meters_per_second, start.speed_enum) {
-        (Some(speed_mps), None) => speed_mps,
-        (None, Some(SpeedWord::ShortFieldApproach)) => 65.0,
-        (None, Some(SpeedWord::NormalApproach)) => airport::APPROACH_SPEED_MPS,
-        (None, Some(SpeedWord::Cruise)) => 230.0,
-        _ => return Err(invalid("an air start needs exactly one of the two speeds")),
-    };
-    let pose = Pose {
-        latitude_deg: start.latitude,
-        longitude_deg: start.longitude,
-        altitude_msl_m: start.elevation_in_meters,
-        heading_true_deg: start.heading_true,
-        pitch_deg: start.pitch_in_degrees,
-        roll_deg: 0.0,
-    };
-    Ok(Some((pose, speed_mps)))
-}
-
-fn time(flight: &Flight) -> Result<Option<StartTime>, Refusal> {
-    let checked = |time: &TimeOfYear| {
-        let hours = time.time_in_24_hours;
-        if time.day_of_year > 365 || !(0.0..24.0).contains(&hours) {
-            return Err(invalid(format!("there is no such time: {time:?}")));
-        }
-        // X-Plane has no leap day.
-        Ok((time.day_of_year.min(364), hours * SECONDS_PER_HOUR))
-    };
-    match (
-        &flight.use_system_time,
-        &flight.local_time,
-        &flight.gmt_time,
-    ) {
-        (None | Some(false), None, None) => Ok(None),
-        (Some(true), None, None) => Ok(Some(StartTime::System)),
-        (None, Some(time), None) => {
-            let (day, time_s) = checked(time)?;
-            Ok(Some(StartTime::Local { day, time_s }))
-        }
-        (None, None, Some(time)) => {
-            let (day, time_s) = checked(time)?;
-            Ok(Some(StartTime::Zulu { day, time_s }))
-        }
-        _ => Err(invalid("more than one time is given")),
-    }
-}
-
 /// The datarefs that this weather sets.
-fn weather(choice: &WeatherChoice) -> Result<Vec<(String, f64)>, Refusal> {
-    let value = match choice {
-        WeatherChoice::Real(word) if word == "use_real_weather" => {
-            return Err(invalid("the stand-in has no real weather"));
-        }
-        WeatherChoice::Real(word) => return Err(invalid(format!("there is no weather {word:?}"))),
-        WeatherChoice::Set(value) => value,
-    };
-    let set: SetWeather = serde_json::from_value(value.clone())
-        .map_err(|error| invalid(format!("weather: {error}")))?;
-    let SetWeather { definition, .. } = &set;
+fn weather(set: &SetWeather) -> Result<Vec<(String, f64)>, Refusal> {
+    let SetWeather { definition, .. } = set;
     let lowest = definition
         .wind
         .iter()

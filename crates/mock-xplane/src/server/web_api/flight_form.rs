@@ -1,4 +1,4 @@
-//! The structure of a request to the "Flight Initialization API": known, required and optional keys.
+//! The structure of a request to the "Flight Initialization API": the keys that a client of the stand-in needs.
 //!
 //! Keys with an underscore are parsed, because unknown keys are rejected, and have no effect on the stand-in's aircraft.
 
@@ -14,65 +14,18 @@ pub(super) struct Envelope {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Flight {
-    pub(super) aircraft: Option<Aircraft>,
-    pub(super) runway_start: Option<RunwayStart>,
-    pub(super) ramp_start: Option<RampStart>,
-    pub(super) lle_ground_start: Option<GroundStart>,
-    pub(super) lle_air_start: Option<AirStart>,
-    pub(super) boat_start: Option<Value>,
-    pub(super) use_system_time: Option<bool>,
-    pub(super) local_time: Option<TimeOfYear>,
-    pub(super) gmt_time: Option<TimeOfYear>,
-    pub(super) weather: Option<WeatherChoice>,
-    // Properties that the stand-in's aircraft does not have.
-    #[serde(rename = "time_enum")]
-    pub(super) _time_enum: Option<Value>,
-    #[serde(rename = "weight")]
-    pub(super) _weight: Option<Value>,
+    pub(super) aircraft: Aircraft,
+    pub(super) lle_air_start: AirStart,
+    pub(super) gmt_time: TimeOfYear,
+    pub(super) weather: SetWeather,
     #[serde(rename = "engine_status")]
     pub(super) _engine_status: Option<Value>,
-    #[serde(rename = "weapons")]
-    pub(super) _weapons: Option<Value>,
-    #[serde(rename = "failures")]
-    pub(super) _failures: Option<Value>,
-    #[serde(rename = "ai_aircraft")]
-    pub(super) _ai_aircraft: Option<Value>,
-    #[serde(rename = "formation_aircraft")]
-    pub(super) _formation_aircraft: Option<Value>,
-    #[serde(rename = "incursion")]
-    pub(super) _incursion: Option<Value>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Aircraft {
     pub(super) path: String,
-    #[serde(rename = "livery")]
-    pub(super) _livery: Option<String>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RunwayStart {
-    pub(super) airport_id: String,
-    pub(super) runway: String,
-    pub(super) final_distance_in_nautical_miles: Option<f64>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RampStart {
-    pub(super) airport_id: String,
-    #[serde(rename = "ramp")]
-    pub(super) _ramp: String,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct GroundStart {
-    pub(super) latitude: f64,
-    pub(super) longitude: f64,
-    pub(super) heading_true: f64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -82,18 +35,8 @@ pub(super) struct AirStart {
     pub(super) longitude: f64,
     pub(super) elevation_in_meters: f64,
     pub(super) heading_true: f64,
-    pub(super) speed_in_meters_per_second: Option<f64>,
-    pub(super) speed_enum: Option<SpeedWord>,
-    #[serde(default)]
+    pub(super) speed_in_meters_per_second: f64,
     pub(super) pitch_in_degrees: f64,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum SpeedWord {
-    ShortFieldApproach,
-    NormalApproach,
-    Cruise,
 }
 
 #[derive(Debug, Deserialize)]
@@ -102,13 +45,6 @@ pub(super) struct TimeOfYear {
     /// 0 is 1 January.
     pub(super) day_of_year: u32,
     pub(super) time_in_24_hours: f64,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(untagged)]
-pub(super) enum WeatherChoice {
-    Real(String),
-    Set(Value),
 }
 
 #[derive(Debug, Deserialize)]

@@ -44,14 +44,6 @@ impl Refusal {
         }
     }
 
-    /// One WebSocket too many.
-    pub(super) fn no_room() -> Self {
-        Self {
-            status: StatusCode::SERVICE_UNAVAILABLE,
-            ..Self::bad_request("too_many_connections", "too many WebSockets are open")
-        }
-    }
-
     /// The answer to any request.
     pub(super) fn incoming_traffic_is_off() -> Self {
         Self::forbidden(

@@ -104,24 +104,6 @@ impl Aircraft {
         self.speed_to_come = None;
     }
 
-    /// `VEHX`, `VEHS`: moves the aircraft. It keeps its speed, in the direction of its new heading.
-    pub(super) fn place(&mut self, pose: Pose) {
-        let FlightState {
-            velocity_north_mps: north,
-            velocity_east_mps: east,
-            controls,
-            ..
-        } = self.state;
-        self.show(FlightState {
-            controls,
-            ..at_rest(pose)
-        });
-        if !self.state.on_ground {
-            self.set_speed(north.hypot(east));
-        }
-        self.settle_in(pose);
-    }
-
     /// Starts a flight. Velocities read zero at first, as they do in X-Plane.
     pub(super) fn start(&mut self, pose: Pose, speed_mps: f64) {
         self.show(at_rest(pose));

@@ -4,10 +4,6 @@ use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::pose::Pose;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
-/// Its code.
-pub(crate) const CODE: &str = "WSSS";
-/// Its runway.
-pub(crate) const RUNWAY: &str = "02L";
 /// The stand-in's ground has the elevation of WSSS 02L everywhere.
 pub(in crate::server) const GROUND_MSL_M: f64 = 6.71;
 /// On the threshold, with the wheels on the ground.
@@ -20,9 +16,8 @@ pub(crate) const ON_THRESHOLD: Pose = Pose {
     roll_deg: 0.0,
 };
 const FAR_AWAY_NM: f64 = 500.0;
+#[cfg(test)]
 const GLIDE_PATH_DEG: f64 = 3.0;
-/// Speed of an aircraft on final approach, metres per second.
-pub(crate) const APPROACH_SPEED_MPS: f64 = 72.0;
 
 /// Position of an aircraft that was left somewhere else: 500 NM to the north, on the ground.
 pub(crate) fn far_away() -> Pose {
@@ -39,6 +34,7 @@ pub(crate) fn far_away() -> Pose {
 }
 
 /// On the extended centreline, on the glide path, this far before the threshold.
+#[cfg(test)]
 pub(crate) fn on_final(distance_nm: f64) -> Pose {
     let distance_m = distance_nm * METERS_PER_NAUTICAL_MILE;
     let threshold = ON_THRESHOLD.position().lat_lon();

@@ -36,11 +36,6 @@ pub(super) fn set_zulu(datarefs: &mut Datarefs, day: u32, zulu_s: f64) {
     datarefs.set(names::ZULU_TIME_S, zulu_s.rem_euclid(SECONDS_PER_DAY));
 }
 
-/// Sets the clock to the local time of a place.
-pub(super) fn set_local(datarefs: &mut Datarefs, day: u32, local_s: f64, longitude_deg: f64) {
-    set_zulu(datarefs, day, local_s - longitude_deg * SECONDS_PER_DEGREE);
-}
-
 /// Sets the clock to the computer's.
 pub(super) fn follow_system(datarefs: &mut Datarefs) {
     let since_epoch = SystemTime::now()

@@ -4,70 +4,51 @@ use dataset::geometry::pose::Pose;
 use xplane_bridge::datarefs as names;
 use xplane_bridge::packet::PlaceAtStart;
 
-use super::airport::{APPROACH_SPEED_MPS, CODE, ON_THRESHOLD, on_final};
 use super::{FLIGHT_TIME_S, PAUSED, World, aircraft, clock};
 use crate::datarefs::Ignored;
 
-/// Kinds of `PREL` start that the stand-in supports.
+/// The kind of `PREL` start that the stand-in supports.
 const AT_POSITION: i32 = 6;
-const RAMP: i32 = 10;
-const TAKEOFF: i32 = 11;
-const INSTRUMENT_APPROACH: i32 = 13;
-/// Start of an instrument approach, nautical miles before the threshold.
-const INSTRUMENT_APPROACH_NM: f64 = 10.0;
 
 /// A new flight.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub(in crate::server) struct FlightStart {
     /// The aircraft's file, if it is to change.
     pub(in crate::server) aircraft: Option<String>,
-    /// Position and speed in metres per second, if they are to change.
-    pub(in crate::server) place: Option<(Pose, f64)>,
-    /// Time, if it is to change.
-    pub(in crate::server) time: Option<StartTime>,
+    /// Position and attitude.
+    pub(in crate::server) pose: Pose,
+    /// Speed, metres per second.
+    pub(in crate::server) speed_mps: f64,
+    /// Day, counted from 0, which is 1 January, and seconds of UTC, if they are to change.
+    pub(in crate::server) zulu: Option<(u32, f64)>,
     /// Datarefs of the weather, if it is to change.
     pub(in crate::server) weather: Vec<(String, f64)>,
-}
-
-/// Start time of a flight. Days count from 0, which is 1 January.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::server) enum StartTime {
-    /// The computer's clock, now and from now on.
-    System,
-    /// Local time at the aircraft.
-    Local { day: u32, time_s: f64 },
-    /// By UTC.
-    Zulu { day: u32, time_s: f64 },
 }
 
 impl World {
     /// `PREL`: starts a flight; returns whether this kind of start is supported.
     pub(in crate::server) fn start(&mut self, start: &PlaceAtStart) -> bool {
-        let here = start.airport == CODE;
-        let place = match start.start_type {
-            AT_POSITION => (
-                Pose {
-                    latitude_deg: start.latitude_deg,
-                    longitude_deg: start.longitude_deg,
-                    altitude_msl_m: start.elevation_msl_m,
-                    heading_true_deg: start.heading_true_deg,
-                    pitch_deg: 0.0,
-                    roll_deg: 0.0,
-                },
-                start.speed_mps,
-            ),
-            RAMP | TAKEOFF if here => (ON_THRESHOLD, 0.0),
-            INSTRUMENT_APPROACH if here => (on_final(INSTRUMENT_APPROACH_NM), APPROACH_SPEED_MPS),
-            _ => return false,
-        };
+        if start.start_type != AT_POSITION {
+            return false;
+        }
         let start = FlightStart {
-            place: Some(place),
-            ..FlightStart::default()
+            pose: Pose {
+                latitude_deg: start.latitude_deg,
+                longitude_deg: start.longitude_deg,
+                altitude_msl_m: start.elevation_msl_m,
+                heading_true_deg: start.heading_true_deg,
+                pitch_deg: 0.0,
+                roll_deg: 0.0,
+            },
+            speed_mps: start.speed_mps,
+            aircraft: None,
+            zulu: None,
+            weather: Vec::new(),
         };
         self.begin(&start).is_ok()
     }
 
-    /// Starts or changes a flight.
+    /// Starts a flight.
     ///
     /// # Errors
     /// The dataref of the weather that could not be set; the flight is unchanged then.
@@ -93,35 +74,23 @@ impl World {
         if let Some(file) = &start.aircraft {
             aircraft::load(file, &mut state.datarefs);
         }
-        if let Some((pose, speed_mps)) = start.place {
-            state.aircraft.start(pose, speed_mps);
-            for (name, value) in [
-                (names::OVERRIDE_FLIGHT_MODEL, 0.0),
-                (names::AUTOPILOT_MODE, 0.0),
-                (PAUSED, 0.0),
-                (FLIGHT_TIME_S, 0.0),
-            ] {
-                state.datarefs.set(name, value);
-            }
-            state.aircraft.publish(&mut state.datarefs);
-            self.flight_loaded = true;
-            self.placements += 1;
+        state.aircraft.start(start.pose, start.speed_mps);
+        for (name, value) in [
+            (names::OVERRIDE_FLIGHT_MODEL, 0.0),
+            (names::AUTOPILOT_MODE, 0.0),
+            (PAUSED, 0.0),
+            (FLIGHT_TIME_S, 0.0),
+        ] {
+            state.datarefs.set(name, value);
         }
-        let longitude_deg = state.aircraft.state().pose.longitude_deg;
-        match start.time {
-            None => {}
-            Some(StartTime::System) => state.datarefs.set(names::USE_SYSTEM_TIME, 1.0),
-            Some(StartTime::Zulu { day, time_s }) => {
-                clock::set_zulu(&mut state.datarefs, day, time_s);
-            }
-            Some(StartTime::Local { day, time_s }) => {
-                clock::set_local(&mut state.datarefs, day, time_s, longitude_deg);
-            }
+        state.aircraft.publish(&mut state.datarefs);
+        if let Some((day, time_s)) = start.zulu {
+            clock::set_zulu(&mut state.datarefs, day, time_s);
         }
         self.state = state;
-        if let Some((pose, _)) = start.place {
-            self.flight_began(pose.position().lat_lon());
-        }
+        self.flight_loaded = true;
+        self.placements += 1;
+        self.flight_began(start.pose.position().lat_lon());
         Ok(())
     }
 }

@@ -48,29 +48,6 @@ fn the_clock_runs_unless_paused_or_frozen_and_is_the_computers_until_told_otherw
 }
 
 #[test]
-fn a_placed_aircraft_is_where_it_was_placed_with_all_bits() {
-    let mut world = world();
-    world.place(&PlaceAircraft {
-        freeze: true,
-        plane: 0,
-        latitude_deg: 1.194_827_667,
-        longitude_deg: 103.912_427_524,
-        elevation_msl_m: 762.008_5,
-        heading_true_deg: 23.0,
-        pitch_deg: 5.25,
-        roll_deg: -0.5,
-    });
-    assert_eq!(world.position().longitude_deg, 103.912_427_524);
-    assert_eq!(world.read(names::OVERRIDE_FLIGHT_MODEL), 1.0);
-    assert_eq!(world.read("sim/flightmodel/position/theta"), 5.25);
-    // RREF has 32 bits only.
-    assert_eq!(
-        world.read("sim/flightmodel/position/longitude"),
-        103.912_427_524_f64 as f32
-    );
-}
-
-#[test]
 fn written_attitude_turns_the_aircraft() {
     let mut world = world();
     world.write("sim/flightmodel/position/phi", -12.5).unwrap();
@@ -278,36 +255,6 @@ fn a_client_reads_what_aircraft_is_loaded_and_moves_the_levers_of_its_engines() 
     assert_eq!(
         world.read("sim/cockpit2/engine/actuators/throttle_ratio[1]"),
         0.75
-    );
-    // Its `sendCTRL` writes these as well.
-    for name in ["parking_brake_ratio", "speedbrake_ratio", "yoke_roll_ratio"] {
-        let control = format!("sim/cockpit2/controls/{name}");
-        world.write(&control, 0.5).unwrap();
-        assert_eq!(world.read(&control), 0.5, "{name}");
-    }
-}
-
-#[test]
-fn the_data_output_says_where_the_aircraft_is_and_sets_its_attitude() {
-    let mut world = world();
-    let mut row = world
-        .data_rows()
-        .into_iter()
-        .find(|row| row.index == 17)
-        .unwrap();
-    assert_eq!(row.values[2], 23.02);
-    row.values = [xplane_bridge::packet::LEAVE_ALONE; 8];
-    row.values[1] = 10.0;
-    assert!(world.set_data_row(&row));
-    let position = world.position();
-    assert_eq!(
-        (position.roll_deg, position.heading_true_deg),
-        (10.0, 23.02)
-    );
-    row.index = 20;
-    assert!(
-        !world.set_data_row(&row),
-        "the position is no client's to set"
     );
 }
 

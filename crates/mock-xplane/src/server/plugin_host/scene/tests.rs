@@ -108,8 +108,11 @@ impl Hosted {
 
     fn start(&mut self, distance_nm: f64) {
         let start = flight_start::FlightStart {
-            place: Some((on_final(distance_nm), 72.0)),
-            ..flight_start::FlightStart::default()
+            aircraft: None,
+            pose: on_final(distance_nm),
+            speed_mps: 72.0,
+            zulu: None,
+            weather: Vec::new(),
         };
         self.world.lock().begin(&start).unwrap();
     }
