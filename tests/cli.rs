@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use testkit::command::Dtd;
+use testkit::command::{Dtd, words};
 use testkit::repository;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -230,25 +230,11 @@ fn what_is_not_there_is_bad_input_with_its_name() {
         (&["verify", "lost-corpus"], "dtd generate"),
         (&["train", "lost-corpus", "--out", "run"], "lost-corpus"),
         (
-            &[
-                "generate",
-                "demo.toml",
-                "--out",
-                "target/x",
-                "--sim",
-                "nowhere",
-            ],
+            &words("generate demo.toml --out target/x --sim nowhere"),
             "HOST:PORT",
         ),
         (
-            &[
-                "generate",
-                "demo.toml",
-                "--out",
-                "target/x",
-                "--only",
-                "0099",
-            ],
+            &words("generate demo.toml --out target/x --only 0099"),
             "0099",
         ),
     ];

@@ -17,7 +17,7 @@ use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{CodedPicture, PacketReader};
 use dataset::work::watch::Silent;
 use serde_json::Value;
-use testkit::command::{Dtd, said};
+use testkit::command::{Dtd, said, words};
 use testkit::files::contents;
 use testkit::files::copy_folder;
 use testkit::short_corpus;
@@ -125,16 +125,7 @@ fn pycocotools_gets_the_average_precision_of_evaluate_detector_from_a_coco_expor
 #[test]
 fn label_files_of_yolo_hold_the_true_boxes_by_side_of_the_split() {
     let tiny = Tiny::made().copy();
-    let export = [
-        "export",
-        "corpus",
-        "--to",
-        "yolo",
-        "--out",
-        "yolo",
-        "--pictures",
-        "jpeg",
-    ];
+    let export = words("export corpus --to yolo --out yolo --pictures jpeg");
     let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let mut expected = BTreeMap::new();
@@ -376,18 +367,7 @@ fn rows_of<'a>(tables: &'a Value, table: &str) -> Vec<&'a Value> {
 #[test]
 fn datasets_loads_every_table_of_a_huggingface_export_and_its_videos_are_those_of_the_corpus() {
     let tiny = Tiny::made().copy();
-    let export = [
-        "export",
-        "corpus",
-        "--to",
-        "huggingface",
-        "--out",
-        "hf",
-        "--run",
-        "run",
-        "--license",
-        "CC-BY-4.0",
-    ];
+    let export = words("export corpus --to huggingface --out hf --run run --license CC-BY-4.0");
     let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
     let loaded = judged("hugging_face.py", &[&tiny.path("hf")]);
     let tables = &loaded["tables"];
@@ -592,18 +572,7 @@ fn a_corpus_describes_itself_to_croissant_and_stays_a_corpus() {
 #[test]
 fn webdataset_iterates_samples_of_all_views() {
     let tiny = Tiny::made().copy();
-    let export = [
-        "export",
-        "corpus",
-        "--to",
-        "webdataset",
-        "--out",
-        "shards",
-        "--every",
-        "2",
-        "--pictures",
-        "jpeg",
-    ];
+    let export = words("export corpus --to webdataset --out shards --every 2 --pictures jpeg");
     let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
     let judged_samples = judged("web_dataset.py", &[&tiny.path("shards")]);
     let samples = judged_samples["samples"].as_object().unwrap();
@@ -1113,16 +1082,7 @@ fn a_slash_after_the_name_of_the_folder_makes_no_difference() {
 #[test]
 fn predictions_for_scenarios_of_the_same_names_in_another_corpus_are_refused() {
     let tiny = Tiny::made().copy();
-    let tables = [
-        "export",
-        "corpus",
-        "--to",
-        "huggingface",
-        "--out",
-        "hf",
-        "--run",
-        "run",
-    ];
+    let tables = words("export corpus --to huggingface --out hf --run run");
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let splits = corpus.splits().unwrap();
     let of_side = |side| splits.side(side).next().unwrap().to_owned();

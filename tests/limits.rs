@@ -162,14 +162,7 @@ fn counts_and_rates_that_no_scenario_has_are_refused_by_every_reader() {
         assert_says(&tiny, &["verify", "corpus"], 1, &[words]);
         for verb in [
             &["label", "corpus"][..],
-            &[
-                "train",
-                "corpus",
-                "--out",
-                "new",
-                "--config",
-                "training.toml",
-            ],
+            &testkit::command::words("train corpus --out new --config training.toml"),
             &["evaluate", "run", "--corpus", "corpus"],
         ] {
             let output = dtd(&tiny, verb);

@@ -38,6 +38,17 @@ struct Workshop {
 }
 
 impl Workshop {
+    fn new(root: &Path) -> Self {
+        let made = Self {
+            corpus: root.join("corpus"),
+            settings: root.join("train.toml"),
+            run: root.join("run"),
+        };
+        SyntheticCorpus::tiny().write(&made.corpus).unwrap();
+        fs::write(&made.settings, SETTINGS).unwrap();
+        made
+    }
+
     fn train(&self, run: &Path, seed: u32) -> Command {
         let mut command = DTD.command(&["train"]);
         command
@@ -68,13 +79,7 @@ fn assert_whole(run: &Path) {
 fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none() {
     let folder = tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    SyntheticCorpus::tiny().write(&path("corpus")).unwrap();
-    fs::write(path("train.toml"), SETTINGS).unwrap();
-    let workshop = Workshop {
-        corpus: path("corpus"),
-        settings: path("train.toml"),
-        run: path("run"),
-    };
+    let workshop = Workshop::new(folder.path());
     let mut took = Duration::ZERO;
     let undisturbed = [0, 1].map(|seed| {
         let began = Instant::now();
@@ -136,13 +141,7 @@ fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none
 fn a_training_that_is_killed_again_and_again_goes_on_to_the_same_weights() {
     let folder = tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    SyntheticCorpus::tiny().write(&path("corpus")).unwrap();
-    fs::write(path("train.toml"), SETTINGS).unwrap();
-    let workshop = Workshop {
-        corpus: path("corpus"),
-        settings: path("train.toml"),
-        run: path("run"),
-    };
+    let workshop = Workshop::new(folder.path());
     let began = Instant::now();
     let output = workshop.train(&path("straight"), 0).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
@@ -177,8 +176,7 @@ fn a_training_that_is_killed_again_and_again_goes_on_to_the_same_weights() {
 fn the_settings_that_a_run_saved_make_the_same_run_again() {
     let folder = tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    SyntheticCorpus::tiny().write(&path("corpus")).unwrap();
-    fs::write(path("train.toml"), SETTINGS).unwrap();
+    Workshop::new(folder.path());
     let train = |settings: PathBuf, out: &str| {
         let mut command = DTD.command(&["train"]);
         command.arg(path("corpus")).arg("--config").arg(settings);

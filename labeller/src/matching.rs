@@ -4,7 +4,7 @@ use dataset::tables::pixel_box::PixelBox;
 
 /// A box that overlaps the true one by at least this much (intersection over union) has found it. Low, because an aircraft at 10 NM
 /// is 7 pixels high, and a box that is one pixel off is still useful.
-pub const HIT_IOU: f64 = 0.25;
+pub(crate) const HIT_IOU: f64 = 0.25;
 
 /// A detected box, compared with the true one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

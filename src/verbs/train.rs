@@ -159,7 +159,7 @@ fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
 fn checked(config: TrainConfig, file: TomlFile<'_>, prefix: &str) -> Result<TrainConfig, Failure> {
     match config.check() {
         Ok(()) => Ok(config),
-        Err(error @ trainer::Error::Setting { setting, .. }) => {
+        Err(ref error @ trainer::Error::Setting { ref setting, .. }) => {
             let shown = file.rejected(&format!("{prefix}{setting}"), &error.to_string());
             Err(Failure::bad_input(shown))
         }

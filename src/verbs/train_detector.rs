@@ -65,7 +65,7 @@ fn settings_in(path: &Path) -> Result<DetectorConfig, Failure> {
     let config: DetectorConfig = file.parse().map_err(Failure::bad_input)?;
     match config.check() {
         Ok(()) => Ok(config),
-        Err(error @ Error::Setting { setting, .. }) => {
+        Err(ref error @ Error::Setting { ref setting, .. }) => {
             let shown = file.rejected(setting, &error.to_string());
             Err(Failure::bad_input(shown))
         }

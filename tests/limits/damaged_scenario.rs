@@ -23,23 +23,9 @@ fn a_damaged_scenario_is_left_out_and_named_with_the_way_to_replace_it() {
     let (tiny, id) = damaged();
     let folder = format!("corpus/scenarios/{id}");
     for verb in [
-        &[
-            "train",
-            "corpus",
-            "--out",
-            "new",
-            "--config",
-            "training.toml",
-        ][..],
+        &testkit::command::words("train corpus --out new --config training.toml")[..],
         &["evaluate", "run", "--corpus", "corpus", "--out", "judged"],
-        &[
-            "predict",
-            "run",
-            "--corpus",
-            "corpus",
-            "--out",
-            "new.parquet",
-        ],
+        &testkit::command::words("predict run --corpus corpus --out new.parquet"),
         &["export", "corpus", "--to", "coco", "--out", "coco"],
     ] {
         let words = [
@@ -95,14 +81,7 @@ fn verify_names_each_missing_scenario() {
 fn a_run_with_a_damaged_seal_says_how_to_go_on() {
     let tiny = Tiny::made().copy();
     fs::write(tiny.path("run/DONE.json"), "").unwrap();
+    let predict = testkit::command::words("predict run --corpus corpus --out new.parquet");
     let words = "run/DONE.json: is empty, expected a seal; put the right file back, or train again";
-    let predict = [
-        "predict",
-        "run",
-        "--corpus",
-        "corpus",
-        "--out",
-        "new.parquet",
-    ];
     assert_says(&tiny, &predict, 2, &[words]);
 }

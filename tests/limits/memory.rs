@@ -17,34 +17,14 @@ fn every_verb_works_in_two_gibibytes_or_says_what_it_needs() {
         &["detect", "again", "--model", tiny::MODEL],
         &["evaluate-detector", "corpus", "--out", "judged"],
         &["verify", "corpus"],
-        &[
-            "train",
-            "corpus",
-            "--out",
-            "another",
-            "--config",
-            "training.toml",
-        ],
+        &testkit::command::words("train corpus --out another --config training.toml"),
         &["evaluate", "run", "--corpus", "corpus"],
         &["export-estimators", "run", "--out", "models"],
-        &[
-            "train-detector",
-            "corpus",
-            "--out",
-            "detector/new.onnx",
-            "--minutes",
-            "0.001",
-        ],
+        &testkit::command::words("train-detector corpus --out detector/new.onnx --minutes 0.001"),
         &["push", "corpus", &store],
         &["fetch", &store, "--out", "fetched"],
         &["schema"],
-        &[
-            "mock-xplane",
-            "--port",
-            "0",
-            "--no-beacon",
-            "--until-stdin-ends",
-        ],
+        &testkit::command::words("mock-xplane --port 0 --no-beacon --until-stdin-ends"),
     ];
     let mut wrong = Vec::new();
     for arguments in verbs {

@@ -29,7 +29,7 @@ pub enum Error {
     #[error("configuration: {setting} is {found}, expected {expected}")]
     Setting {
         /// Name of the setting with its section.
-        setting: &'static str,
+        setting: String,
         /// Its value.
         found: String,
         /// Allowed values.

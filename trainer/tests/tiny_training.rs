@@ -54,6 +54,23 @@ fn trained(root: &Path) -> (Corpus, RunFolder) {
     (corpus, outcome.run)
 }
 
+/// A short training on boxes and shifts with this noise, and its evaluation.
+fn trained_with_shifts(root: &Path, shift_noise_px: f64) -> (Corpus, RunFolder, Metrics) {
+    let synthetic = SyntheticCorpus {
+        shift_noise_px: Some(shift_noise_px),
+        ..SyntheticCorpus::tiny()
+    };
+    let corpus = synthetic.write(&root.join("corpus")).unwrap();
+    let run = train(&corpus, &root.join("run"), &few_steps(), &Silent);
+    let run = run.unwrap().run;
+    let metrics = judge(&run, &corpus).unwrap();
+    (corpus, run, metrics)
+}
+
+fn judge(run: &RunFolder, corpus: &Corpus) -> trainer::Result<Metrics> {
+    evaluate(run, corpus, &EvaluationConfig::default(), &Silent)
+}
+
 fn mape(metrics: &Metrics, name: &str) -> f64 {
     metrics.estimators[name]
         .overall
@@ -66,24 +83,17 @@ fn mape(metrics: &Metrics, name: &str) -> f64 {
 fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
     let folder = tempfile::tempdir().unwrap();
     let (corpus, run) = trained(folder.path());
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+    let metrics = judge(&run, &corpus).unwrap();
 
     // A constant predictor is off by tens of percent; so is one that has learned from the wrong view.
-    assert!(
-        mape(&metrics, "paper_lstm") < 8.0,
-        "{}",
-        mape(&metrics, "paper_lstm")
-    );
-    assert!(
-        mape(&metrics, "triangulation") < 0.2,
-        "{}",
-        mape(&metrics, "triangulation")
-    );
-    assert!(
-        mape(&metrics, "mono_pinhole") < 4.0,
-        "{}",
-        mape(&metrics, "mono_pinhole")
-    );
+    for (name, most_pct) in [
+        ("paper_lstm", 8.0),
+        ("triangulation", 0.2),
+        ("mono_pinhole", 4.0),
+    ] {
+        let pct = mape(&metrics, name);
+        assert!(pct < most_pct, "{name}: {pct}");
+    }
     let table = Table::read(&run.predictions_path(), u64::MAX).unwrap();
     let truth = table.f64("dtd_m").unwrap();
     let mean = truth.iter().sum::<f64>() / truth.len() as f64;
@@ -156,8 +166,7 @@ fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
             ..config.clone()
         };
         let outcome = train(&corpus, &folder.path().join(name), &config, &Silent).unwrap();
-        let evaluated =
-            evaluate(&outcome.run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+        let evaluated = judge(&outcome.run, &corpus).unwrap();
         let bytes = fs::read(outcome.run.weights_path()).unwrap();
         (mape(&evaluated, "paper_lstm"), bytes)
     };
@@ -190,7 +199,7 @@ fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
     let run = train(&corpus, &folder.path().join("run"), &few_steps(), &Silent)
         .unwrap()
         .run;
-    evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+    judge(&run, &corpus).unwrap();
     for (name, empty, [train_count, validation]) in
         [("one", "Validation", [1, 0]), ("other", "Train", [0, 1])]
     {
@@ -205,9 +214,7 @@ fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
         );
     }
     let two = sides("two", 1, 1, 0);
-    let message = evaluate(&run, &two, &EvaluationConfig::default(), &Silent)
-        .unwrap_err()
-        .to_string();
+    let message = judge(&run, &two).unwrap_err().to_string();
     assert!(message.contains("no samples on the test side"), "{message}");
 }
 
@@ -256,7 +263,7 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
     let run = |name: &str, config: &TrainConfig| {
         let out = folder.path().join(name);
         let run = train(&corpus, &out, config, &Silent).unwrap().run;
-        let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+        let metrics = judge(&run, &corpus).unwrap();
         let summary: serde_json::Value = read_json(&out.join("run.json"), "summary").unwrap();
         let report = fs::read_to_string(run.report_path()).unwrap();
         (metrics.deviations_from_paper, summary, report)
@@ -294,15 +301,7 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
 #[test]
 fn inverse_range_is_what_scipy_solves_and_what_the_predictions_hold() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus {
-        shift_noise_px: Some(0.02),
-        ..SyntheticCorpus::tiny()
-    }
-    .write(&folder.path().join("corpus"))
-    .unwrap();
-    let out = folder.path().join("run");
-    let run = train(&corpus, &out, &few_steps(), &Silent).unwrap().run;
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+    let (corpus, run, metrics) = trained_with_shifts(folder.path(), 0.02);
     let judged = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges/inverse_range.py"))
         .args([corpus.root(), run.root()])
@@ -338,15 +337,7 @@ fn inverse_range_is_what_scipy_solves_and_what_the_predictions_hold() {
 #[test]
 fn filters_answer_where_a_view_was_removed_and_state_intervals() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus {
-        shift_noise_px: Some(0.05),
-        ..SyntheticCorpus::tiny()
-    }
-    .write(&folder.path().join("corpus"))
-    .unwrap();
-    let out = folder.path().join("run");
-    let run = train(&corpus, &out, &few_steps(), &Silent).unwrap().run;
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+    let (_, run, metrics) = trained_with_shifts(folder.path(), 0.05);
     let of = |name: &str| &metrics.estimators[name];
     let removed = |name: &str| {
         of(name).views_removed["random_15_pct"]
@@ -405,7 +396,7 @@ fn no_estimator_answers_where_every_box_is_unlike_any_of_the_training_side() {
         .unwrap()
         .run;
     with_boxes(&corpus, Side::Test, speck);
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+    let metrics = judge(&run, &corpus).unwrap();
     for (name, figures) in &metrics.estimators {
         assert_eq!(figures.overall.combination.samples, 0, "{name}");
         assert_eq!(figures.overall.combination.mape_pct, None, "{name}");
@@ -451,7 +442,7 @@ fn a_run_that_was_copied_predicts_exactly_what_it_predicted_before() {
     let folder = tempfile::tempdir().unwrap();
     let (corpus, run) = trained(folder.path());
     let predictions = |run: &RunFolder| {
-        evaluate(run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+        judge(run, &corpus).unwrap();
         Table::read(&run.predictions_path(), u64::MAX)
             .unwrap()
             .optional_f64("paper_lstm_dtd_m")
@@ -475,9 +466,7 @@ fn a_corpus_whose_test_trajectory_was_trained_on_is_refused_by_name() {
     let trained_on = splits.side(Side::Train).next().unwrap().to_owned();
     splits.scenarios.get_mut(&trained_on).unwrap().side = Side::Test;
     splits.write(&corpus.splits_path()).unwrap();
-    let message = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent)
-        .unwrap_err()
-        .to_string();
+    let message = judge(&run, &corpus).unwrap_err().to_string();
     assert!(
         message.contains(&splits.scenarios[&trained_on].trajectory)
             && message.contains(&trained_on),
@@ -503,8 +492,6 @@ fn a_folder_without_a_run_and_a_corpus_without_a_validation_side_are_explained()
         .to_string();
     assert!(message.contains("Validation"), "{message}");
     let nowhere = RunFolder::at(&folder.path().join("nowhere"));
-    let message = evaluate(&nowhere, &corpus, &EvaluationConfig::default(), &Silent)
-        .unwrap_err()
-        .to_string();
+    let message = judge(&nowhere, &corpus).unwrap_err().to_string();
     assert!(message.contains("dtd train"), "{message}");
 }

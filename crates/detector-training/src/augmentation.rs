@@ -34,7 +34,7 @@ const COLOUR_NOISE_SHARE: f64 = 0.3;
 /// Margin around a box in which its sky is measured, pixels.
 const LIGHT_MARGIN_PX: f64 = 3.0;
 /// Levels, pixels and stretches above this are a mistake.
-const MOST: f32 = 255.0;
+const MOST: f64 = 255.0;
 
 /// Augmentation of crops. The simulator's skies are smooth and its aircraft has one paint, so most crops get texture, edges or gradients
 /// behind the aircraft. Shares, 0 to 1, are independent of each other; everything else is drawn up to the largest value, at most 255.
@@ -135,96 +135,23 @@ impl Augmentation {
 
     /// Checks that every setting is in its range.
     pub fn check(&self) -> Result<()> {
-        for (setting, share) in [
-            ("training.augmentation.plain_share", self.plain_share),
-            ("training.augmentation.texture_share", self.texture_share),
-            (
-                "training.augmentation.texture_over_share",
-                self.texture_over_share,
-            ),
-            ("training.augmentation.paint_share", self.paint_share),
-            ("training.augmentation.unlit_share", self.unlit_share),
-            ("training.augmentation.aliased_share", self.aliased_share),
-            (
-                "training.augmentation.varied_box_weight",
-                f64::from(self.varied_box_weight),
-            ),
-            (
-                "training.augmentation.cloud_edge_share",
-                self.cloud_edge_share,
-            ),
-            ("training.augmentation.gradient_share", self.gradient_share),
-            (
-                "training.augmentation.structure_share",
-                self.structure_share,
-            ),
-            ("training.augmentation.blur_share", self.blur_share),
-            ("training.augmentation.noise_share", self.noise_share),
-            ("training.augmentation.tint_share", self.tint_share),
-        ] {
-            in_range(setting, share, 0.0..=1.0)?;
-        }
-        for (setting, value, least) in [
-            (
-                "training.augmentation.largest_texture_levels",
-                self.largest_texture_levels,
-                0.0,
-            ),
-            (
-                "training.augmentation.smallest_feature_px",
-                self.smallest_feature_px,
-                1.0,
-            ),
-            (
-                "training.augmentation.largest_feature_px",
-                self.largest_feature_px,
-                self.smallest_feature_px,
-            ),
-            (
-                "training.augmentation.largest_stretch",
-                self.largest_stretch,
-                1.0,
-            ),
-            (
-                "training.augmentation.largest_paint_levels",
-                self.largest_paint_levels,
-                0.0,
-            ),
-            (
-                "training.augmentation.largest_cloud_edge_levels",
-                self.largest_cloud_edge_levels,
-                0.0,
-            ),
-            (
-                "training.augmentation.largest_gradient_levels",
-                self.largest_gradient_levels,
-                0.0,
-            ),
-            (
-                "training.augmentation.smallest_blur_px",
-                self.smallest_blur_px,
-                0.1,
-            ),
-            (
-                "training.augmentation.largest_blur_px",
-                self.largest_blur_px,
-                self.smallest_blur_px,
-            ),
-            (
-                "training.augmentation.largest_noise_levels",
-                self.largest_noise_levels,
-                0.0,
-            ),
-            (
-                "training.augmentation.largest_tint_levels",
-                self.largest_tint_levels,
-                0.0,
-            ),
-        ] {
+        let least = |key: &str| match key {
+            "smallest_feature_px" | "largest_stretch" => 1.0,
+            "smallest_blur_px" => 0.1,
+            "largest_feature_px" => f64::from(self.smallest_feature_px),
+            "largest_blur_px" => f64::from(self.smallest_blur_px),
+            _ => 0.0,
+        };
+        let settings = serde_json::to_value(self).unwrap_or_default();
+        for (key, value) in settings.as_object().into_iter().flatten() {
+            // JSON has no NaN.
+            let value = value.as_f64().unwrap_or(f64::NAN);
+            let is_part = key.ends_with("_share") || key.ends_with("_weight");
+            let most = if is_part { 1.0 } else { MOST };
             in_range(
-                setting,
-                f64::from(value),
-                f64::from(least)..=f64::from(MOST),
+                &format!("training.augmentation.{key}"),
+                value,
+                least(key)..=most,
             )?;
         }
         Ok(())

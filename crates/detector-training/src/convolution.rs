@@ -220,7 +220,7 @@ impl Convolution {
 }
 
 /// Normally distributed weights.
-pub fn normal_weights(
+pub(crate) fn normal_weights(
     shape: [usize; 2],
     deviation: f32,
     device: &Device,

@@ -33,7 +33,7 @@ pub enum Error {
     #[error("configuration: {setting} is {found}, expected {expected}")]
     Setting {
         /// Name of the setting with its section.
-        setting: &'static str,
+        setting: String,
         /// Its value.
         found: String,
         /// Allowed values.
@@ -117,17 +117,13 @@ pub enum OutputFault {
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Checks the value of a setting.
-pub(crate) fn in_range(
-    setting: &'static str,
-    found: f64,
-    allowed: RangeInclusive<f64>,
-) -> Result<()> {
+pub(crate) fn in_range(setting: &str, found: f64, allowed: RangeInclusive<f64>) -> Result<()> {
     // NaN is never in range.
     if allowed.contains(&found) {
         return Ok(());
     }
     Err(Error::Setting {
-        setting,
+        setting: setting.to_owned(),
         found: format!("{found:?}"),
         expected: format!("a number from {} to {}", allowed.start(), allowed.end()),
     })

@@ -20,7 +20,7 @@ use super::network::{NORMALISATION_FLOOR, Network};
 use super::patches::PATCH_SIDE_PX;
 
 /// Bytes of the ONNX model.
-pub fn onnx_bytes(network: &Network) -> Vec<u8> {
+pub(crate) fn onnx_bytes(network: &Network) -> Vec<u8> {
     model(network).bytes()
 }
 

@@ -10,7 +10,7 @@
 
 #![forbid(unsafe_code)]
 
-pub mod augmentation;
+pub(crate) mod augmentation;
 pub mod checkpoint;
 pub mod convolution;
 pub mod corpus_samples;

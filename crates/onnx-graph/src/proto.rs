@@ -7,7 +7,7 @@ use prost::{Message, Oneof};
 /// Element type `FLOAT`.
 pub const FLOAT: i32 = 1;
 /// Element type `INT64`.
-pub const INT64: i32 = 7;
+pub(crate) const INT64: i32 = 7;
 /// Element type `DOUBLE`.
 pub const DOUBLE: i32 = 11;
 

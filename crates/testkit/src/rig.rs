@@ -10,7 +10,7 @@ use crate::changi_02l;
 pub const VIEWS: [&str; 2] = ["left", "right"];
 
 /// Two cameras 1500 m past the touchdown target, 300 m to either side, turned 5.3 degrees inwards.
-pub fn wide_baseline(runway: &Runway) -> [(&'static str, CameraPose); 2] {
+pub(crate) fn wide_baseline(runway: &Runway) -> [(&'static str, CameraPose); 2] {
     // Looking back down the approach, the axis is to the left camera's left.
     [
         (VIEWS[0], beside(runway, -300.0, -5.3)),

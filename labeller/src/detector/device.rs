@@ -131,26 +131,22 @@ impl Device {
             }));
         }
         let number = self.number.map(i32::from);
-        let cuda = || {
-            let cuda = ep::CUDA::default();
-            let cuda = match number {
-                Some(number) => cuda.with_device_id(number),
-                None => cuda,
-            };
-            cuda.build()
-        };
+        /// A provider, with the number of its device if there is one.
+        macro_rules! numbered {
+            ($provider:ty) => {{
+                let provider = <$provider>::default();
+                match number {
+                    Some(number) => provider.with_device_id(number),
+                    None => provider,
+                }
+                .build()
+            }};
+        }
         let providers = match self.provider {
             Provider::Cpu => vec![],
-            Provider::Cuda => vec![cuda()],
-            Provider::TensorRt => {
-                let tensorrt = ep::TensorRT::default();
-                let tensorrt = match number {
-                    Some(number) => tensorrt.with_device_id(number),
-                    None => tensorrt,
-                };
-                // CUDA runs the operators that TensorRT lacks.
-                vec![tensorrt.build(), cuda()]
-            }
+            Provider::Cuda => vec![numbered!(ep::CUDA)],
+            // CUDA runs the operators that TensorRT lacks.
+            Provider::TensorRt => vec![numbered!(ep::TensorRT), numbered!(ep::CUDA)],
             Provider::OpenVino => {
                 let openvino = ep::OpenVINO::default();
                 let openvino = match number {
@@ -163,14 +159,7 @@ impl Device {
                 vec![openvino.build()]
             }
             Provider::CoreMl => vec![ep::CoreML::default().build()],
-            Provider::DirectMl => {
-                let directml = ep::DirectML::default();
-                let directml = match number {
-                    Some(number) => directml.with_device_id(number),
-                    None => directml,
-                };
-                vec![directml.build()]
-            }
+            Provider::DirectMl => vec![numbered!(ep::DirectML)],
         };
         let providers = providers.into_iter();
         Ok(providers

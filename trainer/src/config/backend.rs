@@ -52,7 +52,7 @@ impl TrainingBackend {
 
     fn invalid(self, expected: String) -> Error {
         Error::Setting {
-            setting: "backend",
+            setting: "backend".into(),
             found: format!("\"{}\"", self.word()),
             expected,
         }

@@ -31,7 +31,7 @@ impl TrainConfig {
             number("max_dtd_nm", max, 0.0..=FARTHEST_NM)?;
             if max <= self.min_dtd_nm {
                 return Err(Error::Setting {
-                    setting: "max_dtd_nm",
+                    setting: "max_dtd_nm".to_owned(),
                     found: max.to_string(),
                     expected: format!("a number above min_dtd_nm, which is {}", self.min_dtd_nm),
                 });
@@ -41,7 +41,7 @@ impl TrainConfig {
             && LeftOut::parse(setting).is_none()
         {
             return Err(Error::Setting {
-                setting: "leave_out",
+                setting: "leave_out".to_owned(),
                 found: format!("{setting:?}"),
                 expected: LeftOut::EXPECTED.into(),
             });
@@ -60,14 +60,7 @@ impl TrainConfig {
             c.gap_threshold_pct,
             0.0..=MOST_RATIO,
         )?;
-        optimisation(
-            [
-                "calibration.optimisation.steps",
-                "calibration.optimisation.batch_size",
-                "calibration.optimisation.learning_rate",
-            ],
-            &c.optimisation,
-        )?;
+        optimisation("calibration", &c.optimisation)?;
         log_every("calibration.log_every", c.log_every, &c.optimisation)?;
         patience("calibration.patience", c.patience)?;
         let e = &self.estimator;
@@ -75,14 +68,7 @@ impl TrainConfig {
         layers("estimator.head_hidden", &e.head_hidden, 0)?;
         number("estimator.alone_weight", e.alone_weight, 0.0..=MOST_RATIO)?;
         number("estimator.together_first", e.together_first, 0.0..=1.0)?;
-        optimisation(
-            [
-                "estimator.optimisation.steps",
-                "estimator.optimisation.batch_size",
-                "estimator.optimisation.learning_rate",
-            ],
-            &e.optimisation,
-        )?;
+        optimisation("estimator", &e.optimisation)?;
         log_every("estimator.log_every", e.log_every, &e.optimisation)?;
         patience("estimator.patience", e.patience)?;
         let s = &self.self_calibration;
@@ -98,35 +84,28 @@ impl TrainConfig {
             number(setting, sd, LEAST_SD..=most)?;
         }
         layers("mono.hidden", &self.mono.hidden, 0)?;
-        optimisation(
-            [
-                "mono.optimisation.steps",
-                "mono.optimisation.batch_size",
-                "mono.optimisation.learning_rate",
-            ],
-            &self.mono.optimisation,
-        )
+        optimisation("mono", &self.mono.optimisation)
     }
 }
 
-fn number(setting: &'static str, found: f64, allowed: RangeInclusive<f64>) -> Result<()> {
+fn number(setting: &str, found: f64, allowed: RangeInclusive<f64>) -> Result<()> {
     // NaN is never in range.
     if allowed.contains(&found) {
         return Ok(());
     }
     Err(Error::Setting {
-        setting,
+        setting: setting.to_owned(),
         found: format!("{found:?}"),
         expected: format!("a number from {} to {}", allowed.start(), allowed.end()),
     })
 }
 
-fn whole(setting: &'static str, found: usize, allowed: RangeInclusive<usize>) -> Result<()> {
+fn whole(setting: &str, found: usize, allowed: RangeInclusive<usize>) -> Result<()> {
     if allowed.contains(&found) {
         return Ok(());
     }
     Err(Error::Setting {
-        setting,
+        setting: setting.to_owned(),
         found: format!("{found:?}"),
         expected: format!(
             "a whole number from {} to {}",
@@ -136,10 +115,10 @@ fn whole(setting: &'static str, found: usize, allowed: RangeInclusive<usize>) ->
     })
 }
 
-fn layers(setting: &'static str, widths: &[usize], least: usize) -> Result<()> {
+fn layers(setting: &str, widths: &[usize], least: usize) -> Result<()> {
     if !(least..=MOST_LAYERS).contains(&widths.len()) {
         return Err(Error::Setting {
-            setting,
+            setting: setting.to_owned(),
             found: format!("{} layers", widths.len()),
             expected: format!("{least} to {MOST_LAYERS}"),
         });
@@ -149,31 +128,31 @@ fn layers(setting: &'static str, widths: &[usize], least: usize) -> Result<()> {
         .try_for_each(|&width| whole(setting, width, WIDTHS))
 }
 
-fn optimisation(settings: [&'static str; 3], found: &Optimisation) -> Result<()> {
-    let [steps, batch_size, learning_rate] = settings;
-    whole(steps, found.steps, STEPS)?;
-    whole(batch_size, found.batch_size, BATCH_SIZES)?;
+fn optimisation(stage: &str, found: &Optimisation) -> Result<()> {
+    let setting = |key: &str| format!("{stage}.optimisation.{key}");
+    whole(&setting("steps"), found.steps, STEPS)?;
+    whole(&setting("batch_size"), found.batch_size, BATCH_SIZES)?;
     if found.learning_rate > 0.0 && found.learning_rate <= MOST_LEARNING_RATE {
         return Ok(());
     }
     Err(Error::Setting {
-        setting: learning_rate,
+        setting: setting("learning_rate"),
         found: found.learning_rate.to_string(),
         expected: format!("a number above 0, at most {MOST_LEARNING_RATE}"),
     })
 }
 
-fn patience(setting: &'static str, found: Option<usize>) -> Result<()> {
+fn patience(setting: &str, found: Option<usize>) -> Result<()> {
     found.map_or(Ok(()), |entries| whole(setting, entries, 1..=MOST_ENTRIES))
 }
 
-fn log_every(setting: &'static str, found: usize, training: &Optimisation) -> Result<()> {
+fn log_every(setting: &str, found: usize, training: &Optimisation) -> Result<()> {
     let least = training.steps.div_ceil(MOST_ENTRIES);
     if found >= least {
         return Ok(());
     }
     Err(Error::Setting {
-        setting,
+        setting: setting.to_owned(),
         found: format!("{found:?}"),
         expected: format!(
             "at least {least}: {} steps make {MOST_ENTRIES} entries of the log at most",

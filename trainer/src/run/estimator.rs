@@ -133,7 +133,7 @@ impl Estimator {
             Self::InverseRange => [
                 "inverse_range",
                 "Inverse range",
-                "least squares on the places in all views, registered with each other, corrected by a small network where that improved flights which it did not learn from; learned from labels; not told where the cameras are",
+                "least squares on the places in all views, registered with each other; learned from labels, without the places of the cameras",
             ],
             Self::InverseRangeFiltered => [
                 "inverse_range_filtered",

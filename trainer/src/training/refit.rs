@@ -73,7 +73,7 @@ pub fn refit(
     let started = Instant::now();
     if !(1..=MOST_APPROACHES).contains(&config.approaches) {
         return Err(Error::Setting {
-            setting: "scenarios",
+            setting: "scenarios".into(),
             found: config.approaches.to_string(),
             expected: format!("a number from 1 to {MOST_APPROACHES}"),
         });

@@ -121,10 +121,10 @@ pub fn search(
 
 impl Search {
     fn check(&self) -> Result<()> {
-        let invalid = |setting, found: String, expected: &str| {
+        let invalid = |setting: &str, found: String, expected: &str| {
             let expected = expected.to_owned();
             Err(Error::Setting {
-                setting,
+                setting: setting.to_owned(),
                 found,
                 expected,
             })

@@ -72,7 +72,7 @@ impl NewFile {
     ///
     /// # Errors
     /// Something exists at the destination ([`Error::is_taken`]), the disk is full, or the destination cannot be written.
-    pub fn commit_new(mut self) -> Result<()> {
+    pub(crate) fn commit_new(mut self) -> Result<()> {
         sync_opened(&self.file).map_err(Error::io("write", &self.path))?;
         rename_new(&self.temporary, &self.path)
             .map_err(Error::io("rename into place", &self.path))?;
@@ -233,7 +233,7 @@ fn temporary_beside(path: &Path) -> PathBuf {
 }
 
 /// True for the name of a file that is written before it is renamed.
-pub fn is_temporary(name: &str) -> bool {
+pub(crate) fn is_temporary(name: &str) -> bool {
     let random = || {
         name.strip_prefix('.')?
             .strip_suffix(TEMPORARY_SUFFIX)?

@@ -34,13 +34,6 @@ impl NormalEquations {
         }
     }
 
-    /// Mean of the diagonal elements: the scale of the matrix.
-    pub fn mean_diagonal(&self) -> f64 {
-        let unknowns = self.right.len();
-        let sum: f64 = self.matrix.iter().step_by(unknowns + 1).sum();
-        sum / unknowns as f64
-    }
-
     /// Adds a ridge, which keeps the unknowns small where the rows do not determine them.
     pub fn add_to_diagonal(&mut self, ridge: f64) {
         let unknowns = self.right.len();
@@ -151,7 +144,7 @@ mod tests {
             normal.add(&[x, 3.0 * x], x, 1.0);
         }
         assert_eq!(normal.solve(), None, "one unknown is three times the other");
-        normal.add_to_diagonal(1e-9 * normal.mean_diagonal());
+        normal.add_to_diagonal(1e-9);
         let [a, b] = normal.solve_for().unwrap();
         assert!((a + 3.0 * b - 1.0).abs() < 1e-6, "{a} {b}");
         normal.add(&[f64::NAN, 1.0], 1.0, 1.0);

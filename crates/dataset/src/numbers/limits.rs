@@ -184,7 +184,7 @@ pub const FLIGHT_TIME_S: Limits = Limits::new(-1e10, 1e10, "a time in seconds");
 /// From the touchdown target.
 pub const START_DTD_NM: Limits = Limits::new(0.5, 40.0, "a distance in nautical miles");
 /// The same in metres, as in a plan.
-pub const START_DTD_M: Limits = Limits::new(0.5 * 1_852.0, 40.0 * 1_852.0, "a distance in metres");
+pub(crate) const START_DTD_M: Limits = Limits::new(0.5 * 1_852.0, 40.0 * 1_852.0, "a distance in metres");
 /// Right of the course.
 pub const START_CROSS_TRACK_M: Limits = Limits::new(-5_000.0, 5_000.0, "an offset in metres");
 /// Above the profile.
@@ -303,7 +303,7 @@ pub const MOST_VIEWS: usize = 64;
 /// Pictures of one scenario.
 pub(crate) const MOST_PICTURES: u64 = MOST_TICKS as u64 * MOST_VIEWS as u64;
 /// Pictures per second, and the largest terms of their fraction.
-pub const FRAME_RATE_HZ: Limits = Limits::new(1.0 / 60.0, 240.0, "a frame rate per second");
+pub(crate) const FRAME_RATE_HZ: Limits = Limits::new(1.0 / 60.0, 240.0, "a frame rate per second");
 /// See [`FRAME_RATE_HZ`].
 pub(crate) const MOST_FRAME_RATE_TERM: u32 = 1_000_000;
 

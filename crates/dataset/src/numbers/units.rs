@@ -18,11 +18,6 @@ pub(crate) const NANOS_PER_SECOND: i64 = 1_000_000_000;
 pub struct Degrees(pub f64);
 
 impl Degrees {
-    /// The angle in radians.
-    pub fn radians(self) -> f64 {
-        self.0.to_radians()
-    }
-
     /// The same direction in [0, 360).
     pub fn wrapped_360(self) -> Self {
         Self(self.0.rem_euclid(360.0))

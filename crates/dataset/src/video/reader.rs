@@ -184,7 +184,7 @@ impl VideoReader {
     }
 
     /// Goes to the picture with this timestamp and converts it; `None` if there is none.
-    pub fn picture_at(&mut self, pts: i64) -> Result<Option<RgbPicture>> {
+    pub(crate) fn picture_at(&mut self, pts: i64) -> Result<Option<RgbPicture>> {
         self.seek(pts)?;
         let found = loop {
             match self.skip_frame()? {
