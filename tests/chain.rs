@@ -137,25 +137,6 @@ fn a_scenario_that_is_made_again_has_the_same_bytes_in_its_tables() {
 }
 
 #[test]
-fn verify_names_the_scenario_and_the_file_that_somebody_changed() {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = folder.path().join("corpus");
-    copy_folder(&recorded(), &corpus);
-    let video = corpus.join("scenarios/1200-clear-r2/views/right.mp4");
-    let mut bytes = fs::read(&video).unwrap();
-    let middle = bytes.len() / 2;
-    bytes[middle] ^= 0x40;
-    fs::write(&video, bytes).unwrap();
-    let output = DTD.run(&["verify", text(&corpus)]);
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(
-        said.contains("1200-clear-r2") && said.contains("views/right.mp4"),
-        "{said}"
-    );
-}
-
-#[test]
 fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = folder.path().join("corpus");

@@ -93,8 +93,7 @@ fn pyxpudpserver_discovers_subscribes_reads_writes_and_commands() {
     let _alone = BEACON_PORT.blocking_lock();
     assert_installed();
     let name = format!("tower-{}", std::process::id());
-    let options = ["--beacon-name", &name];
-    let stand_in = stand_in(&[&EVERYWHERE[..], &options].concat());
+    let stand_in = stand_in(&[&EVERYWHERE[..], &["--beacon-name", &name]].concat());
     run(
         "pyxpudpserver_client.py",
         &[stand_in.addresses.udp.port().to_string(), name],

@@ -34,14 +34,8 @@ fn recorded(folder: &Path, more: &[&str], only: &[&str]) -> (PathBuf, PathBuf) {
     let (corpus, tape) = (folder.join("corpus"), folder.join("session.mcap"));
     let arguments = [&["tape", "--sim", "mock", "--out", text(&tape)], more].concat();
     let recorder = DTD.serve(&arguments);
-    let generate = [
-        "generate",
-        SWEEP,
-        "--out",
-        text(&corpus),
-        "--sim",
-        recorder.udp(),
-    ];
+    let (out, sim) = (text(&corpus), recorder.udp());
+    let generate = ["generate", SWEEP, "--out", out, "--sim", sim];
     must(&[&generate[..], only].concat());
     recorder.end();
     (corpus, tape)
@@ -50,14 +44,8 @@ fn recorded(folder: &Path, more: &[&str], only: &[&str]) -> (PathBuf, PathBuf) {
 fn replayed(folder: &Path, tape: &Path, only: &[&str]) -> PathBuf {
     let corpus = folder.join("replayed");
     let simulator = format!("tape:{}", text(tape));
-    let generate = [
-        "generate",
-        SWEEP,
-        "--out",
-        text(&corpus),
-        "--sim",
-        &simulator,
-    ];
+    let out = text(&corpus);
+    let generate = ["generate", SWEEP, "--out", out, "--sim", &simulator];
     must(&[&generate[..], only].concat());
     corpus
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use mock_xplane::server::{Addresses, BuiltIn, ServerOptions};
 use serde_json::{Value, json};
-use testkit_simulator::{quiet, serving_with};
+use testkit_simulator::{quiet, serving_with, web_flight};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
@@ -85,26 +85,6 @@ async fn until(addresses: Addresses, name: &str, right: impl Fn(&Value) -> bool)
         .unwrap_or_else(|_| panic!("{name} is not as it should be"));
 }
 
-fn flight() -> Value {
-    json!({ "data": {
-        "aircraft": { "path": "Aircraft/Laminar Research/Boeing 737-800/b738.acf" },
-        "lle_air_start": {
-            "latitude": 1.2, "longitude": 103.9, "elevation_in_meters": 762.001, "heading_true": 23.02,
-            "speed_in_meters_per_second": 80.001, "pitch_in_degrees": 2.5,
-        },
-        "gmt_time": { "day_of_year": 79, "time_in_24_hours": 22.5 },
-        "weather": {
-            "definition": {
-                "latitude_in_degrees": 1.2, "longitude_in_degrees": 103.9, "elevation_in_meters": 0.001,
-                "visibility_in_kilometers": 8.04672,
-            },
-            "vertical_speed_in_thermal_in_feet_per_minute": 0.001, "wave_height_in_meters": 0.5,
-            "wave_direction_in_degrees": 270.001, "terrain_state": "dry",
-            "variation_across_region_percentage": 0.001, "evolution_over_time_enum": "static",
-        },
-    }})
-}
-
 #[tokio::test]
 async fn clouds_come_late_by_the_simulators_clock_which_may_run_faster() {
     let addresses = start("late_clouds", 100.0).await;
@@ -121,7 +101,7 @@ async fn a_start_whose_connection_is_dropped_succeeds_and_its_scenery_loads() {
     let addresses = start("dropped_start,far_away,slow_scenery", 20.0).await;
     let away = value(addresses, LATITUDE).await.as_f64().unwrap();
     assert!(away > 9.0, "{away}");
-    let answer = request(addresses, "POST", "/v3/flight", &flight()).await;
+    let answer = request(addresses, "POST", "/v3/flight", &web_flight()).await;
     assert_eq!(answer, None);
     until(addresses, LATITUDE, |now| now.as_f64().unwrap() < 2.0).await;
     until(addresses, LOADING, |loading| *loading == json!(1)).await;
@@ -131,7 +111,7 @@ async fn a_start_whose_connection_is_dropped_succeeds_and_its_scenery_loads() {
 #[tokio::test]
 async fn without_quirks_a_start_is_answered_and_clouds_read_as_written() {
     let addresses = start("none", 1.0).await;
-    let answer = request(addresses, "POST", "/v3/flight", &flight()).await;
+    let answer = request(addresses, "POST", "/v3/flight", &web_flight()).await;
     assert_eq!(answer, Some(json!({ "error_code": "success" })));
     write(addresses, COVER, json!([0.5, 0.25, 0.0])).await;
     assert_eq!(value(addresses, COVER).await, json!([0.5, 0.25, 0.0]));

@@ -13,6 +13,7 @@ pub mod recorded_flights;
 mod relay;
 mod running;
 mod simulator_process;
+mod web_flight;
 mod xvfb;
 
 pub use altered::altered;
@@ -20,4 +21,5 @@ pub use blank::Blank;
 pub use relay::Relay;
 pub use running::{Running, quiet, serving, serving_with};
 pub use simulator_process::{PATIENCE, SWEEP, SimulatorProcess};
+pub use web_flight::web_flight;
 pub use xvfb::Xvfb;

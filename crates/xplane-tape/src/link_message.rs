@@ -134,19 +134,9 @@ impl LinkMessage {
         &self.bytes
     }
 
-    /// All of it.
-    pub fn into_bytes(self) -> Vec<u8> {
-        self.bytes
-    }
-
     /// Its header, which should be JSON.
     pub fn header(&self) -> &[u8] {
         &self.bytes[LENGTHS..self.header_end]
-    }
-
-    /// Its payload.
-    pub fn payload(&self) -> &[u8] {
-        &self.bytes[self.header_end..]
     }
 
     /// The token of a hello.
@@ -166,7 +156,8 @@ impl LinkMessage {
         let mut header: Value = serde_json::from_slice(self.header()).ok()?;
         let token = header.get_mut("token")?;
         *token = TOKEN_LEFT_OUT.into();
-        Some(Self::new(header.to_string().as_bytes(), self.payload()))
+        let payload = &self.bytes[self.header_end..];
+        Some(Self::new(header.to_string().as_bytes(), payload))
     }
 }
 
@@ -190,7 +181,7 @@ mod tests {
         let mut stream = message.bytes();
         let read = LinkMessage::read(&mut stream).await.unwrap().unwrap();
         assert_eq!(read, message);
-        assert_eq!(LinkMessage::parse(read.into_bytes()), Ok(message.clone()));
+        assert_eq!(LinkMessage::parse(read.bytes), Ok(message.clone()));
         assert!(LinkMessage::read(&mut stream).await.unwrap().is_none());
         let error = LinkMessage::read(&mut &message.bytes()[..12])
             .await

@@ -47,7 +47,6 @@ pub struct Entry {
 pub struct TapeReader {
     path: PathBuf,
     file: BufReader<File>,
-    info: TapeInfo,
     /// Channels so far, by MCAP's number; foreign ones are ignored.
     channels: HashMap<u16, Channel>,
     link_version: Option<u32>,
@@ -93,11 +92,10 @@ impl TapeReader {
                     if profile.as_deref() != Some(PROFILE) {
                         return Err(no_tape(format!("its profile is {profile:?}")));
                     }
-                    let info = TapeInfo::of_metadata(&metadata.metadata).map_err(no_tape)?;
+                    TapeInfo::of_metadata(&metadata.metadata).map_err(no_tape)?;
                     return Ok(Self {
                         path: path.to_owned(),
                         file,
-                        info,
                         channels: HashMap::new(),
                         link_version: None,
                         ready: VecDeque::new(),
@@ -108,11 +106,6 @@ impl TapeReader {
                 _ => {}
             }
         }
-    }
-
-    /// The tape's own metadata.
-    pub fn info(&self) -> &TapeInfo {
-        &self.info
     }
 
     /// Path of the tape.
@@ -313,7 +306,6 @@ mod tests {
         assert!(whole);
         assert_eq!(entries.len(), 100);
         let mut tape = TapeReader::open(&path).unwrap();
-        assert_eq!(tape.info(), &info());
         for (number, entry) in entries.iter().enumerate().rev().step_by(7) {
             assert_eq!((entry.time_ns, entry.channel), (number as u64, CHANNEL));
             assert_eq!(entry.data, datagram(number as u32));

@@ -36,9 +36,8 @@ use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 
 /// Of a screen.
 const FRAMES_PER_S: f64 = 60.0;
-/// Cores that the rate at full speed is compared with, and the share of them that the three steps should use.
+/// Cores that the rate at full speed is compared with.
 const CORES: f64 = 2.0;
-const GOAL: f64 = 0.7;
 /// On each side of the picture.
 const MARGIN_PX: u32 = 16;
 /// Name of the corpus.
@@ -116,7 +115,6 @@ async fn speed(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
                 "encoding_ms": 1e3 * alone.encoding.as_secs_f64(),
                 "cores": CORES,
                 "share_of_cores": pictures_per_s * of_a_picture.as_secs_f64() / CORES,
-                "goal": GOAL,
                 "blocks": recorded.blocks,
             })
         );

@@ -16,6 +16,14 @@ const fn writable(name: &'static str, kind: Kind, initial: f64) -> Dataref {
     }
 }
 
+const fn float(name: &'static str) -> Dataref {
+    writable(name, Float, 0.0)
+}
+
+const fn int(name: &'static str) -> Dataref {
+    writable(name, Int, 0.0)
+}
+
 const fn read_only(name: &'static str, kind: Kind, initial: f64) -> Dataref {
     Dataref {
         writable: false,
@@ -30,10 +38,14 @@ const fn array(name: &'static str, kind: Kind, length: usize, initial: f64) -> D
     }
 }
 
+const fn floats(name: &'static str, length: usize) -> Dataref {
+    array(name, Float, length, 0.0)
+}
+
 const fn samples(name: &'static str, length: usize) -> Dataref {
     Dataref {
         writable: false,
-        ..array(name, Float, length, 0.0)
+        ..floats(name, length)
     }
 }
 
@@ -77,8 +89,8 @@ fn deprecated_in_12(dataref: &Dataref) -> Option<Dataref> {
 const BOTH: &[Dataref] = &[
     // Time. A fresh simulator follows the computer's clock, which is why clients must switch that off first.
     writable(names::USE_SYSTEM_TIME, Int, 1.0),
-    writable(names::ZULU_TIME_S, Float, 0.0),
-    writable(names::DATE_DAYS, Int, 0.0),
+    float(names::ZULU_TIME_S),
+    int(names::DATE_DAYS),
     read_only("sim/time/local_time_sec", Float, 0.0),
     read_only("sim/time/total_running_time_sec", Float, 0.0),
     read_only("sim/time/total_flight_time_sec", Float, 0.0),
@@ -86,10 +98,10 @@ const BOTH: &[Dataref] = &[
     read_only("sim/time/is_in_replay", Int, 0.0),
     writable("sim/operation/misc/frame_rate_period", Float, 1.0 / 60.0),
     array("sim/operation/override/override_planepath", Int, 20, 0.0),
-    writable("sim/operation/override/override_flightcontrol", Int, 0.0),
-    writable("sim/operation/override/override_throttles", Int, 0.0),
-    writable("sim/operation/override/override_joystick", Int, 0.0),
-    writable("sim/joystick/mouse_is_yoke", Int, 0.0),
+    int("sim/operation/override/override_flightcontrol"),
+    int("sim/operation/override/override_throttles"),
+    int("sim/operation/override/override_joystick"),
+    int("sim/joystick/mouse_is_yoke"),
     read_only(names::SCENERY_LOADING, Int, 0.0),
     // Position of the aircraft. Latitude and longitude belong to the simulator; local coordinates and attitude may be set.
     read_only("sim/flightmodel/position/latitude", Double, 0.0),
@@ -101,16 +113,16 @@ const BOTH: &[Dataref] = &[
     writable("sim/flightmodel/position/local_y", Double, 0.0),
     writable("sim/flightmodel/position/local_z", Double, 0.0),
     read_only("sim/flightmodel/position/y_agl", Float, 0.0),
-    writable("sim/flightmodel/position/psi", Float, 0.0),
-    writable("sim/flightmodel/position/theta", Float, 0.0),
-    writable("sim/flightmodel/position/phi", Float, 0.0),
-    array("sim/flightmodel/position/q", Float, 4, 0.0),
-    writable("sim/flightmodel/position/local_vx", Float, 0.0),
-    writable("sim/flightmodel/position/local_vy", Float, 0.0),
-    writable("sim/flightmodel/position/local_vz", Float, 0.0),
-    writable("sim/flightmodel/position/P", Float, 0.0),
-    writable("sim/flightmodel/position/Q", Float, 0.0),
-    writable("sim/flightmodel/position/R", Float, 0.0),
+    float("sim/flightmodel/position/psi"),
+    float("sim/flightmodel/position/theta"),
+    float("sim/flightmodel/position/phi"),
+    floats("sim/flightmodel/position/q", 4),
+    float("sim/flightmodel/position/local_vx"),
+    float("sim/flightmodel/position/local_vy"),
+    float("sim/flightmodel/position/local_vz"),
+    float("sim/flightmodel/position/P"),
+    float("sim/flightmodel/position/Q"),
+    float("sim/flightmodel/position/R"),
     read_only("sim/flightmodel/position/groundspeed", Float, 0.0),
     read_only("sim/flightmodel/position/true_airspeed", Float, 0.0),
     read_only("sim/flightmodel/position/indicated_airspeed", Float, 0.0),
@@ -121,45 +133,23 @@ const BOTH: &[Dataref] = &[
     read_only(names::AIRCRAFT_WIDTH_M, Float, 0.0),
     read_only(names::AIRCRAFT_LENGTH_M, Float, 0.0),
     // Flaps, gear and lights, by the names that pilots' tools use.
-    array(
-        "sim/cockpit2/switches/landing_lights_switch",
-        Float,
-        16,
-        0.0,
-    ),
+    floats("sim/cockpit2/switches/landing_lights_switch", 16),
     read_only("sim/flightmodel2/controls/flap1_deploy_ratio", Float, 0.0),
-    writable("sim/cockpit2/controls/gear_handle_down", Int, 0.0),
+    int("sim/cockpit2/controls/gear_handle_down"),
     read_only("sim/flightmodel2/gear/deploy_ratio", Float, 0.0),
     // Levers of the engines.
-    array(
-        "sim/cockpit2/engine/actuators/throttle_ratio",
-        Float,
-        16,
-        0.0,
-    ),
-    writable(
-        "sim/cockpit2/engine/actuators/throttle_ratio_all",
-        Float,
-        0.0,
-    ),
-    writable(
-        "sim/cockpit2/engine/actuators/throttle_jet_rev_ratio_all",
-        Float,
-        0.0,
-    ),
+    floats("sim/cockpit2/engine/actuators/throttle_ratio", 16),
+    float("sim/cockpit2/engine/actuators/throttle_ratio_all"),
+    float("sim/cockpit2/engine/actuators/throttle_jet_rev_ratio_all"),
     // Radios and autopilot.
     writable(names::NAV1_FREQUENCY, Int, 11_030.0),
-    writable(names::NAV1_COURSE_MAGNETIC, Float, 0.0),
-    writable(names::AUTOPILOT_MODE, Int, 0.0),
-    writable("sim/cockpit/autopilot/heading_mag", Float, 0.0),
-    writable(
-        "sim/cockpit2/radios/actuators/HSI_source_select_pilot",
-        Int,
-        0.0,
-    ),
+    float(names::NAV1_COURSE_MAGNETIC),
+    int(names::AUTOPILOT_MODE),
+    float("sim/cockpit/autopilot/heading_mag"),
+    int("sim/cockpit2/radios/actuators/HSI_source_select_pilot"),
     writable("sim/cockpit2/autopilot/autopilot_electric_master", Int, 1.0),
-    writable("sim/cockpit2/autopilot/airspeed_is_mach", Int, 0.0),
-    writable(names::AUTOTHROTTLE, Int, 0.0),
+    int("sim/cockpit2/autopilot/airspeed_is_mach"),
+    int(names::AUTOTHROTTLE),
     writable("sim/cockpit2/autopilot/airspeed_dial_kts", Float, 140.0),
     read_only(names::NAV_STATUS, Int, 0.0),
     read_only(names::GLIDE_SLOPE_STATUS, Int, 0.0),
@@ -175,11 +165,7 @@ const BOTH: &[Dataref] = &[
     read_only("sim/graphics/view/view_roll", Float, 0.0),
     writable("sim/graphics/view/field_of_view_deg", Float, 60.0),
     writable("sim/graphics/view/vertical_field_of_view_deg", Float, 42.0),
-    writable(
-        "sim/graphics/settings/non_proportional_vertical_FOV",
-        Int,
-        0.0,
-    ),
+    int("sim/graphics/settings/non_proportional_vertical_FOV"),
     read_only(names::VISIBILITY_EFFECTIVE_M, Float, 32_000.0),
     read_only("sim/cockpit2/gauges/indicators/wind_speed_kts", Float, 0.0),
     read_only("sim/graphics/view/view_is_external", Int, 1.0),
@@ -197,35 +183,31 @@ const BOTH: &[Dataref] = &[
 /// X-Plane 12 only. Weather: fair, as in a fresh simulator.
 const TWELVE: &[Dataref] = &[
     read_only(names::VERSION, Int, 124_009.0),
-    writable(
-        "sim/cockpit2/controls/flap_handle_request_ratio",
-        Float,
-        0.0,
-    ),
+    float("sim/cockpit2/controls/flap_handle_request_ratio"),
     writable(names::CHANGE_MODE, Int, 3.0),
     writable(names::VARIABILITY, Float, 0.25),
-    writable(names::UPDATE_IMMEDIATELY, Int, 0.0),
+    int(names::UPDATE_IMMEDIATELY),
     writable(names::VISIBILITY_SM, Float, 20.0),
-    writable(names::RAIN, Float, 0.0),
+    float(names::RAIN),
     writable(names::TEMPERATURE_C, Float, 28.0),
     writable(names::PRESSURE_PA, Float, 101_325.0),
-    writable(names::THERMALS, Float, 0.0),
-    array(names::TEMPERATURE_ALTITUDE, Float, WINDS, 0.0),
+    float(names::THERMALS),
+    floats(names::TEMPERATURE_ALTITUDE, WINDS),
     array(names::TEMPERATURE_ALOFT_C, Float, WINDS, 28.0),
     array(names::DEW_POINT_C, Float, WINDS, 23.0),
-    writable(names::RUNWAY_FRICTION, Float, 0.0),
-    writable(names::WEATHER_PRESET, Int, 0.0),
+    float(names::RUNWAY_FRICTION),
+    int(names::WEATHER_PRESET),
     read_only(names::WEATHER_SOURCE, Int, 0.0),
     array(names::CLOUD_TYPE, Float, CLOUDS, 2.0),
-    array(names::CLOUD_COVER, Float, CLOUDS, 0.0),
-    array(names::CLOUD_BASE, Float, CLOUDS, 0.0),
-    array(names::CLOUD_TOP, Float, CLOUDS, 0.0),
-    array(names::WIND_ALTITUDE, Float, WINDS, 0.0),
-    array(names::WIND_SPEED, Float, WINDS, 0.0),
-    array(names::WIND_DIRECTION, Float, WINDS, 0.0),
-    array(names::TURBULENCE, Float, WINDS, 0.0),
-    array(names::SHEAR_SPEED, Float, WINDS, 0.0),
-    array(names::SHEAR_DIRECTION, Float, WINDS, 0.0),
+    floats(names::CLOUD_COVER, CLOUDS),
+    floats(names::CLOUD_BASE, CLOUDS),
+    floats(names::CLOUD_TOP, CLOUDS),
+    floats(names::WIND_ALTITUDE, WINDS),
+    floats(names::WIND_SPEED, WINDS),
+    floats(names::WIND_DIRECTION, WINDS),
+    floats(names::TURBULENCE, WINDS),
+    floats(names::SHEAR_SPEED, WINDS),
+    floats(names::SHEAR_DIRECTION, WINDS),
     // The same weather as seen by instruments and the picture.
     samples("sim/weather/aircraft/cloud_type", CLOUDS),
     samples("sim/weather/aircraft/cloud_coverage_percent", CLOUDS),
@@ -245,26 +227,26 @@ const TWELVE: &[Dataref] = &[
 /// X-Plane 11 only. Its weather has three layers of wind, and kind and cover of a cloud in one number.
 const ELEVEN: &[Dataref] = &[
     read_only(names::VERSION, Int, 115_501.0),
-    writable("sim/cockpit2/controls/flap_ratio", Float, 0.0),
+    float("sim/cockpit2/controls/flap_ratio"),
     writable("sim/cockpit/switches/gear_handle_status", Int, 1.0),
-    writable("sim/cockpit/electrical/landing_lights_on", Int, 0.0),
-    writable(names::USE_REAL_WEATHER_11, Int, 0.0),
+    int("sim/cockpit/electrical/landing_lights_on"),
+    int(names::USE_REAL_WEATHER_11),
     writable(names::VISIBILITY_M_11, Float, 32_000.0),
     read_only("sim/weather/visibility_effective_m", Float, 32_000.0),
-    writable(names::RAIN_11, Float, 0.0),
-    writable(names::THUNDERSTORM_11, Float, 0.0),
-    writable(names::THERMAL_PERCENT_11, Float, 0.0),
-    writable(names::THERMAL_RATE_11, Float, 0.0),
+    float(names::RAIN_11),
+    float(names::THUNDERSTORM_11),
+    float(names::THERMAL_PERCENT_11),
+    float(names::THERMAL_RATE_11),
     writable(names::TEMPERATURE_C_11, Float, 28.0),
     writable(names::PRESSURE_INHG_11, Float, 29.92),
-    array(names::CLOUD_TYPE_11, Float, CLOUDS, 0.0),
-    array("sim/weather/cloud_coverage", Float, CLOUDS, 0.0),
-    array(names::CLOUD_BASE_11, Float, CLOUDS, 0.0),
-    array(names::CLOUD_TOP_11, Float, CLOUDS, 0.0),
-    array(names::WIND_ALTITUDE_11, Float, 3, 0.0),
-    array(names::WIND_SPEED_KT_11, Float, 3, 0.0),
-    array(names::WIND_DIRECTION_11, Float, 3, 0.0),
-    array(names::TURBULENCE_11, Float, 3, 0.0),
-    array(names::SHEAR_SPEED_KT_11, Float, 3, 0.0),
-    array(names::SHEAR_DIRECTION_11, Float, 3, 0.0),
+    floats(names::CLOUD_TYPE_11, CLOUDS),
+    floats("sim/weather/cloud_coverage", CLOUDS),
+    floats(names::CLOUD_BASE_11, CLOUDS),
+    floats(names::CLOUD_TOP_11, CLOUDS),
+    floats(names::WIND_ALTITUDE_11, 3),
+    floats(names::WIND_SPEED_KT_11, 3),
+    floats(names::WIND_DIRECTION_11, 3),
+    floats(names::TURBULENCE_11, 3),
+    floats(names::SHEAR_SPEED_KT_11, 3),
+    floats(names::SHEAR_DIRECTION_11, 3),
 ];

@@ -114,7 +114,6 @@ fn router(service: Arc<WebApiService>) -> Router {
     let two = one
         .clone()
         .route("/commands", get(commands::list))
-        .route("/commands/count", get(commands::count))
         .route("/command/{id}/activate", post(commands::activate));
     let three = two.clone().route("/flight", post(flight::start));
     Router::new()

@@ -41,16 +41,12 @@ impl WebApiService {
 pub(super) async fn list(
     State(service): State<Arc<WebApiService>>,
     Query(filters): Filters,
-) -> Result<Json<Value>, Refusal> {
+) -> Json<Value> {
     let records = service
         .ids
         .commands()
         .map(|(id, name)| json!({ "id": id, "name": name, "description": description(name) }));
-    Ok(Json(json!({ "data": filtered(records, &filters)? })))
-}
-
-pub(super) async fn count(State(service): State<Arc<WebApiService>>) -> Json<Value> {
-    Json(json!({ "data": service.ids.commands().count() }))
+    Json(json!({ "data": filtered(records, &filters) }))
 }
 
 /// Body of an activation.

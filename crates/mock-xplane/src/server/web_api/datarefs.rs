@@ -10,45 +10,23 @@ use serde_json::{Value, json};
 use super::refusal::Refusal;
 use super::{WebApiService, value};
 
-/// Filters of a list. `filter[name]` may occur several times.
+/// Filters of a list: `filter[name]` may occur several times.
 pub(super) type Filters = Query<Vec<(String, String)>>;
 
-/// The records that pass the filters, each with the requested fields.
+/// The records that pass the filters.
 pub(super) fn filtered(
     records: impl Iterator<Item = Value>,
     filters: &[(String, String)],
-) -> Result<Value, Refusal> {
-    let values = |key: &str| -> Vec<&str> {
-        let found = filters.iter().filter(|(name, _)| name == key);
-        found.map(|(_, value)| value.as_str()).collect()
-    };
-    let number = |key: &str, default: usize| match values(key).first() {
-        None => Ok(default),
-        Some(text) => text.parse().map_err(|_| {
-            Refusal::bad_request(
-                "invalid_parameter",
-                format!("{key} is {text:?}, expected a number"),
-            )
-        }),
-    };
-    let names = values("filter[name]");
-    let fields: Vec<&str> = values("fields")
-        .iter()
-        .flat_map(|list| list.split(','))
-        .filter(|&field| field != "all")
-        .collect();
-    let named = records
-        .filter(|record| names.is_empty() || names.iter().any(|&name| record["name"] == name));
-    Ok(named
-        .skip(number("start", 0)?)
-        .take(number("limit", usize::MAX)?)
-        .map(|mut record| {
-            if let (Value::Object(record), false) = (&mut record, fields.is_empty()) {
-                record.retain(|field, _| fields.contains(&field.as_str()));
-            }
-            record
-        })
-        .collect())
+) -> Value {
+    let names: Vec<&str> = names(filters).collect();
+    records
+        .filter(|record| names.is_empty() || names.iter().any(|&name| record["name"] == name))
+        .collect()
+}
+
+fn names(filters: &[(String, String)]) -> impl Iterator<Item = &str> {
+    let named = filters.iter().filter(|(key, _)| key == "filter[name]");
+    named.map(|(_, name)| name.as_str())
 }
 
 impl WebApiService {
@@ -88,12 +66,12 @@ impl WebApiService {
 pub(super) async fn list(
     State(service): State<Arc<WebApiService>>,
     Query(filters): Filters,
-) -> Result<Json<Value>, Refusal> {
-    for (_, name) in filters.iter().filter(|(key, _)| key == "filter[name]") {
+) -> Json<Value> {
+    for name in names(&filters) {
         service.world.lock().looked_up(name);
     }
-    let data = filtered(service.dataref_records().into_iter(), &filters)?;
-    Ok(Json(json!({ "data": data })))
+    let data = filtered(service.dataref_records().into_iter(), &filters);
+    Json(json!({ "data": data }))
 }
 
 pub(super) async fn count(State(service): State<Arc<WebApiService>>) -> Json<Value> {
@@ -117,12 +95,9 @@ pub(super) async fn read(
     let (dataref, values) = world.datarefs().find(name).ok_or_else(missing)?;
     let data = match index {
         None => value::whole(dataref, values),
-        Some(index) => {
-            let mut found = value::elements(dataref, values, [index]);
-            found.pop().ok_or_else(|| {
-                Refusal::bad_request("invalid_index", format!("{name} has no element {index}"))
-            })?
-        }
+        Some(index) => value::element(dataref, values, index).ok_or_else(|| {
+            Refusal::bad_request("invalid_index", format!("{name} has no element {index}"))
+        })?,
     };
     Ok(Json(json!({ "data": data })))
 }

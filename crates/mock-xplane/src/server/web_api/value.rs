@@ -48,14 +48,9 @@ pub(super) fn whole(dataref: &Dataref, values: &[f64]) -> Value {
     }
 }
 
-/// Some elements of a dataref, in the order of their numbers; missing ones are left out.
-pub(super) fn elements(
-    dataref: &Dataref,
-    values: &[f64],
-    indices: impl IntoIterator<Item = usize>,
-) -> Vec<Value> {
-    let present = indices.into_iter().filter_map(|index| values.get(index));
-    present.map(|&value| number(dataref.kind, value)).collect()
+/// One element of a dataref, if it exists.
+pub(super) fn element(dataref: &Dataref, values: &[f64], index: usize) -> Option<Value> {
+    values.get(index).map(|&value| number(dataref.kind, value))
 }
 
 /// A client sets a dataref: a number, an element of a list, or a whole list.
