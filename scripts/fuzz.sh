@@ -86,6 +86,7 @@ tables)
         seed '\001' "$scenario/boxes_truth.parquet"
         seed '\002' "$scenario"/detections/*.parquet
         seed '\003' "$scenario"/registrations/*.parquet
+        seed '\004' "$scenario"/health/*.parquet
     fi
     ;;
 tape)

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use dataset::corpus::detections::{parse_detections, write_detections};
 use dataset::tables::frames::Frames;
+use dataset::tables::health::{parse_health, write_health};
 use dataset::tables::pixel_box::{parse_truth_boxes, write_truth_boxes};
 use dataset::tables::registrations::{parse_registrations, write_registrations};
 use dtd_fuzz::place;
@@ -18,7 +19,7 @@ const PICTURES: u64 = 2_000;
 fuzz_target!(|bytes: &[u8]| {
     let (kind, bytes) = bytes.split_first().unwrap_or((&0, &[]));
     let path = Path::new("table.parquet");
-    match kind % 4 {
+    match kind % 5 {
         0 => {
             if let Ok(frames) = Frames::parse(bytes.to_vec(), path) {
                 let again = written(|path| frames.write(path));
@@ -37,10 +38,16 @@ fuzz_target!(|bytes: &[u8]| {
                 assert_eq!(parse_detections(again, path, PICTURES).unwrap(), found);
             }
         }
-        _ => {
+        3 => {
             if let Ok(found) = parse_registrations(bytes.to_vec(), path, PICTURES) {
                 let again = written(|path| write_registrations(path, &found));
                 assert_eq!(parse_registrations(again, path, PICTURES).unwrap(), found);
+            }
+        }
+        _ => {
+            if let Ok(found) = parse_health(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| write_health(path, &found));
+                assert_eq!(parse_health(again, path, PICTURES).unwrap(), found);
             }
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it
 //! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the hash of model and settings; with several views also
-//! `registrations/<model>.parquet`, measured from the same decoded pictures. Several views are decoded and searched in parallel, and a
+//! `registrations/<model>.parquet`, and always `health/<model>.parquet`, measured from the same decoded pictures. Several views are decoded and searched in parallel, and a
 //! scenario is written as soon as its last view is done. A scenario that another process searches is left to it. Each worker holds one
 //! picture and one session, and each scenario in work the surroundings of boxes whose other view is not decoded yet, so memory does not
 //! grow with the corpus.
@@ -29,6 +29,7 @@ use dataset::corpus::claim::Claimed;
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
 use dataset::work::workers;
@@ -124,7 +125,7 @@ pub struct DetectOutcome {
     pub device: Device,
     /// Scenarios that were searched.
     pub detected: Vec<String>,
-    /// Scenarios that had detections of this model with these settings; their views were registered now.
+    /// Scenarios that had detections of this model with these settings; their views were registered now, and their cameras judged.
     pub registered: Vec<String>,
     /// Scenarios that already had everything.
     pub unchanged: Vec<String>,
@@ -138,6 +139,8 @@ pub struct DetectOutcome {
     pub counts: DetectionCounts,
     /// Registrations of all scenarios that have detections now.
     pub registrations: RegistrationCounts,
+    /// Views of these scenarios whose cameras were not always well.
+    pub unhealthy: Vec<Unhealthy>,
     /// Total time of the workers, seconds.
     pub worker_seconds: f64,
 }
@@ -162,6 +165,46 @@ impl RegistrationCounts {
                 Err(reason) => *self.unanswered.entry(reason.word()).or_default() += 1,
             }
         }
+    }
+}
+
+/// A view of a scenario in which some ticks are frozen, moved or shaking.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Unhealthy {
+    /// The scenario.
+    pub scenario: String,
+    /// The view.
+    pub view: String,
+    /// Ticks with an image that repeats an earlier one.
+    pub frozen: u64,
+    /// Ticks in which the camera looks elsewhere than usual.
+    pub moved: u64,
+    /// Ticks in which it shakes.
+    pub shaking: u64,
+}
+
+impl Unhealthy {
+    /// The views of a scenario that have such ticks.
+    fn of(scenario: &str, rows: &[ViewHealth]) -> Vec<Self> {
+        let mut views: BTreeMap<&str, Self> = BTreeMap::new();
+        for row in rows {
+            let here = views.entry(&row.view).or_insert_with(|| Self {
+                scenario: scenario.to_owned(),
+                view: row.view.clone(),
+                frozen: 0,
+                moved: 0,
+                shaking: 0,
+            });
+            match row.state {
+                HealthState::Frozen => here.frozen += 1,
+                HealthState::Moved => here.moved += 1,
+                HealthState::Shaking => here.shaking += 1,
+                HealthState::Steady | HealthState::Unknown => {}
+            }
+        }
+        let all = views.into_values();
+        all.filter(|view| view.frozen + view.moved + view.shaking > 0)
+            .collect()
     }
 }
 
@@ -283,6 +326,8 @@ fn detect_with(
         outcome
             .registrations
             .add(registrations.as_deref().unwrap_or_default());
+        let health = scenario.health(&outcome.model_hash)?.unwrap_or_default();
+        outcome.unhealthy.extend(Unhealthy::of(id, &health));
     }
     Ok(outcome)
 }

@@ -1,14 +1,15 @@
 //! Locates the aircraft: ground-truth boxes and detections.
 //!
 //! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected ground truth in
-//! `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`, and the shifts of the aircraft between views,
-//! `registrations/<model>.parquet`). Labels come from poses and cameras alone, detections from decoded pixels alone; [`matching`] and
+//! `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`, the shifts of the aircraft between views,
+//! `registrations/<model>.parquet`, and the condition of the cameras, `health/<model>.parquet`). Labels come from poses and cameras alone, detections from decoded pixels alone; [`matching`] and
 //! `statistics` compare the two.
 
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
 mod blob_finder;
+mod camera_motion;
 mod detect;
 pub mod detector;
 mod error;
@@ -24,10 +25,11 @@ pub mod tiling;
 mod track;
 mod tracking;
 mod truth_box;
+mod view_health;
 
 pub use detect::{
     CpuTime, DetectOptions, DetectOutcome, Findings, Mode, ModeSettings, RegistrationCounts,
-    Searcher, detect_corpus,
+    Searcher, Unhealthy, detect_corpus,
 };
 pub use detector::Device;
 pub use error::{Error, Result};

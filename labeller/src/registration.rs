@@ -20,6 +20,7 @@ use dataset::tables::registrations::{NoShift, Shift, is_within_limits};
 use glam::DVec2;
 
 pub(crate) use expected::Expected;
+pub(crate) use linear::Normal;
 pub(crate) use patch::Patch;
 
 use fit::{Fit, fit};

@@ -137,6 +137,10 @@ class Corpus:
         """Where the aircraft of each view is in the first view, after `dtd detect`."""
         return self._of_model("registrations", "registrations_blake3", model)
 
+    def health(self, model: str | None = None) -> pl.DataFrame:
+        """The condition of each camera at each tick (`state`, and its direction), after `dtd detect`."""
+        return self._of_model("health", "health_blake3", model)
+
     def predictions(self, run: str | Path) -> pl.DataFrame:
         """What the estimators of a run say, after `dtd evaluate`: one row per scenario of the test side and tick, with weather and side."""
         path = sealed(Path(run).resolve(), "predictions.parquet")

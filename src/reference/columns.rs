@@ -3,6 +3,7 @@
 use dataset::corpus::detections::{Detection, Detections, Miss, detection_columns};
 use dataset::tables::columns::TableWriter;
 use dataset::tables::frames::{Frames, TickRow};
+use dataset::tables::health::{ViewHealth, health_columns};
 use dataset::tables::pixel_box::{TruthBox, truth_box_columns};
 use dataset::tables::registrations::{Registration, registration_columns};
 use schemars::schema_for;
@@ -46,6 +47,11 @@ pub(super) fn sections() -> String {
             "registrations/&lt;model&gt;.parquet",
             registration_columns(&[]),
             json!(schema_for!(Registration)),
+        ),
+        (
+            "health/&lt;model&gt;.parquet",
+            health_columns(&[]),
+            json!(schema_for!(ViewHealth)),
         ),
     ];
     tables

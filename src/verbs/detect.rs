@@ -1,5 +1,6 @@
 //! `dtd detect`: finds the aircraft in the decoded videos, and registers the views with each other.
 
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::iter;
 use std::path::Path;
@@ -11,7 +12,7 @@ use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
 use dataset::work::watch::Watch;
 use generator::shard::Shard;
-use labeller::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus};
+use labeller::{DetectOptions, DetectOutcome, RegistrationCounts, Unhealthy, detect_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
@@ -173,7 +174,7 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
 fn print_summary(outcome: &DetectOutcome) {
     let registered = match outcome.registered.len() {
         0 => String::new(),
-        registered => format!(", {registered} searched before and registered now"),
+        registered => format!(", {registered} searched before and measured now"),
     };
     println!(
         "{} searched{registered}, {} unchanged",
@@ -204,6 +205,41 @@ fn print_summary(outcome: &DetectOutcome) {
         println!("{} false detections", truth.false_detections);
     }
     print_registrations(&outcome.registrations);
+    warn_of_cameras(&outcome.unhealthy);
+}
+
+/// Warns of cameras that moved, shook or stood still, the worst views first.
+fn warn_of_cameras(unhealthy: &[Unhealthy]) {
+    const NAMED: usize = 5;
+    let ticks = |view: &Unhealthy| view.frozen + view.moved + view.shaking;
+    let mut views: Vec<&Unhealthy> = unhealthy.iter().collect();
+    views.sort_by_key(|view| Reverse(ticks(view)));
+    let named: Vec<String> = (views.iter().take(NAMED))
+        .map(|view| {
+            let counts = [
+                (view.frozen, "frozen"),
+                (view.moved, "moved"),
+                (view.shaking, "shaking"),
+            ];
+            let counts = counts.iter().filter(|(ticks, _)| *ticks > 0);
+            let counts: Vec<_> = counts
+                .map(|(ticks, what)| format!("{ticks} {what}"))
+                .collect();
+            format!("{} {}: {}", view.scenario, view.view, counts.join(", "))
+        })
+        .collect();
+    if named.is_empty() {
+        return;
+    }
+    let more = match views.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!("; and {more} more"),
+    };
+    eprint_warning!(
+        "detect: cameras of {} moved, shook or repeated images (ticks): {}{more}; health/ says when",
+        count(views.len(), "view"),
+        named.join("; ")
+    );
 }
 
 /// Prints the number of pairs of views that were registered, and the reasons why others were not.

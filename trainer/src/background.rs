@@ -25,6 +25,7 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
+use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::Watch;
 use glam::{DVec2, DVec3};
@@ -49,6 +50,8 @@ const UNDERSTATED: f64 = 3.0;
 const LEAST_SD_PX: f64 = 0.03;
 /// A scenario whose direction is less certain is not aligned, pixels.
 const MOST_SD_PX: f64 = 0.5;
+/// An image of a shaking camera that is off by less shows the usual direction, pixels.
+const MOST_USUAL_PX: f64 = 0.5;
 /// Levels of the stored pictures per grey level.
 const PARTS: f32 = 256.0;
 
@@ -153,10 +156,25 @@ impl ViewPlace {
         }
     }
 
-    fn picture(&self, scenario: &OpenScenario) -> Result<Option<Picture>> {
+    /// `model`: the detections that tell when the camera looked in its usual direction.
+    fn picture(&self, scenario: &OpenScenario, model: &str) -> Result<Option<Picture>> {
         let size_px = [self.camera.width_px, self.camera.height_px];
-        let of = |top| Picture::of_view(scenario, &self.view, top, size_px);
+        let health = scenario.health(model)?.unwrap_or_default();
+        let of_view = health.iter().filter(|row| row.view == self.view);
+        let is_usual: Vec<bool> = of_view.map(is_usual).collect();
+        let of = |top| Picture::of_view(scenario, &self.view, top, size_px, &is_usual);
         self.top.map(of).transpose()
+    }
+}
+
+/// True for an image that shows the background where it usually is.
+fn is_usual(row: &ViewHealth) -> bool {
+    let is_near = |turn: CameraTurn| turn.shift_x_px.hypot(turn.shift_y_px) <= MOST_USUAL_PX;
+    match row.state {
+        HealthState::Steady | HealthState::Unknown => true,
+        HealthState::Moved | HealthState::Shaking | HealthState::Frozen => {
+            row.motion.is_some_and(is_near)
+        }
     }
 }
 
@@ -244,8 +262,8 @@ impl ViewBackgrounds {
     }
 
     /// The direction of a scenario's camera; `None` if its background does not resemble the references.
-    fn locate(&self, scenario: &OpenScenario) -> Result<Option<Located>> {
-        let Some(picture) = self.place.picture(scenario)? else {
+    fn locate(&self, scenario: &OpenScenario, model: &str) -> Result<Option<Located>> {
+        let Some(picture) = self.place.picture(scenario, model)? else {
             return Ok(None);
         };
         let compared = Compared::of(&picture);
@@ -306,7 +324,7 @@ impl Backgrounds {
             watch.check()?;
             let opened = scenario.folder.open()?;
             for (place, pictures) in places.iter().zip(&mut pictures) {
-                let picture = place.picture(&opened)?;
+                let picture = place.picture(&opened, &samples.detections.hash)?;
                 pictures.extend(picture.map(|picture| (scenario.id.clone(), picture)));
             }
             watch.advance(done as u64 + 1, &scenario.id);
@@ -341,6 +359,7 @@ impl Backgrounds {
         observations: impl Iterator<Item = &'a mut Observation>,
         watch: &dyn Watch,
     ) -> Result<Alignment> {
+        let model = &samples.detections.hash;
         let scenarios = &mut samples.scenarios;
         watch.begin("alignment", scenarios.len() as u64);
         let mut alignment = Alignment::default();
@@ -356,7 +375,7 @@ impl Backgrounds {
             let opened = scenario.folder.open()?;
             let mut of_views = Vec::new();
             for (view, camera) in self.views.iter().zip(&mut scenario.cameras) {
-                let located = view.locate(&opened)?;
+                let located = view.locate(&opened, model)?;
                 match located {
                     Some(located) => {
                         camera.ecef_from_camera *= matrix(located.turn_rad);

@@ -35,6 +35,7 @@ use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{RunSummary, TrainedRun};
+use crate::samples::camera_health::Corrections;
 use crate::samples::leave_out::LeftOut;
 use crate::samples::marked_scenarios;
 use crate::samples::rig::{Rig, are_same, differences, form};
@@ -97,6 +98,10 @@ pub fn evaluate(
         .map(|backgrounds| backgrounds.align(&mut samples, &[Side::Test], watch))
         .transpose()?;
     let samples = &samples;
+    let tested = samples.scenarios.iter().filter(|of| of.side == Side::Test);
+    if let Some(line) = Corrections::line(tested.map(|of| of.corrections)) {
+        watch.say(&line);
+    }
     let recorded = || samples.ticks_of_side(Side::Test);
     let is_seen = |sample: &Sample| rules.is_there(sample) && sample.detections() > 0;
     if !recorded().any(is_seen) {

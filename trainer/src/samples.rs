@@ -1,10 +1,11 @@
 //! From a corpus to samples: one per tick before touchdown, seen or not.
 //!
-//! Input: `splits.json`, and per scenario its record, calibration, labelled ticks, one model's detections and their registrations. Boxes
-//! cut off by the picture's edge are ignored (see [`crate::samples::trusted_boxes`]); of the others of a view at a tick the one with the
+//! Input: `splits.json`, and per scenario its record, calibration, labelled ticks, one model's detections, their registrations and the
+//! condition of the cameras ([`crate::samples::camera_health`]). Boxes cut off by the picture's edge are ignored (see [`crate::samples::trusted_boxes`]); of the others of a view at a tick the one with the
 //! highest score counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed
 //! scenario that is missing from the split is an error.
 
+pub(crate) mod camera_health;
 pub(crate) mod flight_parts;
 pub(crate) mod json_differences;
 pub(crate) mod lateral_spread;
@@ -36,6 +37,7 @@ use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
+use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::{holds_aircraft, is_whole};
 use crate::samples::view_shift::ViewShift;
@@ -99,6 +101,8 @@ pub(crate) struct ScenarioSummary {
     pub touchdown: Geodetic,
     /// Its cameras, in the order of the views, as placed in this scenario.
     pub cameras: Vec<Camera>,
+    /// Boxes that the condition of its cameras changed.
+    pub corrections: Corrections,
 }
 
 impl ScenarioSummary {
@@ -345,7 +349,8 @@ impl Samples {
             .map(|registration| ((registration.tick, registration.view.clone()), registration))
             .collect();
         let frames = scenario.frames()?;
-        let summary = ScenarioSummary {
+        let health = scenario.health(&self.detections.hash)?.unwrap_or_default();
+        let mut summary = ScenarioSummary {
             id: folder.id(),
             folder: folder.clone(),
             flight: flight_of(&record.flight, &frames),
@@ -359,6 +364,7 @@ impl Samples {
             runway: record.runway,
             touchdown: record.touchdown,
             cameras: cameras.into_values().collect(),
+            corrections: Corrections::default(),
         };
         let observe = |row: &TickRow| {
             let found: Vec<_> = self
@@ -385,7 +391,12 @@ impl Samples {
                 boxes,
             }
         };
-        let observations = frames.rows.iter().map(observe).collect();
+        let health = CameraHealth::of(&self.views, &summary.cameras, health);
+        let mut corrections = Corrections::default();
+        let observations = (frames.rows.iter().map(observe))
+            .map(|observed| health.corrected(observed, &mut corrections))
+            .collect();
+        summary.corrections = corrections;
         Ok((summary, frames, observations))
     }
 

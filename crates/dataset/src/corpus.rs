@@ -6,7 +6,7 @@
 //!   scenarios/1700-foggy-r3/
 //!     scenario.json  calibration.json  frames.parquet  boxes_truth.parquet
 //!     views/<camera>.mp4  (.mov for FFV1)  detections/<model>.parquet  detections/<model>.json
-//!     registrations/<model>.parquet
+//!     registrations/<model>.parquet  health/<model>.parquet
 //!     MANIFEST.b3  DONE.json
 //! ```
 
@@ -304,7 +304,14 @@ impl ScenarioFolder {
             .join(format!("{model_hash}.parquet"))
     }
 
-    /// The files of a scenario except videos, detections, registrations and seal.
+    /// Path of the table of the cameras' health that belongs to the detections of one model.
+    pub fn health_path(&self, model_hash: &str) -> PathBuf {
+        self.root
+            .join("health")
+            .join(format!("{model_hash}.parquet"))
+    }
+
+    /// The files of a scenario except videos, detections with their tables, and seal.
     pub const FILES: [&str; 4] = [
         Self::RECORD,
         "calibration.json",

@@ -2,5 +2,6 @@
 
 pub mod columns;
 pub mod frames;
+pub mod health;
 pub mod pixel_box;
 pub mod registrations;

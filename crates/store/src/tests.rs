@@ -351,6 +351,7 @@ fn write_detection(claim: &Claim, folder: &ScenarioFolder, detection: Detection)
         detections: &vec![detection].into(),
         // The scenario has one view; a table without rows travels like any other.
         registrations: Some(&[]),
+        health: Some(&[]),
     };
     detections::replace(claim, &source, &detector, "abc", tables, record).unwrap();
 }
@@ -391,6 +392,7 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
             ScenarioFolder::detections_path,
             |folder: &ScenarioFolder, model: &str| detections::record_path(folder, model),
             ScenarioFolder::registrations_path,
+            ScenarioFolder::health_path,
         ] {
             let [a, b] = [&folder, &there].map(|folder| fs::read(path(folder, "abc")).unwrap());
             assert!(a == b);

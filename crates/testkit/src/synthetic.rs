@@ -203,6 +203,7 @@ impl SyntheticCorpus {
             NewTables {
                 detections: &detections,
                 registrations: registrations.as_deref(),
+                health: None,
             },
             |made| made,
         )

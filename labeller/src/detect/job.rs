@@ -10,20 +10,22 @@ use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::detections::{self, Detections, NewTables};
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::scenario::ScenarioRecord;
+use dataset::geometry::camera::Camera;
 use dataset::work::watch::Watch;
 
 use super::mode::ModeSettings;
 use super::pairs::Pairs;
 use super::pictures::ViewTicks;
-use super::record::{DetectionRecord, RegistrationRecord, Searching, Standing};
+use super::record::{DetectionRecord, HealthRecord, RegistrationRecord, Searching, Standing};
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, Model};
 use crate::detector::{Detector, Device};
 use crate::error::{Error, Result};
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
+use crate::view_health;
 
-/// A scenario that is to be searched, or whose detections are to be registered.
+/// A scenario that is to be searched, or whose detections lack the measurements that belong to them.
 pub(super) struct ScenarioJob {
     scenario: OpenScenario,
     model: Model,
@@ -31,12 +33,14 @@ pub(super) struct ScenarioJob {
     modes: ModeSettings,
     device: Device,
     views: Vec<ViewTicks>,
-    /// The record of detections that are there already and only lack their registrations.
+    /// The record of detections that are there already and only lack their registrations or the cameras' health.
     stored: Option<Box<DetectionRecord>>,
     /// These detections, while the scenario is being processed.
     loaded: Mutex<Option<Arc<Detections>>>,
     /// With several views.
     pairs: Option<Pairs>,
+    /// By view.
+    cameras: Vec<Camera>,
     /// Views that are not done yet.
     left: AtomicUsize,
     /// One slot per view; empty until it is done.
@@ -98,7 +102,7 @@ impl ScenarioJob {
         };
         let stored = match standing {
             Standing::Missing => None,
-            Standing::Unregistered(record) => Some(record),
+            Standing::Unmeasured(record) => Some(record),
             Standing::Whole => return Ok(None),
         };
         let record = scenario.record()?;
@@ -110,7 +114,8 @@ impl ScenarioJob {
             );
             return Err(Error::scenario(&record.id, message));
         }
-        let pairs = pairs_of(&scenario, &record)?;
+        let cameras = cameras_of(&scenario, &record)?;
+        let pairs = pairs_of(&record, &cameras);
         let views = ViewTicks::of(&frames);
         Ok(Some(Self {
             scenario,
@@ -121,6 +126,7 @@ impl ScenarioJob {
             stored,
             loaded: Mutex::new(None),
             pairs,
+            cameras,
             left: AtomicUsize::new(views.len()),
             results: Mutex::new(views.iter().map(|_| None).collect()),
             finished: Mutex::new(None),
@@ -141,7 +147,7 @@ impl ScenarioJob {
         self.scenario.id()
     }
 
-    /// True if detections exist and only their registrations are missing.
+    /// True if detections exist and only what belongs to them is missing.
     pub(super) fn only_registers(&self) -> bool {
         self.stored.is_some()
     }
@@ -187,8 +193,8 @@ impl ScenarioJob {
         let standing = DetectionRecord::standing(&now, &self.model, &self.searching())?;
         Ok(match standing {
             Standing::Whole => false,
-            Standing::Unregistered(_) => self.only_registers(),
-            // The detections to register are gone: planned again as a search.
+            Standing::Unmeasured(_) => self.only_registers(),
+            // The detections to measure are gone: planned again as a search.
             Standing::Missing => !self.only_registers(),
         })
     }
@@ -234,6 +240,7 @@ impl ScenarioJob {
         }
         let ViewFindings {
             detections,
+            health,
             windows,
             cpu_s,
         } = ViewFindings::together(views);
@@ -252,7 +259,11 @@ impl ScenarioJob {
                     .count() as u64,
                 seconds: done.seconds,
             });
+        let watched = Some(HealthRecord {
+            method: view_health::METHOD,
+        });
         let tables = NewTables {
+            health: Some(&health),
             detections: &detections,
             registrations: registered
                 .as_ref()
@@ -262,6 +273,7 @@ impl ScenarioJob {
             Some(made) => DetectionRecord {
                 provenance,
                 registration,
+                health: watched,
                 ..DetectionRecord::clone(made)
             },
             None => DetectionRecord {
@@ -278,6 +290,7 @@ impl ScenarioJob {
                 cpu_s,
                 seconds,
                 registration,
+                health: watched,
             },
         };
         let folder = self.scenario.folder();
@@ -294,11 +307,8 @@ impl ScenarioJob {
     }
 }
 
-/// The registrations to make; `None` with one view.
-pub(super) fn pairs_of(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Option<Pairs>> {
-    if record.views.len() < 2 {
-        return Ok(None);
-    }
+/// The cameras of the views.
+pub(super) fn cameras_of(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Vec<Camera>> {
     let calibration = scenario.calibration()?;
     let camera = |view: &String| {
         let entry = calibration.cameras.get(view).ok_or_else(|| {
@@ -306,10 +316,15 @@ pub(super) fn pairs_of(scenario: &OpenScenario, record: &ScenarioRecord) -> Resu
                 format!("calibration.json has no camera of view {view}; generate it again");
             Error::scenario(&record.id, message)
         })?;
-        Ok((view.clone(), entry.camera()))
+        Ok(entry.camera())
     };
-    let views = record.views.iter().map(camera).collect::<Result<_>>()?;
-    Ok(Some(Pairs::new(views)))
+    record.views.iter().map(camera).collect()
+}
+
+/// The registrations to make; `None` with one view.
+pub(super) fn pairs_of(record: &ScenarioRecord, cameras: &[Camera]) -> Option<Pairs> {
+    let views = record.views.iter().cloned().zip(cameras.iter().copied());
+    (record.views.len() > 1).then(|| Pairs::new(views.collect()))
 }
 
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -322,7 +337,7 @@ impl ViewJob<'_> {
         self.ticks().ticks.len() as u64
     }
 
-    /// True if the view is to be searched, not only registered.
+    /// True if the view is to be searched, not only measured.
     pub(super) fn needs_detector(&self) -> bool {
         !self.scenario.only_registers()
     }
@@ -363,6 +378,7 @@ impl ViewJob<'_> {
                 &self.scenario.scenario,
                 self.ticks(),
                 finder,
+                Some(&self.scenario.cameras[self.index]),
                 &mut |picture| {
                     if let Some(pairs) = &self.scenario.pairs {
                         pairs.take(self.index, picture.tick, picture.patch);

@@ -5,7 +5,7 @@ use dataset::numbers::units::SimTime;
 use dataset::tables::frames::Frames;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
-use dataset::video::{PicturePart, VideoReader};
+use dataset::video::{Luma, PicturePart, VideoReader};
 
 use super::cpu_time::{CpuClock, Stage};
 use crate::detector::{PictureView, Window};
@@ -148,6 +148,11 @@ impl<'a> Pictures<'a> {
             ..window
         };
         Ok((self.part(part)?, within))
+    }
+
+    /// The brightness of the image before, and of this one.
+    pub(super) fn lumas(&self) -> [Option<Luma<'_>>; 2] {
+        [self.reader.previous_luma(), self.reader.luma()]
     }
 
     /// The surroundings of a box.

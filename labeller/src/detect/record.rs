@@ -1,4 +1,4 @@
-//! `detections/<model>.json`: the origin of the detections next to it, and of their registrations.
+//! `detections/<model>.json`: the origin of the detections next to it, of their registrations and of the cameras' health.
 
 use std::path::PathBuf;
 
@@ -15,6 +15,7 @@ use crate::detector::ModelProfile;
 use crate::error::Result;
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
+use crate::view_health;
 
 /// Origin of the detections of one model in one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -48,6 +49,9 @@ pub(super) struct DetectionRecord {
     /// Registration of the views; missing if they were not registered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registration: Option<RegistrationRecord>,
+    /// Condition of the cameras; missing if it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub health: Option<HealthRecord>,
 }
 
 /// Settings of the search: detections made with other settings are replaced.
@@ -83,12 +87,19 @@ pub(super) struct RegistrationRecord {
     pub seconds: f64,
 }
 
+/// Condition of the cameras of a scenario.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct HealthRecord {
+    /// Version of the measurement.
+    pub method: u32,
+}
+
 /// Progress of a model's work on a scenario.
 pub(super) enum Standing {
     /// No detections that can be used.
     Missing,
-    /// Detections, but their views are still to be registered.
-    Unregistered(Box<DetectionRecord>),
+    /// Detections, but their views are still to be registered, or the condition of the cameras is not measured.
+    Unmeasured(Box<DetectionRecord>),
     /// All of it.
     Whole,
 }
@@ -119,10 +130,15 @@ impl DetectionRecord {
         let method = record.registration.as_ref().map(|made| made.method);
         let is_registered =
             method == Some(METHOD) && matches!(scenario.registrations(&model.name()), Ok(Some(_)));
-        Ok(if is_registered || scenario.record()?.views.len() < 2 {
-            Standing::Whole
-        } else {
-            Standing::Unregistered(Box::new(record))
-        })
+        let method = record.health.as_ref().map(|made| made.method);
+        let is_watched = method == Some(view_health::METHOD)
+            && matches!(scenario.health(&model.name()), Ok(Some(_)));
+        Ok(
+            if is_watched && (is_registered || scenario.record()?.views.len() < 2) {
+                Standing::Whole
+            } else {
+                Standing::Unmeasured(Box::new(record))
+            },
+        )
     }
 }

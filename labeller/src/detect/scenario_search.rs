@@ -14,7 +14,7 @@ use dataset::work::watch::Watch;
 use dataset::work::workers;
 
 use super::cpu_time::CpuTime;
-use super::job::{lock, pairs_of};
+use super::job::{cameras_of, lock, pairs_of};
 use super::pictures::ViewTicks;
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, MakeDetector, Model};
@@ -103,7 +103,8 @@ pub(super) fn search_scenario(
     watch: &dyn Watch,
 ) -> Result<Findings> {
     let views = ViewTicks::of(&scenario.frames()?);
-    let pairs = pairs_of(scenario, &scenario.record()?)?;
+    let record = scenario.record()?;
+    let pairs = pairs_of(&record, &cameras_of(scenario, &record)?);
     let next = AtomicUsize::new(0);
     let results: Vec<_> = views.iter().map(|_| Mutex::new(None)).collect();
     let work = || -> Result<()> {
@@ -122,7 +123,7 @@ pub(super) fn search_scenario(
                 tiling: &options.settings,
                 modes: &options.modes,
             };
-            let findings = search_view(scenario, view, finder, &mut |picture| {
+            let findings = search_view(scenario, view, finder, None, &mut |picture| {
                 if let Some(pairs) = &pairs {
                     pairs.take(index, picture.tick, picture.patch);
                 }

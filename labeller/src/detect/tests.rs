@@ -8,6 +8,7 @@ use dataset::corpus::detections::{
 
 use dataset::corpus::seal::seal_folder;
 use dataset::files::json_file::read_json;
+use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::{NoShift, Registration};
 use dataset::work::watch::Silent;
@@ -414,6 +415,38 @@ fn registered(folder: &ScenarioFolder) -> Vec<Registration> {
     scenario.registrations(MODEL).unwrap().unwrap()
 }
 
+/// The condition of a scenario's cameras.
+fn health(folder: &ScenarioFolder) -> Option<Vec<ViewHealth>> {
+    folder.open().unwrap().health(MODEL).unwrap()
+}
+
+#[test]
+fn every_picture_has_a_state_and_a_black_ground_an_unknown_one() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let outcome = detect(&corpus, &two_workers());
+    assert_eq!(outcome.unhealthy, []);
+    let rows = health(&corpus.scenario("0001-a")).unwrap();
+    let pictures: Vec<_> = rows
+        .iter()
+        .map(|row| (row.tick, row.view.as_str()))
+        .collect();
+    let expected = (0..3).flat_map(|tick| [(tick, "left"), (tick, "right")]);
+    assert_eq!(pictures, expected.collect::<Vec<_>>());
+    assert!(rows.iter().all(|row| row.state == HealthState::Unknown));
+    let shaking = rows.iter().cloned().map(|row| ViewHealth {
+        state: if row.tick > 0 {
+            HealthState::Shaking
+        } else {
+            row.state
+        },
+        ..row
+    });
+    let counted = Unhealthy::of("0001-a", &shaking.collect::<Vec<_>>());
+    assert_eq!(counted.len(), 2);
+    assert_eq!((counted[0].view.as_str(), counted[0].shaking), ("left", 2));
+}
+
 /// Detects without a detector: what is there must be enough.
 fn detect_without(corpus: &Corpus) -> DetectOutcome {
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
@@ -499,11 +532,13 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
     dataset::corpus::detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
     drop(claim);
     assert_eq!(folder.open().unwrap().registrations(MODEL).unwrap(), None);
+    assert_eq!(health(&folder), None);
     let outcome = detect_without(&corpus);
     assert_eq!(outcome.failed, []);
     assert_eq!((outcome.registered.len(), outcome.detected.len()), (1, 0));
     assert_eq!(stored(&folder).unwrap(), found.boxes);
     assert_eq!(registered(&folder), before);
+    assert_eq!(health(&folder).map(|rows| rows.len()), Some(6));
     let after: DetectionRecord = read_json(&path, "record").unwrap();
     assert_eq!(after.seconds, record.seconds, "the detection took as long");
     assert_eq!(detect_without(&corpus).unchanged, ["0001-a"]);

@@ -5,16 +5,21 @@
 
 use dataset::corpus::detections::{Detection, Detections};
 use dataset::corpus::open_scenario::OpenScenario;
+use dataset::geometry::camera::Camera;
+use dataset::tables::health::ViewHealth;
+use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 
 use super::cpu_time::{CpuClock, CpuTime};
 use super::mode::ModeSettings;
 use super::pictures::{Pictures, ViewTicks};
 use super::sequence::Sequence;
+use crate::camera_motion::CameraMotion;
 use crate::detector::Detector;
 use crate::error::Result;
 use crate::registration::Patch;
 use crate::tiling::TilingSettings;
+use crate::view_health::{Look, judge};
 
 /// Source of the boxes of a view.
 pub(crate) enum Finder<'a> {
@@ -40,6 +45,8 @@ pub(crate) struct PictureDone {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct ViewFindings {
     pub(crate) detections: Detections,
+    /// Condition of the camera at each tick, if it was asked for.
+    pub(crate) health: Vec<ViewHealth>,
     /// Windows that the model was run on.
     pub(crate) windows: u64,
     /// Of the calling thread.
@@ -54,16 +61,19 @@ impl ViewFindings {
         for view in views {
             all.detections.boxes.extend(view.detections.boxes);
             all.detections.misses.extend(view.detections.misses);
+            all.health.extend(view.health);
             all.windows += view.windows;
             all.cpu_s += view.cpu_s;
         }
         all.detections.boxes.sort_by_key(|found| found.tick);
         all.detections.misses.sort_by_key(|miss| miss.tick);
+        all.health.sort_by_key(|row| row.tick);
         all
     }
 }
 
-/// Searches a view; `picture_done` is called after every picture, and its error ends the search.
+/// Searches a view; `picture_done` is called after every picture, and its error ends the search. `watched`: the camera whose condition is
+/// measured.
 ///
 /// # Errors
 /// The video does not have exactly the pictures of these ticks, or the detector fails.
@@ -71,6 +81,7 @@ pub(crate) fn search_view(
     scenario: &OpenScenario,
     view: &ViewTicks,
     finder: Finder<'_>,
+    watched: Option<&Camera>,
     picture_done: &mut dyn FnMut(PictureDone) -> Result<()>,
 ) -> Result<ViewFindings> {
     let clock = CpuClock::start();
@@ -87,12 +98,20 @@ pub(crate) fn search_view(
         Finder::Known(detections) => Source::Known(detections),
     };
     let mut detections = Detections::default();
+    let mut motion = watched.map(CameraMotion::new);
+    let mut looks = Vec::new();
     for tick in &view.ticks {
         pictures.next(tick)?;
         let found = match &mut source {
             Source::Search(sequence) => sequence.look(&mut pictures, tick)?,
             Source::Known(known) => of_picture(known, &view.id, tick.tick),
         };
+        if let Some(motion) = &mut motion {
+            let images = pictures.lumas();
+            let turn = images[1].as_ref().and_then(|image| motion.next(image));
+            let seen = best_of(&found.boxes).map(|best| best.pixel_box);
+            looks.push(Look::of((tick.tick, tick.time_s), turn, images, seen));
+        }
         let patch = match best_of(&found.boxes) {
             Some(best) => pictures.patch(best.pixel_box)?,
             None => Err(NoShift::NoBox),
@@ -110,10 +129,32 @@ pub(crate) fn search_view(
         Source::Known(_) => 0,
     };
     Ok(ViewFindings {
+        health: health_of(&view.id, &looks, &detections),
         detections,
         windows,
         cpu_s: clock.spent(),
     })
+}
+
+/// Rows of a view whose images showed this.
+fn health_of(view: &str, looks: &[Look], detections: &Detections) -> Vec<ViewHealth> {
+    let confirmed: Vec<Option<PixelBox>> = (looks.iter())
+        .map(|look| {
+            let first = (detections.boxes).partition_point(|found| found.tick < look.tick);
+            let here = (detections.boxes[first..].iter()).take_while(|b| b.tick == look.tick);
+            let best = best_of(here.filter(|found| found.view == view))?;
+            best.confirmed.then_some(best.pixel_box)
+        })
+        .collect();
+    let judged = looks.iter().zip(judge(looks, &confirmed));
+    judged
+        .map(|(look, (state, motion))| ViewHealth {
+            tick: look.tick,
+            view: view.to_owned(),
+            state,
+            motion,
+        })
+        .collect()
 }
 
 enum Source<'a> {
@@ -134,8 +175,8 @@ fn of_picture(known: &Detections, view: &str, tick: u32) -> Detections {
 }
 
 /// The box to register: a confirmed one, if there is any, and of these the one with the highest score.
-fn best_of(boxes: &[Detection]) -> Option<&Detection> {
-    boxes.iter().max_by(|a, b| {
+fn best_of<'a>(boxes: impl IntoIterator<Item = &'a Detection>) -> Option<&'a Detection> {
+    boxes.into_iter().max_by(|a, b| {
         let confirmed = a.confirmed.cmp(&b.confirmed);
         confirmed.then(a.score.total_cmp(&b.score))
     })

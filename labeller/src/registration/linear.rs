@@ -45,7 +45,7 @@ pub(super) fn inverse<const N: usize>(a: [[f64; N]; N]) -> Option<[[f64; N]; N]>
 
 /// Normal equations of weighted least squares, filled row by row.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Normal<const N: usize> {
+pub(crate) struct Normal<const N: usize> {
     /// Sum of `w j j^T`, up to the diagonal.
     lower: [[f64; N]; N],
     /// Sum of `w j r`.
@@ -53,14 +53,14 @@ pub(super) struct Normal<const N: usize> {
 }
 
 impl<const N: usize> Normal<N> {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             lower: [[0.0; N]; N],
             right: [0.0; N],
         }
     }
 
-    pub(super) fn add(&mut self, row: &[f64; N], value: f64, weight: f64) {
+    pub(crate) fn add(&mut self, row: &[f64; N], value: f64, weight: f64) {
         for (i, a) in row.iter().enumerate() {
             let weighted = weight * a;
             for (j, b) in row.iter().enumerate().take(i + 1) {
@@ -75,8 +75,13 @@ impl<const N: usize> Normal<N> {
         std::array::from_fn(|i| std::array::from_fn(|j| self.lower[i.max(j)][i.min(j)]))
     }
 
-    pub(super) fn solve(&self) -> Option<[f64; N]> {
+    pub(crate) fn solve(&self) -> Option<[f64; N]> {
         solve(self.matrix(), self.right)
+    }
+
+    /// The covariance of the solution for weights that are inverse variances.
+    pub(crate) fn inverse(&self) -> Option<[[f64; N]; N]> {
+        inverse(self.matrix())
     }
 }
 

@@ -21,7 +21,8 @@ pub(crate) struct Picture {
 }
 
 impl Picture {
-    /// The mean of the first pictures of a view, from the row `top` to the last one.
+    /// The mean of the first pictures of a view, from the row `top` to the last one. Of those that are not `is_usual`, in the order of the
+    /// video, none is used if others are; pictures beyond its end are.
     ///
     /// # Errors
     /// The video cannot be read, is empty, or has images of another camera.
@@ -30,6 +31,7 @@ impl Picture {
         view: &str,
         top: usize,
         [width, height]: [u32; 2],
+        is_usual: &[bool],
     ) -> Result<Self> {
         let mut reader = scenario.open_video(view)?;
         let fault = |fault: String| {
@@ -52,7 +54,12 @@ impl Picture {
         let mut light = vec![0.0; part.width_px as usize * part.height_px as usize];
         let mut rgb = Vec::new();
         let mut count = 0;
+        let any = is_usual.iter().any(|usual| *usual);
+        let mut used = is_usual.iter().map(|usual| *usual || !any);
         while count < PICTURES && reader.skip_frame()?.is_some() {
+            if !used.next().unwrap_or(true) {
+                continue;
+            }
             reader.convert_part(part, &mut rgb)?;
             for (sum, pixel) in light.iter_mut().zip(rgb.chunks_exact(3)) {
                 *sum +=

@@ -18,6 +18,7 @@ use crate::run::place::refuse_in_run;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 use crate::samples::Samples;
+use crate::samples::camera_health::Corrections;
 
 /// How much was predicted.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -68,6 +69,10 @@ pub fn predict(
             watch,
         )?;
         watch.say(&alignment.to_string());
+    }
+    let corrections = corpus_read.scenarios.iter().map(|of| of.corrections);
+    if let Some(line) = Corrections::line(corrections) {
+        watch.say(&line);
     }
     let mut table = TableParts::new(out);
     let mut answered = Estimator::ALL.map(|estimator| (estimator.name(), 0));

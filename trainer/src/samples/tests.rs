@@ -6,6 +6,8 @@ use dataset::corpus::detections::{self, NewTables};
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::seal::seal_folder;
 use dataset::numbers::frame_rate::FrameRate;
+use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
+use glam::DVec2;
 
 use super::*;
 use testkit::synthetic::{Changed, MODEL_FILE, MODEL_HASH, SyntheticCorpus};
@@ -372,4 +374,159 @@ fn a_trajectory_that_the_split_names_differently_is_refused() {
     splits.write(&corpus.splits_path()).unwrap();
     let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
     assert!(message.contains("renamed"), "{message}");
+}
+
+/// What cameras that are turned at some ticks would have stored.
+fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<CameraTurn>)>) {
+    for folder in corpus.scenarios().unwrap() {
+        let source = folder.open().unwrap();
+        let record = source.record().unwrap();
+        let cameras = source.calibration().unwrap().cameras;
+        let mut found = source.detections(MODEL_HASH).unwrap();
+        let mut registrations = source.registrations(MODEL_HASH).unwrap().unwrap();
+        let turned = |tick: u32, view: &str, place: DVec2| {
+            let index = record.views.iter().position(|of| of == view).unwrap();
+            let Some(turn) = of(tick)[index].1 else {
+                return place;
+            };
+            let camera = cameras[view].camera();
+            let shift_px = DVec2::new(turn.shift_x_px, turn.shift_y_px);
+            let turn = camera.turn(shift_px, turn.roll_deg.to_radians());
+            camera.pixel_of(turn * camera.image_of(place).extend(1.0))
+        };
+        for seen in &mut found.boxes {
+            let place = DVec2::new(seen.pixel_box.cx_px, seen.pixel_box.cy_px);
+            let there = turned(seen.tick, &seen.view, place);
+            (seen.pixel_box.cx_px, seen.pixel_box.cy_px) = (there.x, there.y);
+        }
+        for row in &mut registrations {
+            if let Ok(shift) = &mut row.result {
+                let from = DVec2::new(shift.x_px, shift.y_px);
+                let to = from + DVec2::new(shift.dx_px, shift.dy_px);
+                let from = turned(row.tick, &row.reference, from);
+                let to = turned(row.tick, &row.view, to);
+                (shift.x_px, shift.y_px) = (from.x, from.y);
+                (shift.dx_px, shift.dy_px) = (to.x - from.x, to.y - from.y);
+            }
+        }
+        let rows = (0..record.ticks).flat_map(|tick| {
+            let views = record.views.iter().cloned().zip(of(tick));
+            views.map(move |(view, (state, motion))| ViewHealth {
+                tick,
+                view,
+                state,
+                motion,
+            })
+        });
+        let health: Vec<_> = rows.collect();
+        let tables = NewTables {
+            detections: &found,
+            registrations: Some(&registrations),
+            health: Some(&health),
+        };
+        let claim = folder.claim().unwrap();
+        let model = detections::provenance(&folder, MODEL_HASH)
+            .unwrap()
+            .unwrap();
+        let model = &model.detector;
+        detections::replace(&claim, &source, model, MODEL_HASH, tables, |made| made).unwrap();
+    }
+}
+
+fn registered() -> SyntheticCorpus {
+    SyntheticCorpus {
+        shift_noise_px: Some(0.0),
+        ..SyntheticCorpus::tiny()
+    }
+}
+
+const STEADY: (HealthState, Option<CameraTurn>) = (HealthState::Steady, None);
+
+fn turn(shift_sd_px: f64) -> Option<CameraTurn> {
+    Some(CameraTurn {
+        shift_x_px: 5.0,
+        shift_y_px: -3.0,
+        roll_deg: 0.2,
+        shift_sd_px,
+    })
+}
+
+#[test]
+fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_see_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = registered().write(folder.path()).unwrap();
+    let before = Samples::read(&corpus, None, ALL).unwrap();
+    with_health(&corpus, |tick| match tick % 4 {
+        0 => vec![STEADY, STEADY],
+        1 => vec![(HealthState::Moved, turn(0.02)), STEADY],
+        2 => vec![STEADY, (HealthState::Shaking, turn(0.1))],
+        _ => vec![
+            (HealthState::Moved, turn(0.02)),
+            (HealthState::Shaking, turn(0.02)),
+        ],
+    });
+    let after = Samples::read(&corpus, None, ALL).unwrap();
+    // Nearer to the edge the turn decides whether a box is whole.
+    let is_inside = |seen: &Option<PixelBox>| {
+        seen.is_none_or(|seen| {
+            let [left, top, right, bottom] = seen.edges();
+            left > 20.0 && top > 20.0 && right < 1_900.0 && bottom < 1_260.0
+        })
+    };
+    let pairs = before.samples.iter().zip(&after.samples);
+    let mut compared = 0;
+    for (one, other) in pairs.filter(|(one, _)| one.boxes.iter().all(is_inside)) {
+        compared += 1;
+        for (one, other) in one.boxes.iter().zip(&other.boxes) {
+            let centre = |seen: &Option<PixelBox>| seen.map(|b| DVec2::new(b.cx_px, b.cy_px));
+            match (centre(one), centre(other)) {
+                (Some(one), Some(other)) => assert!(one.distance(other) < 1e-6),
+                (one, other) => assert_eq!(one, other),
+            }
+        }
+        for (one, other) in one.shifts.iter().zip(&other.shifts) {
+            match (one, other) {
+                (Some(one), Some(other)) => {
+                    assert!(
+                        one.shift_px.distance(other.shift_px) < 0.02,
+                        "{one:?} {other:?}"
+                    );
+                }
+                (one, other) => assert_eq!(one, other),
+            }
+        }
+        if one.tick % 4 == 0 {
+            assert_eq!(one, other, "steady ticks stay as they are");
+        }
+    }
+    assert!(compared > 100, "{compared}");
+    let corrections = after.scenarios.iter().map(|of| of.corrections);
+    let line = Corrections::line(corrections).unwrap();
+    assert!(line.ends_with("corrected, 0 left out"), "{line}");
+    assert_eq!(
+        Corrections::line(before.scenarios.iter().map(|of| of.corrections)),
+        None
+    );
+}
+
+#[test]
+fn a_view_that_is_frozen_or_off_by_an_unknown_amount_does_not_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = registered().write(folder.path()).unwrap();
+    let before = Samples::read(&corpus, None, ALL).unwrap();
+    with_health(&corpus, |tick| match tick % 4 {
+        0 => vec![(HealthState::Frozen, None), STEADY],
+        1 => vec![STEADY, (HealthState::Shaking, turn(0.5))],
+        2 => vec![(HealthState::Moved, None), STEADY],
+        _ => vec![(HealthState::Unknown, None), (HealthState::Unknown, None)],
+    });
+    let after = Samples::read(&corpus, None, ALL).unwrap();
+    for (one, other) in before.samples.iter().zip(&after.samples) {
+        let gone = [Some(0), Some(1), Some(0), None][one.tick as usize % 4];
+        for view in 0..2 {
+            let is_gone = gone == Some(view) || one.boxes[view].is_none();
+            assert_eq!(other.boxes[view].is_none(), is_gone, "tick {}", one.tick);
+        }
+        assert!(gone.is_none() || other.shifts.iter().all(Option::is_none));
+    }
 }

@@ -1,8 +1,9 @@
-//! `detections/` and `registrations/`: what a model detected in the videos of a scenario, and where the same aircraft is in two views.
+//! `detections/`, `registrations/` and `health/`: what a model detected in the videos of a scenario, where the same aircraft is in two
+//! views, and the condition of the cameras.
 //!
 //! They are not sealed: each model with its settings has its own. `detections/<model>.json`, where `<model>` is the start of the hash of
-//! both ([`ModelIdentity`]), records what made the table next to it, from which videos, and the hashes of that table and of
-//! `registrations/<model>.parquet`, if there is one, so a reader can check that they belong together ([`Provenance`]). They change
+//! both ([`ModelIdentity`]), records what made the table next to it, from which videos, and the hashes of that table and of those of the
+//! same name in the other folders, if there are any, so a reader can check that they belong together ([`Provenance`]). They change
 //! together like the files of a seal: each table is written as `<model>.parquet.new`, the record takes effect, and readers look for the
 //! tables by their hashes under both names.
 
@@ -26,6 +27,7 @@ use crate::files::json_file::write_json;
 use crate::files::new_file::{clear_leftovers, sync};
 use crate::files::outside_file::{self, FileKind};
 use crate::files::own_path::own_path;
+use crate::tables::health::{ViewHealth, write_health};
 use crate::tables::registrations::{Registration, write_registrations};
 
 pub use choice::{NoChoice, choose};
@@ -39,6 +41,10 @@ pub(crate) use table::{Row, parse_rows, read_rows_with_faults};
 pub const FOLDER: &str = "detections";
 /// Folder of the registrations that belong to them.
 pub const REGISTRATIONS: &str = "registrations";
+/// Folder of the tables of the cameras' health that belong to them.
+pub const HEALTH: &str = "health";
+/// All folders with tables of a model.
+pub const FOLDERS: [&str; 3] = [FOLDER, REGISTRATIONS, HEALTH];
 
 /// The part of the record of detections that every reader needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,6 +61,9 @@ pub struct Provenance {
     /// BLAKE3 hash of the table of registrations; missing if there is none, as with one view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registrations_blake3: Option<String>,
+    /// BLAKE3 hash of the table of health; missing if there is none: an earlier version of this software.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub health_blake3: Option<String>,
 }
 
 impl Provenance {
@@ -65,9 +74,11 @@ impl Provenance {
             blake3: blake3.clone(),
         };
         let registrations = self.registrations_blake3.iter();
+        let health = self.health_blake3.iter();
         [file(FOLDER, &self.table_blake3)]
             .into_iter()
             .chain(registrations.map(|blake3| file(REGISTRATIONS, blake3)))
+            .chain(health.map(|blake3| file(HEALTH, blake3)))
             .collect()
     }
 }
@@ -154,6 +165,19 @@ pub(crate) fn registrations_table(
     named_table(folder, model, REGISTRATIONS, is_source, hash)
 }
 
+/// The table of the cameras' health that belongs to a model's detections; `None` if these have none.
+///
+/// # Errors
+/// See [`table`].
+pub(crate) fn health_table(
+    folder: &ScenarioFolder,
+    model: &str,
+    is_source: impl Fn(&Provenance) -> bool,
+) -> Result<Option<FoundTable>> {
+    let hash = |provenance: &Provenance| provenance.health_blake3.clone();
+    named_table(folder, model, HEALTH, is_source, hash)
+}
+
 /// The table with the hash that a model's record names; `None` if there is no record or it names none.
 fn named_table(
     folder: &ScenarioFolder,
@@ -204,6 +228,8 @@ pub struct NewTables<'a> {
     pub detections: &'a Detections,
     /// Shifts of the aircraft between two views; `None` if they were not measured.
     pub registrations: Option<&'a [Registration]>,
+    /// Condition of the cameras; `None` if it was not measured.
+    pub health: Option<&'a [ViewHealth]>,
 }
 
 impl<'a> NewTables<'a> {
@@ -212,12 +238,13 @@ impl<'a> NewTables<'a> {
         Self {
             detections,
             registrations: None,
+            health: None,
         }
     }
 }
 
-/// Replaces the detections that a model made from `source`, and their registrations. `record` produces the file written next to the
-/// tables, which must contain the given provenance.
+/// Replaces the detections that a model made from `source`, and their tables in the other folders. `record` produces the file written next
+/// to them, which must contain the given provenance.
 pub fn replace<R: Serialize>(
     _claim: &Claim,
     source: &OpenScenario,
@@ -228,9 +255,14 @@ pub fn replace<R: Serialize>(
 ) -> Result<()> {
     let folder = source.folder();
     let mut parents = vec![own_path(folder.root(), FOLDER)?];
-    let registrations = own_path(folder.root(), REGISTRATIONS)?;
-    if tables.registrations.is_some() || registrations.exists() {
-        parents.push(registrations);
+    for (parent, is_written) in [
+        (REGISTRATIONS, tables.registrations.is_some()),
+        (HEALTH, tables.health.is_some()),
+    ] {
+        let parent = own_path(folder.root(), parent)?;
+        if is_written || parent.exists() {
+            parents.push(parent);
+        }
     }
     for parent in &parents {
         fs::create_dir_all(parent).map_err(Error::io("create", parent))?;
@@ -239,29 +271,38 @@ pub fn replace<R: Serialize>(
     // Readers may still need the tables of a committed change that a killed process left.
     settle(folder, model)?;
     let path = |parent| folder.root().join(table_name(parent, model));
-    let (table, beside) = (path(FOLDER), path(REGISTRATIONS));
-    let new = with_new_suffix(&table);
-    write_detections(&new, tables.detections)?;
-    let mut renames = vec![(new, table)];
-    if let Some(registrations) = tables.registrations {
-        let new = with_new_suffix(&beside);
-        write_registrations(&new, registrations)?;
-        renames.push((new, beside.clone()));
+    let [table, registered, health] = FOLDERS.map(path);
+    write_detections(&with_new_suffix(&table), tables.detections)?;
+    let mut written = vec![&table];
+    if let Some(rows) = tables.registrations {
+        write_registrations(&with_new_suffix(&registered), rows)?;
+        written.push(&registered);
     }
+    if let Some(rows) = tables.health {
+        write_health(&with_new_suffix(&health), rows)?;
+        written.push(&health);
+    }
+    let hash = |table: &Path, is_written: bool| {
+        let hash = || hash_file(&with_new_suffix(table));
+        is_written.then(hash).transpose()
+    };
     let provenance = Provenance {
         detector: detector.clone(),
         config_hash: source.seal().config_hash.clone(),
         videos_blake3: source.videos_blake3(),
-        table_blake3: hash_file(&renames[0].0)?,
-        registrations_blake3: renames.get(1).map(|(new, _)| hash_file(new)).transpose()?,
+        table_blake3: hash_file(&with_new_suffix(&table))?,
+        registrations_blake3: hash(&registered, tables.registrations.is_some())?,
+        health_blake3: hash(&health, tables.health.is_some())?,
     };
     // This file commits the change.
     write_json(&record_path(folder, model), &record(provenance))?;
-    for (new, table) in &renames {
-        fs::rename(new, table).map_err(Error::io("rename into place", table))?;
-    }
-    if tables.registrations.is_none() && beside.exists() {
-        fs::remove_file(&beside).map_err(Error::io("remove", &beside))?;
+    for table in [&table, &registered, &health] {
+        if written.contains(&table) {
+            let new = with_new_suffix(table);
+            fs::rename(new, table).map_err(Error::io("rename into place", table))?;
+        } else if table.exists() {
+            fs::remove_file(table).map_err(Error::io("remove", table))?;
+        }
     }
     parents.iter().try_for_each(|parent| sync(parent))
 }

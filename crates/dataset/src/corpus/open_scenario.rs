@@ -20,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::files::json_file::parse_json;
 use crate::files::outside_file::FileKind;
 use crate::tables::frames::Frames;
+use crate::tables::health::{ViewHealth, parse_health};
 use crate::tables::pixel_box::{TruthBox, parse_truth_boxes};
 use crate::tables::registrations::{Registration, parse_registrations};
 use crate::video::{PacketReader, RgbPicture, VideoReader};
@@ -223,6 +224,36 @@ impl OpenScenario {
         }
     }
 
+    /// The condition of the cameras, tick by tick, from the images that a model's detections were made from; `None` if `dtd detect` was run
+    /// before it measured this.
+    ///
+    /// # Errors
+    /// It was measured in other videos, or the table is not the one that was written.
+    pub fn health(&self, model: &str) -> Result<Option<Vec<ViewHealth>>> {
+        let Some((path, content)) = self.health_table(model)? else {
+            return Ok(None);
+        };
+        let record = self.record()?;
+        let health = parse_health(content, &path, record.pictures())?;
+        let mut rows = health.iter().enumerate();
+        match rows.find_map(|(row, found)| Some((row, fault_of_health(found, &record)?))) {
+            None => Ok(Some(health)),
+            Some((row, (column, fault))) => Err(Error::corpus(
+                &path,
+                format!(
+                    "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
+                ),
+            )),
+        }
+    }
+
+    /// The current path of the table of health that belongs to a model's detections, and its content.
+    pub(crate) fn health_table(&self, model: &str) -> Result<Option<FoundTable>> {
+        detections::health_table(&self.folder, model, |provenance| {
+            self.is_source_of(provenance)
+        })
+    }
+
     /// The current path of the table of a model's registrations, and its content.
     pub(crate) fn registrations_table(&self, model: &str) -> Result<Option<FoundTable>> {
         detections::registrations_table(&self.folder, model, |provenance| {
@@ -379,6 +410,14 @@ pub(crate) fn fault_of_registration(
             let message = || format!("{reference} is the view itself, expected another one");
             (view == reference).then(|| ("reference", message()))
         })
+}
+
+/// The same for a row of health.
+pub(crate) fn fault_of_health(
+    row: &ViewHealth,
+    record: &ScenarioRecord,
+) -> Option<(&'static str, String)> {
+    fault_of_picture(row.tick, "view", &row.view, record)
 }
 
 fn fault_of_picture(

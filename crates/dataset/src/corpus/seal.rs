@@ -34,7 +34,7 @@ pub const DONE: &str = "DONE.json";
 const NEW_SUFFIX: &str = ".new";
 const NEVER_FINISHED: &str = "DONE.json is missing: the folder was never finished";
 /// Written by later steps, versioned separately and not part of the seal.
-const UNSEALED_FOLDERS: [&str; 2] = [detections::FOLDER, detections::REGISTRATIONS];
+const UNSEALED_FOLDERS: [&str; 3] = detections::FOLDERS;
 /// Folder of the videos.
 const VIDEOS: &str = "views/";
 

@@ -4,7 +4,7 @@
 //! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so a picture
 //! covers -0.5 to width - 0.5.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -148,6 +148,13 @@ impl Camera {
     /// Up to this radius, in image coordinates, the lens follows its polynomials.
     fn field(&self) -> f64 {
         FIELD_OVER_HALF_DIAGONAL * self.corner()
+    }
+
+    /// Rotation of directions, in camera axes, that moves what appears at the principal point by some pixels and turns the image about it,
+    /// clockwise, for small angles.
+    pub fn turn(&self, shift_px: DVec2, roll_rad: f64) -> DMat3 {
+        let [x, y] = (shift_px / self.focal_px).to_array();
+        DMat3::from_quat(DQuat::from_scaled_axis(DVec3::new(-y, x, roll_rad)))
     }
 
     /// The 3x3 matrix of intrinsics, row-major.

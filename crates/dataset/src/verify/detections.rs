@@ -1,6 +1,6 @@
-//! Detections and their registrations, if there are any: they were made from the current videos, their records and tables can be read
+//! Detections, registrations and health, if there are any: they were made from the current videos, their records and tables can be read
 //! and belong together, the counts and settings of the records are possible, every row refers to a picture of the scenario, and no
-//! picture is registered twice.
+//! picture has two rows of registration or of health.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -11,11 +11,14 @@ use serde_json::Value;
 use super::Faults;
 use crate::corpus::ScenarioFolder;
 use crate::corpus::detections::{self, Detection, Row, read_rows_with_faults};
-use crate::corpus::open_scenario::{OpenScenario, fault_of, fault_of_registration};
+use crate::corpus::open_scenario::{
+    OpenScenario, fault_of, fault_of_health, fault_of_registration,
+};
 use crate::corpus::scenario::ScenarioRecord;
 use crate::files::json_file::read_json;
 use crate::files::own_path::own_path;
 use crate::numbers::limits::{self, MOST_PICTURES};
+use crate::tables::health::{ViewHealth, read_health_with_faults};
 use crate::tables::registrations::{Registration, read_registrations_with_faults};
 
 /// The rest of a record, besides the origin of its table. Other programs may write less.
@@ -50,6 +53,7 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
     check_owners(folder, &models, faults);
     for model in models {
         let registered = check_registrations(folder, &model, scenario.as_ref(), record, faults);
+        check_health(folder, &model, scenario.as_ref(), record, faults);
         let file = format!("{}/{model}.parquet", detections::FOLDER);
         let mut path = folder.detections_path(&model);
         let record_file = format!("{}/{model}.json", detections::FOLDER);
@@ -82,9 +86,14 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
     }
 }
 
-/// Every table of registrations belongs to detections.
+/// Every table of registrations or of health belongs to detections.
 fn check_owners(folder: &ScenarioFolder, models: &[String], faults: &mut Faults) {
-    let parent = detections::REGISTRATIONS;
+    for parent in [detections::REGISTRATIONS, detections::HEALTH] {
+        check_owners_in(folder, parent, models, faults);
+    }
+}
+
+fn check_owners_in(folder: &ScenarioFolder, parent: &str, models: &[String], faults: &mut Faults) {
     let Some(path) = faults.keep(parent, own_path(folder.root(), parent)) else {
         return;
     };
@@ -101,6 +110,54 @@ fn check_owners(folder: &ScenarioFolder, models: &[String], faults: &mut Faults)
                 &file,
                 "belongs to no detections; remove it, or run `dtd detect`",
             );
+        }
+    }
+}
+
+/// The table of health is the one that the record names, and has at most one row of each picture.
+fn check_health(
+    folder: &ScenarioFolder,
+    model: &str,
+    scenario: Option<&OpenScenario>,
+    record: Option<&ScenarioRecord>,
+    faults: &mut Faults,
+) {
+    // Without a record of the detections there is another fault.
+    let Ok(Some(provenance)) = detections::provenance(folder, model) else {
+        return;
+    };
+    let file = format!("{}/{model}.parquet", detections::HEALTH);
+    let mut path = folder.health_path(model);
+    if provenance.health_blake3.is_none() {
+        if path.exists() {
+            let message = "is not named by the record of the detections; run `dtd detect` again";
+            faults.file(&file, message);
+        }
+        return;
+    }
+    if let Some(scenario) = scenario
+        && let Some(Some((current, _))) = faults.keep(&file, scenario.health_table(model))
+    {
+        path = current;
+    }
+    if !path.exists() {
+        return;
+    }
+    let pictures = record.map_or(MOST_PICTURES, ScenarioRecord::pictures);
+    let Some(rows) = faults.keep_table(&file, read_health_with_faults(&path, pictures)) else {
+        return;
+    };
+    let mut seen = BTreeSet::new();
+    for (row, health) in rows.iter().enumerate() {
+        let ViewHealth { tick, view, .. } = health;
+        match record.and_then(|record| fault_of_health(health, record)) {
+            Some((kind @ "tick", message)) => faults.view_row(view, &file, row, kind, message),
+            Some((kind, message)) => faults.row(&file, row, kind, message),
+            None if !seen.insert((tick, view)) => {
+                let message = format!("tick {tick} of the view is there already");
+                faults.view_row(view, &file, row, "health", message);
+            }
+            None => {}
         }
     }
 }

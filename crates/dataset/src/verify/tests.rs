@@ -16,6 +16,7 @@ use crate::geometry::runway::tests::changi_02l as runway;
 use crate::numbers::frame_rate::FrameRate;
 use crate::plan::PlannedCamera;
 use crate::tables::frames::{Frames, TickLabels, TickRow, ViewStamp};
+use crate::tables::health::{HealthState, ViewHealth, write_health};
 use crate::tables::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
 use crate::tables::registrations::{NoShift, Registration, write_registrations};
 use crate::video::{VideoSettings, VideoWriter, refine_time_base};
@@ -714,14 +715,20 @@ fn aaaa() -> ModelIdentity {
 
 /// An example with registrations of the model `aaaa`, without detections, and this in their record.
 fn registered(rows: &[Registration], said: serde_json::Value) -> Example {
+    let tables = NewTables {
+        detections: &Detections::default(),
+        registrations: Some(rows),
+        health: None,
+    };
+    with_tables(tables, said)
+}
+
+/// An example with these tables of the model `aaaa`, and this about registrations in their record.
+fn with_tables(tables: NewTables<'_>, said: serde_json::Value) -> Example {
     let example = Example::new();
     let folder = example.scenario();
     let source = folder.open().unwrap();
     let claim = folder.claim().unwrap();
-    let tables = NewTables {
-        detections: &Detections::default(),
-        registrations: Some(rows),
-    };
     let detector = aaaa();
     crate::corpus::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
         let mut made = serde_json::to_value(provenance).unwrap();
@@ -791,6 +798,46 @@ fn damaged_missing_and_foreign_registrations_are_found() {
         findings.contains("is not named by the record of the detections"),
         "{findings}"
     );
+}
+
+#[test]
+fn damaged_and_foreign_health_and_two_states_of_a_picture_are_found() {
+    let row = |tick: u32, view: &str| ViewHealth {
+        tick,
+        view: view.into(),
+        state: HealthState::Steady,
+        motion: None,
+    };
+    let watched = |rows: &[ViewHealth]| {
+        let tables = NewTables {
+            detections: &Detections::default(),
+            registrations: None,
+            health: Some(rows),
+        };
+        with_tables(tables, serde_json::json!(null))
+    };
+    assert_eq!(watched(&[row(0, "left"), row(0, "right")]).findings(), "");
+    for (rows, words) in [
+        (
+            [row(0, "left"), row(0, "left")],
+            "tick 0 of the view is there already",
+        ),
+        (
+            [row(0, "left"), row(9_999, "left")],
+            "is 9999, expected below",
+        ),
+        ([row(0, "left"), row(0, "above")], "above is not a view"),
+    ] {
+        let findings = watched(&rows).findings();
+        assert!(
+            findings.contains(words) && findings.contains("health/"),
+            "{findings}"
+        );
+    }
+    let example = watched(&[row(0, "left")]);
+    let path = example.scenario().health_path("aaaa");
+    write_health(&path, &[row(0, "right")]).unwrap();
+    assert!(example.findings().contains("its hash differs"));
 }
 
 #[test]

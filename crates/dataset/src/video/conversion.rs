@@ -148,7 +148,7 @@ fn around(start: u32, length: u32, picture: u32) -> Result<(u32, u32), ffmpeg_ne
 }
 
 /// Planar formats with one byte per sample.
-fn has_planes_of_bytes(format: Pixel) -> bool {
+pub(super) fn has_planes_of_bytes(format: Pixel) -> bool {
     matches!(
         format,
         Pixel::YUV420P

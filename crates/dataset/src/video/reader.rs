@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::{Packet, decoder, format, frame, media};
 
-use super::conversion::{self, Conversion, PicturePart};
+use super::conversion::{self, Conversion, PicturePart, has_planes_of_bytes};
+use super::luma::Luma;
 use super::{BYTES_PER_PIXEL, TimeBase, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::files::outside_file::{self, FileKind};
@@ -13,8 +14,8 @@ use crate::numbers::frame_rate::FrameRate;
 use crate::numbers::limits::PICTURE_SIDE_PX;
 use crate::work::memory;
 
-/// Pictures that a decoder references, the one that it decodes, and those being converted to RGB.
-const FRAMES_HELD: u64 = 8;
+/// Pictures that a decoder references, the one that it decodes, the one before, and those being converted to RGB.
+const FRAMES_HELD: u64 = 9;
 
 /// A decoded picture.
 #[derive(Debug, Clone)]
@@ -35,6 +36,8 @@ pub struct VideoReader {
     height_px: u32,
     /// The picture that was decoded last.
     coded: frame::Video,
+    /// The one before it.
+    previous: frame::Video,
     conversion: Conversion,
     /// Unit of the file's timestamps.
     time_base: TimeBase,
@@ -109,6 +112,7 @@ impl VideoReader {
             width_px,
             height_px,
             coded: frame::Video::empty(),
+            previous: frame::Video::empty(),
             conversion: Conversion::default(),
             time_base,
             unit: time_base,
@@ -210,6 +214,28 @@ impl VideoReader {
         done.map_err(|e| self.fault("convert a picture", e))
     }
 
+    /// The brightness of the image that was decoded last; `None` if it is not coded in planes of bytes.
+    pub fn luma(&self) -> Option<Luma<'_>> {
+        self.luma_of(&self.coded)
+    }
+
+    /// The same of the image that was decoded before it.
+    pub fn previous_luma(&self) -> Option<Luma<'_>> {
+        self.luma_of(&self.previous)
+    }
+
+    fn luma_of<'a>(&self, coded: &'a frame::Video) -> Option<Luma<'a>> {
+        let size_px = (coded.width(), coded.height());
+        (has_planes_of_bytes(coded.format()) && size_px == (self.width_px, self.height_px)).then(
+            || Luma {
+                levels: coded.data(0),
+                stride: coded.stride(0),
+                width_px: coded.width() as usize,
+                height_px: coded.height() as usize,
+            },
+        )
+    }
+
     /// Its planes before conversion, one after the other without gaps: brightness, then two of colour with half the columns and rows.
     /// `None` if it is not coded in this way, with 8 bits, full range and the colours of BT.709.
     pub fn planes(&self) -> Result<Option<Vec<u8>>> {
@@ -238,6 +264,7 @@ impl VideoReader {
     }
 
     fn decode(&mut self) -> Result<Option<i64>> {
+        std::mem::swap(&mut self.coded, &mut self.previous);
         loop {
             match self.decoder.receive_frame(&mut self.coded) {
                 Ok(()) => {

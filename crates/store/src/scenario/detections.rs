@@ -1,4 +1,4 @@
-//! Transfer of a scenario's detections and their registrations. They are not sealed: each model has its own, tables and record
+//! Transfer of a scenario's detections, registrations and health. They are not sealed: each model has its own, tables and record
 //! belong together, and the record's hashes of the tables reveal damage. The record commits: it is sent last, and replaced only if it is
 //! still the one that was judged. Uploads replace only older or incomplete detections; downloads replace none but damaged ones.
 
@@ -9,7 +9,7 @@ use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::detections::{
-    FOLDER, Provenance, REGISTRATIONS, models_of, provenance, record_path,
+    FOLDER, FOLDERS, Provenance, models_of, provenance, record_path,
 };
 use dataset::corpus::seal::{self, SealedFile, hash_file, is_within};
 use dataset::files::json_file::write_atomically;
@@ -85,8 +85,7 @@ impl CorpusStore {
             }
             let there = self.objects(&folder.id()).await?;
             let files_of = |model: &String| {
-                let tables = [FOLDER, REGISTRATIONS];
-                let tables = tables.map(|parent| format!("{parent}/{model}.parquet"));
+                let tables = FOLDERS.map(|parent| format!("{parent}/{model}.parquet"));
                 tables.into_iter().chain([record_of(model)])
             };
             for name in models.iter().flat_map(files_of) {
@@ -342,7 +341,7 @@ fn has_no_others(
     model: &str,
     their_tables: &[SealedFile],
 ) -> Result<bool> {
-    for parent in [FOLDER, REGISTRATIONS] {
+    for parent in FOLDERS {
         let name = format!("{parent}/{model}.parquet");
         let path = own_path(folder.root(), &name)?;
         if !path.exists() {
@@ -361,6 +360,7 @@ fn sound(folder: &ScenarioFolder, model: &str) -> dataset::Result<Provenance> {
     let scenario = folder.open()?;
     scenario.detections(model)?;
     scenario.registrations(model)?;
+    scenario.health(model)?;
     provenance(folder, model)?
         .ok_or_else(|| dataset::Error::corpus(&record_path(folder, model), "is missing"))
 }

@@ -55,7 +55,7 @@ fn search(
         tiling: &tiling,
         modes: &modes,
     };
-    search_view(&scenario, &view, finder, &mut |_| Ok(())).unwrap()
+    search_view(&scenario, &view, finder, None, &mut |_| Ok(())).unwrap()
 }
 
 /// Search mode of each picture: `f`ull, `t`racked or `s`caled; a capital if it has no box.

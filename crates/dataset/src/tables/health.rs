@@ -1,0 +1,260 @@
+//! `health/<model>.parquet`: the condition of each camera at each tick, from its images alone.
+//!
+//! Input: the measurements of `dtd detect` for each image. Output: one typed row for each of them, with the camera's direction relative to
+//! the flight's usual one where it could be measured. The table belongs to the detections of the same model: their record names it
+//! ([`crate::corpus::detections`]), and it is replaced with them.
+
+use std::fmt;
+use std::path::Path;
+
+use glam::DVec2;
+use schemars::JsonSchema;
+
+use crate::error::Result;
+use crate::geometry::camera::Camera;
+use crate::numbers::limits::{self, Limits};
+use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::work::memory;
+
+/// A view at one tick.
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
+pub struct ViewHealth {
+    /// Number of the tick.
+    pub tick: u32,
+    /// Identifier of the view.
+    pub view: String,
+    /// Condition of the camera.
+    pub state: HealthState,
+    /// Its direction relative to the flight's usual one. In the table, numbers are null where it was not measured.
+    pub motion: Option<CameraTurn>,
+}
+
+/// The direction of a camera relative to its usual one, as seen in its image.
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
+pub struct CameraTurn {
+    /// Place of what is usually at the image's centre minus the centre, pixels to the right.
+    pub shift_x_px: f64,
+    /// The same, pixels down.
+    pub shift_y_px: f64,
+    /// Rotation of the image about its centre, clockwise, degrees.
+    pub roll_deg: f64,
+    /// Standard deviation of the shift, pixels, the larger of both axes.
+    pub shift_sd_px: f64,
+}
+
+impl CameraTurn {
+    /// Where the usual direction sees what now appears at a place.
+    pub fn usual_place(&self, camera: &Camera, place_px: DVec2) -> DVec2 {
+        let shift_px = DVec2::new(self.shift_x_px, self.shift_y_px);
+        let turn = camera.turn(shift_px, self.roll_deg.to_radians());
+        camera.pixel_of(turn.transpose() * camera.image_of(place_px).extend(1.0))
+    }
+}
+
+/// Conditions of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
+#[schemars(rename_all = "kebab-case")]
+pub enum HealthState {
+    /// It looks in its usual direction, and the image is a new one.
+    Steady,
+    /// It looks in another direction than usual.
+    Moved,
+    /// Its direction changes from image to image.
+    Shaking,
+    /// The image repeats an earlier one, although the aircraft moves.
+    Frozen,
+    /// The background shows too little to measure the direction.
+    Unknown,
+}
+
+impl HealthState {
+    /// All conditions.
+    pub const ALL: [Self; 5] = [
+        Self::Steady,
+        Self::Moved,
+        Self::Shaking,
+        Self::Frozen,
+        Self::Unknown,
+    ];
+
+    /// The word for it in the table.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Steady => "steady",
+            Self::Moved => "moved",
+            Self::Shaking => "shaking",
+            Self::Frozen => "frozen",
+            Self::Unknown => "unknown",
+        }
+    }
+
+    fn of_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.word() == word)
+    }
+}
+
+impl fmt::Display for HealthState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// Name of a number, its limits, and its accessor.
+type TurnField = (&'static str, Limits, fn(&CameraTurn) -> f64);
+
+const FIELDS: [TurnField; 4] = [
+    ("shift_x_px", limits::SHIFT_PX, |turn| turn.shift_x_px),
+    ("shift_y_px", limits::SHIFT_PX, |turn| turn.shift_y_px),
+    ("roll_deg", limits::CAMERA_ROLL_DEG, |turn| turn.roll_deg),
+    ("shift_sd_px", limits::SHIFT_SD_PX, |turn| turn.shift_sd_px),
+];
+
+/// Writes `health/<model>.parquet`.
+pub fn write_health(path: &Path, rows: &[ViewHealth]) -> Result<()> {
+    health_columns(rows).write(path)
+}
+
+/// The table `health/<model>.parquet` with its columns.
+pub fn health_columns(rows: &[ViewHealth]) -> TableWriter {
+    let table = TableWriter::new()
+        .u32("tick", rows.iter().map(|row| row.tick))
+        .text("view", rows.iter().map(|row| &row.view))
+        .text("state", rows.iter().map(|row| row.state.word()));
+    let turns = rows.iter().map(|row| row.motion.as_ref());
+    FIELDS
+        .into_iter()
+        .fold(table, |table, (name, limits, get)| {
+            table.optional_f64_within(name, limits, turns.clone().map(|turn| turn.map(get)))
+        })
+}
+
+/// Reads the content of `health/<model>.parquet` of a scenario with this many images, each with at most one row; messages name it as
+/// `path`.
+///
+/// # Errors
+/// A number is outside its limits, a row has only some of its numbers, or an unknown state.
+pub fn parse_health(content: Vec<u8>, path: &Path, images: u64) -> Result<Vec<ViewHealth>> {
+    health_of(&mut Table::parse(content, path, images)?)
+}
+
+/// The same from a file, but collecting numbers outside their limits.
+pub(crate) fn read_health_with_faults(
+    path: &Path,
+    images: u64,
+) -> Result<(Vec<ViewHealth>, Vec<ColumnOutOfLimits>)> {
+    let mut table = Table::read(path, images)?.collecting();
+    let rows = health_of(&mut table)?;
+    Ok((rows, table.into_collected()))
+}
+
+fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
+    let row_bytes = 2 * size_of::<ViewHealth>() + 96;
+    memory::check("table of health", (table.rows() * row_bytes) as u64)?;
+    let ticks = table.u32("tick")?;
+    let mut columns = Vec::with_capacity(FIELDS.len());
+    for (name, limits, _) in FIELDS {
+        columns.push(table.optional_f64_within(name, limits)?);
+    }
+    let views = table.text("view")?;
+    let words = views.into_iter().zip(table.text("state")?);
+    let rows = ticks.into_iter().zip(words).enumerate();
+    rows.map(|(row, (tick, (view, word)))| {
+        let state = HealthState::of_word(&word).ok_or_else(|| {
+            let known = HealthState::ALL.map(HealthState::word).join(", ");
+            table.fault(format!(
+                "row {row}: state is {word:?}, expected one of {known}"
+            ))
+        })?;
+        let numbers: Vec<_> = columns.iter().filter_map(|column| column[row]).collect();
+        let motion = match numbers.as_slice() {
+            [] => None,
+            &[shift_x_px, shift_y_px, roll_deg, shift_sd_px] => Some(CameraTurn {
+                shift_x_px,
+                shift_y_px,
+                roll_deg,
+                shift_sd_px,
+            }),
+            some => {
+                return Err(table.fault(format!(
+                    "row {row} has {} of {} numbers, expected all or none",
+                    some.len(),
+                    FIELDS.len()
+                )));
+            }
+        };
+        Ok(ViewHealth {
+            tick,
+            view,
+            state,
+            motion,
+        })
+    })
+    .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows() -> Vec<ViewHealth> {
+        let turn = CameraTurn {
+            shift_x_px: 1.5,
+            shift_y_px: -0.25,
+            roll_deg: 0.01,
+            shift_sd_px: 0.04,
+        };
+        (0..)
+            .zip(HealthState::ALL)
+            .map(|(tick, state)| ViewHealth {
+                tick,
+                view: "left".into(),
+                state,
+                motion: (state != HealthState::Unknown).then_some(turn),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn health_is_read_back_as_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("abc.parquet");
+        for rows in [rows(), Vec::new()] {
+            write_health(&path, &rows).unwrap();
+            let content = std::fs::read(&path).unwrap();
+            assert_eq!(parse_health(content, &path, 5).unwrap(), rows);
+        }
+    }
+
+    #[test]
+    fn an_unknown_state_and_half_a_turn_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("abc.parquet");
+        let read = |state: &str, numbers: [Option<f64>; 4]| {
+            let table = TableWriter::new()
+                .u32("tick", [0])
+                .text("view", ["left"])
+                .text("state", [state]);
+            let named = FIELDS.iter().zip(numbers);
+            let table = named.fold(table, |table, ((name, ..), number)| {
+                table.optional_f64(name, [number])
+            });
+            table.write(&path).unwrap();
+            let content = std::fs::read(&path).unwrap();
+            parse_health(content, &path, 1).unwrap_err().to_string()
+        };
+        let whole = [Some(1.0); 4];
+        let half = [Some(1.0), None, None, Some(0.1)];
+        for (state, numbers, words) in [
+            (
+                "ill",
+                whole,
+                "row 0: state is \"ill\", expected one of steady, moved",
+            ),
+            ("moved", half, "row 0 has 2 of 4 numbers"),
+            ("moved", [Some(f64::NAN); 4], "row 0: shift_x_px NaN"),
+        ] {
+            let message = read(state, numbers);
+            assert!(message.contains(words), "{message}");
+        }
+    }
+}

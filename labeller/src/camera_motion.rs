@@ -1,0 +1,297 @@
+//! Measures how a fixed camera turns during a flight, from the ground that its images show.
+//!
+//! Input: the brightness of each image, in order, and the camera, whose calibration serves as a mask and for its focal length only. Output:
+//! the turn of each image from the first one, with its standard deviation, or none where the ground shows too little.
+//!
+//! Some hundred tiles with the most structure below the horizon are compared with a reference image, each with its own gain and offset.
+//! Their displacements decide about one rotation (Gauss and Newton; Lucas and Kanade, "An iterative image registration technique", 1981).
+//! Tiles that contradict the others count less (Cauchy's weights), so that vehicles, waves and clouds drop out. If the turn of the image
+//! before does not lead to a fit, shrunk images are searched first ([`coarse`]). When the light has changed so much that few tiles still
+//! resemble the reference, the image becomes the new reference, at its measured turn.
+
+mod coarse;
+mod tile;
+
+use dataset::geometry::camera::Camera;
+use dataset::video::Luma;
+use glam::DVec2;
+
+use crate::registration::Normal;
+use coarse::Coarse;
+use tile::{Tile, tiles_of};
+
+/// Greatest elevation of stationary objects above the horizon, radians.
+const ABOVE_HORIZON_RAD: f64 = 0.006;
+/// Tiles that must agree.
+const FEWEST_TILES: usize = 8;
+/// A tile further from the common turn, in its standard deviations, counts less than half.
+const TOLERATED: f64 = 3.0;
+/// With fewer agreeing tiles than this part of the usual number, the reference is replaced.
+const FADED: f64 = 0.6;
+/// No standard deviation is below this, pixels: interpolation and compression.
+const LEAST_SD_PX: f64 = 0.02;
+/// A turn with a larger standard deviation counts as not measured, pixels.
+const MOST_SD_PX: f64 = 1.0;
+/// Usual range of rolls, as the shift at half of the width, pixels: decides only where tiles do not.
+const ROLL_SD_PX: f64 = 20.0;
+/// Steps of the iteration: one without an end does not fit.
+const MOST_STEPS: u32 = 12;
+/// A step below this ends the iteration, pixels.
+const SMALL_STEP_PX: f64 = 0.02;
+/// After failures, at most this many images pass without a search.
+const LONGEST_PAUSE: u32 = 64;
+
+/// Rotation of a camera, as what its image shows moves.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Turn {
+    /// Shift at the image's centre, right and down, pixels.
+    pub(crate) shift_px: DVec2,
+    /// Rotation about the centre, clockwise, radians.
+    pub(crate) roll_rad: f64,
+}
+
+/// A turn with the standard deviation of its shift, the larger of both axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Measured {
+    pub(crate) turn: Turn,
+    pub(crate) sd_px: f64,
+}
+
+impl Turn {
+    fn to_array(self, camera: &Camera) -> [f64; 3] {
+        let half_px = f64::from(camera.width_px) / 2.0;
+        [self.shift_px.x, self.shift_px.y, self.roll_rad * half_px]
+    }
+
+    fn from_array([x, y, roll_px]: [f64; 3], camera: &Camera) -> Self {
+        Self {
+            shift_px: DVec2::new(x, y),
+            roll_rad: roll_px / (f64::from(camera.width_px) / 2.0),
+        }
+    }
+}
+
+/// Measures the images of a view, one after another.
+pub(crate) struct CameraMotion {
+    camera: Camera,
+    /// First row of the ground.
+    top: usize,
+    reference: Option<Reference>,
+    /// The last measured turn.
+    last: Turn,
+    /// Images to pass without a search, and how many after the next failure.
+    pause: u32,
+    next_pause: u32,
+}
+
+struct Reference {
+    turn: Turn,
+    sd_px: f64,
+    tiles: Vec<Tile>,
+    coarse: Coarse,
+    /// The most tiles that have agreed so far.
+    usual: usize,
+}
+
+/// The turn from the reference.
+struct Fit {
+    turn: Turn,
+    sd_px: f64,
+    agreeing: usize,
+}
+
+impl CameraMotion {
+    pub(crate) fn new(camera: &Camera) -> Self {
+        let up = camera.ecef_from_camera.transpose() * camera.center_ecef_m.normalize_or_zero();
+        let horizon_px = camera.principal_px.y - camera.focal_px * up.z / up.y;
+        let top_px = horizon_px - ABOVE_HORIZON_RAD * camera.focal_px;
+        Self {
+            camera: *camera,
+            // NaN and values below 0 become 0.
+            top: top_px as usize,
+            reference: None,
+            last: Turn::default(),
+            pause: 0,
+            next_pause: 1,
+        }
+    }
+
+    /// First row of the ground.
+    pub(crate) fn top(&self) -> usize {
+        self.top
+    }
+
+    /// The turn of the next image from the first one.
+    pub(crate) fn next(&mut self, image: &Luma<'_>) -> Option<Measured> {
+        let size_px = [
+            self.camera.width_px as usize,
+            self.camera.height_px as usize,
+        ];
+        if [image.width_px, image.height_px] != size_px {
+            return None;
+        }
+        if self.reference.is_none() {
+            if self.pauses() {
+                return None;
+            }
+            let begun = self.refer(image, Turn::default(), 0.0);
+            self.searched(begun);
+            return begun.then_some(Measured {
+                turn: Turn::default(),
+                sd_px: LEAST_SD_PX,
+            });
+        }
+        let fit = self.fit(image)?;
+        let reference = self.reference.as_mut()?;
+        reference.usual = reference.usual.max(fit.agreeing);
+        let faded = reference.is_faded_in(&fit);
+        let turn = after(fit.turn, reference.turn);
+        let sd_px = fit.sd_px.hypot(reference.sd_px);
+        self.last = turn;
+        if faded {
+            // A worse one is not taken.
+            self.refer(image, turn, sd_px);
+        }
+        (sd_px <= MOST_SD_PX).then_some(Measured { turn, sd_px })
+    }
+
+    /// Makes an image the reference if it has enough tiles.
+    fn refer(&mut self, image: &Luma<'_>, turn: Turn, sd_px: f64) -> bool {
+        let tiles = tiles_of(image, self.top, &self.camera);
+        let enough = tiles.len() >= FEWEST_TILES;
+        if enough {
+            self.reference = Some(Reference {
+                turn,
+                sd_px,
+                coarse: Coarse::of(image, self.top),
+                usual: tiles.len() / 2,
+                tiles,
+            });
+        }
+        enough
+    }
+
+    fn fit(&mut self, image: &Luma<'_>) -> Option<Fit> {
+        let camera = self.camera;
+        let reference = self.reference.as_ref()?;
+        let begin = before(self.last, reference.turn);
+        let near = reference.fit(image, &camera, begin);
+        let is_sure = |fit: &Fit| !reference.is_faded_in(fit);
+        if near.as_ref().is_some_and(is_sure) {
+            self.searched(true);
+            return near;
+        }
+        if self.pauses() {
+            return near;
+        }
+        let reference = self.reference.as_ref()?;
+        let moved = reference
+            .coarse
+            .shift_to(&Coarse::of(image, self.top), begin.shift_px);
+        let fit = moved.and_then(|shift_px| {
+            let roll_rad = begin.roll_rad;
+            reference.fit(image, &camera, Turn { shift_px, roll_rad })
+        });
+        let agreeing = |fit: &Option<Fit>| fit.as_ref().map_or(0, |fit| fit.agreeing);
+        let found = agreeing(&fit) > agreeing(&near);
+        self.searched(found);
+        if found { fit } else { near }
+    }
+
+    /// True while searches are left out after failures.
+    fn pauses(&mut self) -> bool {
+        let pauses = self.pause > 0;
+        self.pause = self.pause.saturating_sub(1);
+        pauses
+    }
+
+    fn searched(&mut self, found: bool) {
+        if found {
+            (self.pause, self.next_pause) = (0, 1);
+        } else {
+            self.pause = self.next_pause;
+            self.next_pause = (2 * self.next_pause).min(LONGEST_PAUSE);
+        }
+    }
+}
+
+/// Turns are small: they add up.
+fn after(then: Turn, first: Turn) -> Turn {
+    Turn {
+        shift_px: then.shift_px + first.shift_px,
+        roll_rad: then.roll_rad + first.roll_rad,
+    }
+}
+
+fn before(whole: Turn, first: Turn) -> Turn {
+    Turn {
+        shift_px: whole.shift_px - first.shift_px,
+        roll_rad: whole.roll_rad - first.roll_rad,
+    }
+}
+
+impl Reference {
+    /// True if few tiles agree.
+    fn is_faded_in(&self, fit: &Fit) -> bool {
+        (fit.agreeing as f64) < FADED * self.usual as f64
+    }
+
+    /// Refines a turn; `None` if the tiles do not agree there.
+    fn fit(&self, image: &Luma<'_>, camera: &Camera, begin: Turn) -> Option<Fit> {
+        let mut numbers = begin.to_array(camera);
+        for _ in 0..MOST_STEPS {
+            let turn = Turn::from_array(numbers, camera);
+            let matrix = camera.turn(turn.shift_px, turn.roll_rad);
+            let told: Vec<_> = (self.tiles.iter())
+                .filter_map(|tile| {
+                    let there = camera.pixel_of(matrix * tile.direction);
+                    Some((tile, tile.told(image, there - tile.middle_px)?))
+                })
+                .collect();
+            if told.len() < FEWEST_TILES {
+                return None;
+            }
+            let mut misfits = vec![0.0; told.len()];
+            let mut step = [0.0; 3];
+            let mut sd_px = f64::INFINITY;
+            for _ in 0..10 {
+                let mut equations = Normal::<3>::new();
+                equations.add(&[0.0, 0.0, 1.0], -numbers[2], ROLL_SD_PX.powi(-2));
+                let (mut squares, mut weights) = (0.0, 0.0);
+                for ((tile, told), misfit) in told.iter().zip(&misfits) {
+                    let weight = 1.0 / (1.0 + f64::powi(misfit / TOLERATED, 2));
+                    squares += weight * misfit * misfit;
+                    weights += 2.0 * weight;
+                    for (row, value, certainty) in told.equations(&tile.slopes) {
+                        equations.add(&row, value, weight * certainty);
+                    }
+                }
+                step = equations.solve()?;
+                for ((tile, told), misfit) in told.iter().zip(&mut misfits) {
+                    *misfit = told.misfit(&tile.slopes, &step);
+                }
+                let inverse = equations.inverse()?;
+                let spread = (squares / weights).max(1.0);
+                sd_px = (inverse[0][0].max(inverse[1][1]) * spread).sqrt();
+            }
+            let agreeing = misfits.iter().filter(|misfit| **misfit < TOLERATED).count();
+            let longest = step.iter().fold(0.0_f64, |most, step| most.max(step.abs()));
+            for (number, step) in numbers.iter_mut().zip(step) {
+                // Slopes hold for some pixels only.
+                *number += step.clamp(-3.0, 3.0);
+            }
+            if longest < SMALL_STEP_PX {
+                let least = FEWEST_TILES.max(self.usual / 4).max(told.len() / 2);
+                return (agreeing >= least).then(|| Fit {
+                    turn: Turn::from_array(numbers, camera),
+                    sd_px: sd_px.max(LEAST_SD_PX),
+                    agreeing,
+                });
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests;

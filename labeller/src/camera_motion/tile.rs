@@ -1,0 +1,268 @@
+//! Small parts of a reference image, and their places in another one.
+
+use dataset::geometry::camera::Camera;
+use dataset::video::Luma;
+use glam::{DVec2, DVec3};
+
+use super::Turn;
+
+/// Size of a tile, pixels: wide, because what stands on the ground far away is flat in the image.
+const WIDTH: usize = 32;
+const HEIGHT: usize = 16;
+/// Pixels around a tile that its blur and its slopes reach.
+const BORDER: usize = 2;
+/// Parts of the image's width, each of which has its own best tiles.
+const BANDS: usize = 8;
+/// Tiles of a band with the most structure across, and down.
+const BEST_ACROSS: usize = 8;
+const BEST_DOWN: usize = 5;
+/// Least sum of the squares of a tile's slopes: with a noise of two grey levels it shows a shift to a fifth of a pixel.
+const LEAST_STRUCTURE: f64 = 400.0;
+/// A tile whose image resembles the reference less is covered or changed.
+const LEAST_CORRELATION: f64 = 0.6;
+/// Least noise of a pixel, grey levels.
+const NOISE_LEVELS: f64 = 1.5;
+/// Neighbouring pixels share their blur and their errors: so many count as one.
+const SHARED: f64 = 4.0;
+/// No tile shows its place better than this, pixels.
+const LEAST_SD_PX: f64 = 0.06;
+
+/// A tile of the reference.
+#[derive(Debug, Clone)]
+pub(super) struct Tile {
+    left: usize,
+    top: usize,
+    pub(super) middle_px: DVec2,
+    /// From where its middle is seen.
+    pub(super) direction: DVec3,
+    /// By how much its place changes with the turn, right and down.
+    pub(super) slopes: [[f64; 3]; 2],
+    /// Blurred light about its mean, and its slopes right and down without what gain and offset explain.
+    light: Vec<[f32; 3]>,
+    /// Sum of the squares of its light.
+    power: f64,
+    /// Sums of the products of its slopes.
+    structure: [f64; 3],
+}
+
+/// Where a tile wants to be.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Told {
+    /// Step to its best place, pixels.
+    best_px: DVec2,
+    /// Directions of most and least structure, each with its certainty, 1 / square pixels.
+    axes: [(DVec2, f64); 2],
+}
+
+impl Told {
+    /// Two independent equations for a change of the turn: row, value and certainty.
+    pub(super) fn equations(&self, slopes: &[[f64; 3]; 2]) -> [([f64; 3], f64, f64); 2] {
+        self.axes.map(|(axis, certainty)| {
+            let row = std::array::from_fn(|i| axis.x * slopes[0][i] + axis.y * slopes[1][i]);
+            (row, axis.dot(self.best_px), certainty)
+        })
+    }
+
+    /// Standard deviations between its own best step and the one that a change of the turn makes.
+    pub(super) fn misfit(&self, slopes: &[[f64; 3]; 2], step: &[f64; 3]) -> f64 {
+        let squares = self.equations(slopes).map(|(row, value, certainty)| {
+            let moved: f64 = row.iter().zip(step).map(|(row, step)| row * step).sum();
+            certainty * (moved - value).powi(2)
+        });
+        squares.iter().sum::<f64>().sqrt()
+    }
+}
+
+/// The tiles of an image below a row that show most.
+pub(super) fn tiles_of(image: &Luma<'_>, top: usize, camera: &Camera) -> Vec<Tile> {
+    let first_row = top.max(BORDER + 1);
+    let rows = (first_row..(image.height_px.saturating_sub(HEIGHT + BORDER + 1))).step_by(HEIGHT);
+    let last_column = image.width_px.saturating_sub(WIDTH + BORDER + 1);
+    let mut bands: Vec<Vec<(usize, usize, [f64; 2])>> = vec![Vec::new(); BANDS];
+    for row in rows {
+        for column in (BORDER + 1..last_column).step_by(WIDTH) {
+            let band = column * BANDS / image.width_px;
+            bands[band].push((column, row, rough_structure(image, column, row)));
+        }
+    }
+    let mut chosen = Vec::new();
+    for mut band in bands {
+        for (axis, count) in [(0, BEST_ACROSS), (1, BEST_DOWN)] {
+            band.sort_by(|a, b| b.2[axis].total_cmp(&a.2[axis]));
+            let kept = band.iter().take(count);
+            let enough = kept.filter(|(.., structure)| structure[axis] > LEAST_STRUCTURE);
+            let places: Vec<_> = enough.map(|&(column, row, _)| (column, row)).collect();
+            band.retain(|&(column, row, _)| !places.contains(&(column, row)));
+            chosen.extend(places);
+        }
+    }
+    let made = chosen.into_iter();
+    made.filter_map(|place| Tile::of(image, place, camera))
+        .collect()
+}
+
+/// Sums of the squares of the slopes right and down.
+fn rough_structure(image: &Luma<'_>, left: usize, top: usize) -> [f64; 2] {
+    let mut sums = [0_u64; 2];
+    for row in top..top + HEIGHT {
+        let [above, here, below] = [row - 1, row, row + 1].map(|row| image.row(row));
+        for column in left..left + WIDTH {
+            let across = i32::from(here[column + 1]) - i32::from(here[column - 1]);
+            let down = i32::from(below[column]) - i32::from(above[column]);
+            sums[0] += (across * across) as u64;
+            sums[1] += (down * down) as u64;
+        }
+    }
+    sums.map(|sum| sum as f64 / 4.0)
+}
+
+impl Tile {
+    fn of(image: &Luma<'_>, (left, top): (usize, usize), camera: &Camera) -> Option<Self> {
+        let (wide, high) = (WIDTH + 2, HEIGHT + 2);
+        let around = blurred(image, [left as f64 - 1.0, top as f64 - 1.0], [wide, high])?;
+        let at = |column: usize, row: usize| around[row * wide + column];
+        let places = (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (column, row)));
+        let mut light: Vec<[f32; 3]> = places
+            .map(|(x, y)| {
+                [
+                    at(x + 1, y + 1),
+                    (at(x + 2, y + 1) - at(x, y + 1)) / 2.0,
+                    (at(x + 1, y + 2) - at(x + 1, y)) / 2.0,
+                ]
+            })
+            .collect();
+        let count = light.len() as f32;
+        let sums = light.iter().fold([0.0; 3], |sums: [f32; 3], values| {
+            std::array::from_fn(|i| sums[i] + values[i])
+        });
+        for values in &mut light {
+            for (value, sum) in values.iter_mut().zip(sums) {
+                *value -= sum / count;
+            }
+        }
+        let product = |light: &[[f32; 3]], i: usize, k: usize| -> f64 {
+            let products = light.iter().map(|values| f64::from(values[i] * values[k]));
+            products.sum()
+        };
+        let power = product(&light, 0, 0) + 1e-6;
+        for slope in [1, 2] {
+            let explained = (product(&light, 0, slope) / power) as f32;
+            for values in &mut light {
+                values[slope] -= explained * values[0];
+            }
+        }
+        let structure = [(1, 1), (1, 2), (2, 2)].map(|(i, k)| product(&light, i, k));
+        let middle_px = DVec2::new(left as f64, top as f64)
+            + DVec2::new(WIDTH as f64 - 1.0, HEIGHT as f64 - 1.0) / 2.0;
+        let direction = camera.image_of(middle_px).extend(1.0);
+        let place = |numbers: [f64; 3]| {
+            let turn = Turn::from_array(numbers, camera);
+            camera.pixel_of(camera.turn(turn.shift_px, turn.roll_rad) * direction)
+        };
+        const SMALL_PX: f64 = 1e-3;
+        let mut slopes = [[0.0; 3]; 2];
+        for unknown in 0..3 {
+            let mut numbers = [0.0; 3];
+            numbers[unknown] = SMALL_PX;
+            let slope = (place(numbers) - middle_px) / SMALL_PX;
+            (slopes[0][unknown], slopes[1][unknown]) = (slope.x, slope.y);
+        }
+        Some(Self {
+            left,
+            top,
+            middle_px,
+            direction,
+            slopes,
+            light,
+            power,
+            structure,
+        })
+    }
+
+    /// Where the tile wants to be in an image, from its place moved by `shift_px`; `None` beyond the image's edge, or if the image does not
+    /// resemble the tile there.
+    pub(super) fn told(&self, image: &Luma<'_>, shift_px: DVec2) -> Option<Told> {
+        let place = [self.left as f64 + shift_px.x, self.top as f64 + shift_px.y];
+        let found = blurred(image, place, [WIDTH, HEIGHT])?;
+        // Sums of the light there, of its square, and of its products with the tile.
+        let mut sums = [0.0_f32; 5];
+        let mean = found.iter().sum::<f32>() / found.len() as f32;
+        for (found, tile) in found.iter().zip(&self.light) {
+            let found = found - mean;
+            sums[1] += found * found;
+            for (sum, value) in sums[2..].iter_mut().zip(tile) {
+                *sum += found * value;
+            }
+        }
+        let [_, square, with_light, across, down] = sums.map(f64::from);
+        let gain = with_light / self.power;
+        let correlation = with_light / (self.power * square + 1e-6).sqrt();
+        if correlation < LEAST_CORRELATION {
+            return None;
+        }
+        // found = gain (light - step . slope): moved by `step` to the right, the light at a place is that of the left of it.
+        let [xx, xy, yy] = self.structure;
+        let ridge = 1e-3 * (xx + yy) + 1e-9;
+        let pull = DVec2::new(-across, -down) / gain;
+        let determinant = (xx + ridge) * (yy + ridge) - xy * xy;
+        let best_px = DVec2::new(
+            (yy + ridge) * pull.x - xy * pull.y,
+            (xx + ridge) * pull.y - xy * pull.x,
+        ) / determinant;
+        let explained = gain * gain * (self.power + pull.dot(best_px));
+        let rest = (square - explained).max(0.0) / (found.len() - 4) as f64;
+        let variance = rest.max(NOISE_LEVELS * NOISE_LEVELS) * SHARED / (gain * gain);
+        let axis = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
+        let axes = [axis, axis.perp()].map(|axis| {
+            let structure =
+                axis.x * axis.x * xx + 2.0 * axis.x * axis.y * xy + axis.y * axis.y * yy;
+            let variance = variance / structure.max(1e-9) + LEAST_SD_PX * LEAST_SD_PX;
+            (axis, variance.recip())
+        });
+        Some(Told { best_px, axes })
+    }
+}
+
+/// A part of an image that begins between its pixels, blurred by one, two, one quarters both ways; `None` if it reaches beyond the edge.
+fn blurred(
+    image: &Luma<'_>,
+    [left, top]: [f64; 2],
+    [width, height]: [usize; 2],
+) -> Option<Vec<f32>> {
+    let reach = 1.0;
+    let inside = left >= reach
+        && top >= reach
+        && left + (width + 2) as f64 <= image.width_px as f64
+        && top + (height + 2) as f64 <= image.height_px as f64;
+    if !inside {
+        return None;
+    }
+    // Interpolation and blur together: four taps.
+    let taps = |part: f64| {
+        let part = part as f32;
+        [
+            (1.0 - part) / 4.0,
+            (2.0 - part) / 4.0,
+            (1.0 + part) / 4.0,
+            part / 4.0,
+        ]
+    };
+    let (column, row) = (left as usize - 1, top as usize - 1);
+    let [a, b, c, d] = taps(left.fract());
+    let mut across = Vec::with_capacity(width * (height + 3));
+    for row in row..row + height + 3 {
+        let line = &image.row(row)[column..column + width + 3];
+        across.extend(line.windows(4).map(|pixels| {
+            let [p, q, r, s] = [0, 1, 2, 3].map(|i| f32::from(pixels[i]));
+            a * p + b * q + c * r + d * s
+        }));
+    }
+    let [a, b, c, d] = taps(top.fract());
+    let mut both = Vec::with_capacity(width * height);
+    for row in 0..height {
+        let line = |i: usize| &across[(row + i) * width..(row + i + 1) * width];
+        let lines = line(0).iter().zip(line(1)).zip(line(2)).zip(line(3));
+        both.extend(lines.map(|(((p, q), r), s)| a * p + b * q + c * r + d * s));
+    }
+    Some(both)
+}

@@ -1,0 +1,247 @@
+//! The condition of a camera at each tick, from what its images showed one after another.
+//!
+//! Input: the turn of each image and how much it differs from the one before ([`Look`]), and the boxes of the view. Output: a state for
+//! each tick, and the turn relative to the flight's usual direction. That is the direction in which a flight begins, the mean over all of
+//! its ticks: a camera that was moved before is a matter of other flights. Rules look at some seconds and ticks around each tick; a state
+//! needs a deviation that is large and certain, so that a healthy camera's rows say nothing.
+
+mod frozen;
+
+use dataset::tables::health::{CameraTurn, HealthState};
+use dataset::tables::pixel_box::PixelBox;
+use dataset::video::Luma;
+use glam::DVec2;
+
+use crate::camera_motion::{Measured, Turn};
+pub(crate) use frozen::Change;
+
+/// Version of this measurement; health of another one is measured again.
+pub(crate) const METHOD: u32 = 1;
+
+/// Ticks and seconds around a tick that decide about it.
+const AROUND_TICKS: usize = 5;
+const AROUND_S: f64 = 2.5;
+/// A direction that is off by less is usual, pixels.
+const LEAST_OFF_PX: f64 = 0.3;
+/// And one that is off by fewer standard deviations.
+const LEAST_OFF_SD: f64 = 6.0;
+/// No standard deviation of a direction is below this, pixels: light and compression.
+const LEAST_SD_PX: f64 = 0.05;
+/// Ticks that must be off for a lasting move.
+const FEWEST_MOVED: usize = 3;
+/// A direction belongs to the usual one up to so many times the scatter, and up to this, pixels.
+const SCATTER: f64 = 1.5;
+const SAME_PX: f64 = 0.5;
+
+/// What an image showed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Look {
+    pub(crate) tick: u32,
+    pub(crate) time_s: f64,
+    /// Turn from the first image; `None` if it could not be measured.
+    pub(crate) turn: Option<Measured>,
+    /// Comparison with the image before around a box.
+    pub(crate) change: Option<Change>,
+}
+
+impl Look {
+    /// Looks at an image. `before`: the one before it, `seen`: its best box.
+    pub(crate) fn of(
+        (tick, time_s): (u32, f64),
+        turn: Option<Measured>,
+        images: [Option<Luma<'_>>; 2],
+        seen: Option<PixelBox>,
+    ) -> Self {
+        let change = match (images, seen) {
+            ([Some(before), Some(now)], Some(seen)) => Change::between(&before, &now, seen),
+            _ => None,
+        };
+        Self {
+            tick,
+            time_s,
+            turn,
+            change,
+        }
+    }
+}
+
+/// State and turn of each look. `confirmed`: the box that counts of each.
+pub(crate) fn judge(
+    looks: &[Look],
+    confirmed: &[Option<PixelBox>],
+) -> Vec<(HealthState, Option<CameraTurn>)> {
+    let frozen = frozen::frozen(looks, confirmed);
+    let usual = usual(looks);
+    let off: Vec<Option<Off>> = (looks.iter())
+        .map(|look| Some(Off::of(look.turn?, usual?)))
+        .collect();
+    let states: Vec<Option<HealthState>> = (0..looks.len())
+        .map(|tick| direction_at(tick, looks, &off))
+        .collect();
+    let known = |tick: usize| states[tick].unwrap_or_else(|| gap_at(tick, looks, &states));
+    (0..looks.len())
+        .map(|tick| {
+            let turn = off[tick].as_ref().map(Off::turn);
+            let state = if frozen[tick] {
+                HealthState::Frozen
+            } else {
+                known(tick)
+            };
+            (state, turn)
+        })
+        .collect()
+}
+
+/// A direction relative to the usual one.
+#[derive(Debug, Clone, Copy)]
+struct Off {
+    turn: Turn,
+    sd_px: f64,
+}
+
+impl Off {
+    fn of(measured: Measured, usual: Turn) -> Self {
+        Self {
+            turn: Turn {
+                shift_px: measured.turn.shift_px - usual.shift_px,
+                roll_rad: measured.turn.roll_rad - usual.roll_rad,
+            },
+            sd_px: measured.sd_px,
+        }
+    }
+
+    fn turn(&self) -> CameraTurn {
+        CameraTurn {
+            shift_x_px: self.turn.shift_px.x,
+            shift_y_px: self.turn.shift_px.y,
+            roll_deg: self.turn.roll_rad.to_degrees(),
+            shift_sd_px: self.sd_px,
+        }
+    }
+
+    /// Largest deviation that counts as none.
+    fn tolerated_px(&self) -> f64 {
+        LEAST_OFF_PX.max(LEAST_OFF_SD * self.sd_px.max(LEAST_SD_PX))
+    }
+
+    fn is_off_from(&self, direction_px: DVec2) -> bool {
+        self.turn.shift_px.distance(direction_px) > self.tolerated_px()
+    }
+}
+
+/// Ticks around a tick, itself included.
+fn around(tick: usize, looks: &[Look]) -> std::ops::Range<usize> {
+    let time_s = looks[tick].time_s;
+    let is_near = |other: usize| {
+        other.abs_diff(tick) <= AROUND_TICKS || (looks[other].time_s - time_s).abs() <= AROUND_S
+    };
+    let start = (0..tick).rev().take_while(|&other| is_near(other)).last();
+    let end = (tick..looks.len())
+        .take_while(|&other| is_near(other))
+        .last();
+    start.unwrap_or(tick)..end.unwrap_or(tick) + 1
+}
+
+/// The direction in which the flight begins, averaged over all ticks that look there.
+fn usual(looks: &[Look]) -> Option<Turn> {
+    let turns: Vec<Turn> = looks
+        .iter()
+        .filter_map(|look| Some(look.turn?.turn))
+        .collect();
+    let measured: Vec<Look> = looks
+        .iter()
+        .filter(|look| look.turn.is_some())
+        .copied()
+        .collect();
+    let medians: Vec<DVec2> = (0..measured.len())
+        .map(|tick| {
+            median(
+                turns[around(tick, &measured)]
+                    .iter()
+                    .map(|turn| turn.shift_px),
+            )
+        })
+        .collect();
+    let off = turns.iter().zip(&medians);
+    let scatter_px =
+        1.48 * median(off.map(|(turn, median)| DVec2::splat(turn.shift_px.distance(*median)))).x;
+    let tolerated_px = SAME_PX.max(SCATTER * scatter_px);
+    let mut direction_px = *medians.first()?;
+    let mut there: Vec<&Turn> = Vec::new();
+    for _ in 0..3 {
+        let places = turns.iter().zip(&medians);
+        there = places
+            .filter(|(_, median)| median.distance(direction_px) <= tolerated_px)
+            .map(|(turn, _)| turn)
+            .collect();
+        if there.is_empty() {
+            return None;
+        }
+        direction_px = median(there.iter().map(|turn| turn.shift_px));
+    }
+    // One wild measurement must not move the mean.
+    let is_near = |turn: &&&Turn| turn.shift_px.distance(direction_px) <= 2.0 * tolerated_px;
+    let near: Vec<&Turn> = there.iter().filter(is_near).copied().collect();
+    let count = near.len().max(1) as f64;
+    Some(Turn {
+        shift_px: near.iter().map(|turn| turn.shift_px).sum::<DVec2>() / count,
+        roll_rad: near.iter().map(|turn| turn.roll_rad).sum::<f64>() / count,
+    })
+}
+
+/// State of a tick by its direction and those around it; `None` if its own was not measured.
+fn direction_at(tick: usize, looks: &[Look], off: &[Option<Off>]) -> Option<HealthState> {
+    let own = off[tick]?;
+    let around = around(tick, looks);
+    let measured = |range: std::ops::Range<usize>| off[range].iter().flatten();
+    let median = median(measured(around.clone()).map(|off| off.turn.shift_px));
+    let off_ticks = measured(around.clone()).filter(|off| off.is_off_from(DVec2::ZERO));
+    let is_moved = median.length() > own.tolerated_px() && off_ticks.count() >= FEWEST_MOVED;
+    // A step has scatter on one of its sides only, about the direction of the other.
+    let scatters = |range: std::ops::Range<usize>| {
+        let many = range.len().div_ceil(5).max(2);
+        range.is_empty()
+            || measured(range)
+                .filter(|off| off.is_off_from(median))
+                .count()
+                >= many
+    };
+    let is_shaking =
+        around.len() > 2 && scatters(around.start..tick) && scatters(tick + 1..around.end)
+            || !is_moved && own.is_off_from(DVec2::ZERO)
+            || is_moved && own.is_off_from(median);
+    Some(match (is_shaking, is_moved) {
+        (true, _) => HealthState::Shaking,
+        (false, true) => HealthState::Moved,
+        (false, false) => HealthState::Steady,
+    })
+}
+
+/// State of a tick that was not measured: it may be off if its neighbours are.
+fn gap_at(tick: usize, looks: &[Look], states: &[Option<HealthState>]) -> HealthState {
+    let around = around(tick, looks);
+    let is_shaking = |state: &&HealthState| **state == HealthState::Shaking;
+    let near = states[around].iter().flatten();
+    if near.clone().filter(is_shaking).count() * 2 > near.count() {
+        return HealthState::Shaking;
+    }
+    let before = states[..tick].iter().rev().flatten().next();
+    let after = states[tick..].iter().flatten().next();
+    if before == Some(&HealthState::Moved) || after == Some(&HealthState::Moved) {
+        return HealthState::Moved;
+    }
+    HealthState::Unknown
+}
+
+/// Median of each axis; zero without any.
+fn median(places: impl Iterator<Item = DVec2> + Clone) -> DVec2 {
+    let of = |axis: fn(&DVec2) -> f64| {
+        let mut values: Vec<f64> = places.clone().map(|place| axis(&place)).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or_default()
+    };
+    DVec2::new(of(|place| place.x), of(|place| place.y))
+}
+
+#[cfg(test)]
+mod tests;
