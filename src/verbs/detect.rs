@@ -11,7 +11,9 @@ use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
 use dataset::work::watch::Watch;
 use generator::shard::Shard;
-use labeller::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus};
+use labeller::{
+    DetectOptions, DetectOutcome, FalseBoxes, RegistrationCounts, TruthCounts, detect_corpus,
+};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
@@ -156,6 +158,9 @@ pub(crate) fn detect(
             failure.id, failure.reason
         ));
     }
+    if let Some(warning) = false_boxes_warning(corpus.root(), &outcome.false_boxes) {
+        watch.warn(&warning);
+    }
     Ok(outcome)
 }
 
@@ -192,18 +197,67 @@ fn print_summary(outcome: &DetectOutcome) {
         outcome.counts.detections, outcome.counts.pictures, outcome.counts.confirmed
     );
     if let Some(truth) = &outcome.counts.against_truth {
-        if let Some(rate) = truth.detection_rate() {
-            println!(
-                "found in {:.2} % of the pictures that show the aircraft",
-                100.0 * rate
-            );
-        }
+        println!("{}", in_sight(truth));
         if let Some(error_px) = truth.mean_center_error_px() {
             println!("mean distance of box centres from the truth {error_px:.2} px");
         }
         println!("{} false detections", truth.false_detections);
     }
     print_registrations(&outcome.registrations);
+}
+
+/// Part of the images with the aircraft in sight in which it was found, and the number of images in which it is hidden.
+pub(crate) fn in_sight(truth: &TruthCounts) -> String {
+    let hidden = [
+        (truth.hidden_by_haze, "beyond the visibility"),
+        (truth.maybe_hidden_by_cloud, "in or above clouds"),
+    ];
+    let hidden: String = hidden
+        .into_iter()
+        .filter(|(images, _)| *images > 0)
+        .map(|(images, place)| format!(", {images} with the aircraft {place}"))
+        .collect();
+    match truth.detection_rate() {
+        Some(rate) => format!(
+            "found in {:.2} % of the {} images with the aircraft in sight{hidden}",
+            100.0 * rate,
+            truth.expected
+        ),
+        None => format!("no image with the aircraft in sight{hidden}"),
+    }
+}
+
+/// Views that the warning about false boxes names.
+const MOST_NAMED: usize = 5;
+
+/// The warning that confirmed boxes are not the aircraft; `None` if all are.
+fn false_boxes_warning(corpus: &Path, false_boxes: &[FalseBoxes]) -> Option<String> {
+    if false_boxes.is_empty() {
+        return None;
+    }
+    let boxes: u64 = false_boxes.iter().map(|of| of.boxes).sum();
+    let named = false_boxes.iter().take(MOST_NAMED).map(|of| {
+        format!(
+            "\n  {} {}: {} of {} near ({:.0}, {:.0}) px from tick {}",
+            of.scenario,
+            of.view,
+            count(of.boxes as usize, "detection"),
+            count(of.tracks, "track"),
+            of.cx_px,
+            of.cy_px,
+            of.tick
+        )
+    });
+    let named: String = named.collect();
+    let others = match false_boxes.len().saturating_sub(MOST_NAMED) {
+        0 => String::new(),
+        others => format!("\n  and {}", count(others, "other view")),
+    };
+    Some(format!(
+        "{} of confirmed tracks, none of which touches the aircraft; look at them with `dtd view {}`:{named}{others}",
+        count(boxes as usize, "false detection"),
+        corpus.display()
+    ))
 }
 
 /// Prints the number of pairs of views that were registered, and the reasons why others were not.

@@ -15,6 +15,7 @@ use crate::detector::ModelProfile;
 use crate::error::Result;
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
+use crate::tracking;
 
 /// Origin of the detections of one model in one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -62,13 +63,21 @@ pub(super) struct Searching {
     /// Parts of the pictures that were searched; missing in records of earlier versions, which had no tracking.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub modes: Option<ModeSettings>,
+    /// Version of the rules of tracks; 0 in records of earlier versions.
+    #[serde(default)]
+    pub tracking: u32,
 }
 
 impl Searching {
     pub(super) fn of(options: &DetectOptions) -> Self {
+        Self::with(options.settings, options.modes)
+    }
+
+    pub(super) fn with(settings: TilingSettings, modes: ModeSettings) -> Self {
         Self {
-            settings: options.settings,
-            modes: Some(options.modes),
+            settings,
+            modes: Some(modes),
+            tracking: tracking::METHOD,
         }
     }
 }
