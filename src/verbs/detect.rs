@@ -278,3 +278,56 @@ fn print_registrations(counts: &RegistrationCounts) {
         counts.answered, counts.pairs
     );
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_whose_aircraft_is_hidden_are_counted_apart() {
+        let mut truth = TruthCounts {
+            expected: 200,
+            found: 199,
+            hidden_by_haze: 30,
+            ..Default::default()
+        };
+        assert_eq!(
+            in_sight(&truth),
+            "found in 99.50 % of the 200 images with the aircraft in sight, 30 with the aircraft beyond the visibility"
+        );
+        truth.expected = 0;
+        truth.maybe_hidden_by_cloud = 7;
+        assert_eq!(
+            in_sight(&truth),
+            "no image with the aircraft in sight, 30 with the aircraft beyond the visibility, 7 with the aircraft in or above clouds"
+        );
+    }
+
+    #[test]
+    fn the_warning_about_false_detections_names_the_worst_views_and_counts_the_others() {
+        let of = |boxes: u64| FalseBoxes {
+            scenario: "1900-rain-r1".into(),
+            view: "left".into(),
+            boxes,
+            tracks: 1,
+            tick: 12,
+            cx_px: 351.6,
+            cy_px: 961.2,
+        };
+        let all: Vec<_> = [9, 8, 7, 6, 5, 4, 3].map(of).into();
+        let said = false_boxes_warning(Path::new("corpus"), &all).unwrap();
+        assert!(
+            said.starts_with("42 false detections of confirmed tracks"),
+            "{said}"
+        );
+        assert!(said.contains("`dtd view corpus`"), "{said}");
+        assert!(
+            said.contains(
+                "1900-rain-r1 left: 9 detections of 1 track near (352, 961) px from tick 12"
+            ),
+            "{said}"
+        );
+        assert!(said.ends_with("\n  and 2 other views"), "{said}");
+        assert_eq!(false_boxes_warning(Path::new("corpus"), &[]), None);
+    }
+}
