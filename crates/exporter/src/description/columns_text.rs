@@ -326,7 +326,7 @@ pub(crate) const DETECTIONS: TableText = TableText {
         column(
             "confirmed",
             Kind::Bool,
-            "whether the box counts: its track has enough boxes, and moves or grows",
+            "whether the box counts: its track has enough boxes and does not stand still",
         ),
     ],
 };
