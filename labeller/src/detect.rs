@@ -297,7 +297,8 @@ fn detect_with(
     }
     outcome.stopped = watch.is_stopped();
     let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];
-    for id in done.into_iter().flatten() {
+    let done: Vec<_> = done.into_iter().flatten().cloned().collect();
+    for id in &done {
         let scenario = corpus.scenario(id).open()?;
         outcome.add_counts(&scenario)?;
         let registrations = scenario.registrations(&outcome.model_hash)?;
