@@ -17,6 +17,7 @@ mod scenario_search;
 mod sequence;
 mod view_search;
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::mem;
 use std::path::{Path, PathBuf};
@@ -306,7 +307,8 @@ fn detect_with(
             .registrations
             .add(registrations.as_deref().unwrap_or_default());
     }
-    FalseBoxes::sort(&mut outcome.false_boxes);
+    let by_boxes = |of: &FalseBoxes| Reverse(of.boxes);
+    outcome.false_boxes.sort_by_key(by_boxes);
     Ok(outcome)
 }
 

@@ -72,17 +72,6 @@ impl FalseBoxes {
         };
         views.into_iter().filter_map(of_view).collect()
     }
-
-    /// Orders them by number of boxes, most first.
-    pub(crate) fn sort(all: &mut [Self]) {
-        all.sort_by(|one, other| {
-            let key = |of: &Self| (of.scenario.clone(), of.view.clone());
-            other
-                .boxes
-                .cmp(&one.boxes)
-                .then_with(|| key(one).cmp(&key(other)))
-        });
-    }
 }
 
 #[cfg(test)]
@@ -134,8 +123,7 @@ mod tests {
                 ..seen(2, "left", 800.0, 3)
             },
         ];
-        let mut found = FalseBoxes::of("0001-a", &detections, &truth);
-        FalseBoxes::sort(&mut found);
+        let found = FalseBoxes::of("0001-a", &detections, &truth);
         let told: Vec<_> = found
             .iter()
             .map(|of| (of.view.as_str(), of.boxes, of.tracks, of.tick, of.cx_px))
