@@ -17,7 +17,8 @@ mod scenario_search;
 mod sequence;
 mod view_search;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -25,11 +26,13 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use dataset::conditions::sight::CloudBase;
 use dataset::corpus::claim::Claimed;
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::tables::health::{HealthState, ViewHealth};
+use dataset::tables::pixel_box::TruthBox;
 use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
 use dataset::work::workers;
@@ -37,8 +40,9 @@ use serde::Serialize;
 
 use crate::detector::{Detector, Device, ModelFile, ModelProfile, OrtDetector, OrtOptions};
 use crate::error::{Error, Result};
+use crate::false_boxes::FalseBoxes;
 use crate::outcome::Failure;
-use crate::statistics::DetectionCounts;
+use crate::statistics::{DetectionCounts, TruthInSight};
 use crate::tiling::TilingSettings;
 pub use cpu_time::CpuTime;
 use job::{End, ScenarioJob, ViewJob};
@@ -137,12 +141,30 @@ pub struct DetectOutcome {
     pub stopped: bool,
     /// Counts over all scenarios that have detections now.
     pub counts: DetectionCounts,
+    /// Confirmed boxes of all these scenarios that are not the aircraft, where there are labels: the views with the most boxes first.
+    pub false_boxes: Vec<FalseBoxes>,
     /// Registrations of all scenarios that have detections now.
     pub registrations: RegistrationCounts,
     /// Views of these scenarios whose cameras were not always well.
     pub unhealthy: Vec<Unhealthy>,
     /// Total time of the workers, seconds.
     pub worker_seconds: f64,
+}
+
+impl DetectOutcome {
+    /// Compares the detections of a scenario with its labels, if it has any.
+    fn add_counts(&mut self, scenario: &OpenScenario) -> Result<()> {
+        let record = scenario.record()?;
+        let found = scenario.detections(&self.model_hash)?.boxes;
+        let truth = truth_in_sight(scenario)?;
+        let counts = DetectionCounts::of(record.pictures(), &found, truth.as_deref());
+        self.counts.add(&counts);
+        if let Some(truth) = &truth {
+            let of_scenario = FalseBoxes::of(&record.id, &found, truth);
+            self.false_boxes.extend(of_scenario);
+        }
+        Ok(())
+    }
 }
 
 /// Counts of registered pairs of views.
@@ -319,9 +341,10 @@ fn detect_with(
     }
     outcome.stopped = watch.is_stopped();
     let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];
-    for id in done.into_iter().flatten() {
+    let done: Vec<_> = done.into_iter().flatten().cloned().collect();
+    for id in &done {
         let scenario = corpus.scenario(id).open()?;
-        outcome.counts.add(&count(&scenario, &outcome.model_hash)?);
+        outcome.add_counts(&scenario)?;
         let registrations = scenario.registrations(&outcome.model_hash)?;
         outcome
             .registrations
@@ -329,6 +352,8 @@ fn detect_with(
         let health = scenario.health(&outcome.model_hash)?.unwrap_or_default();
         outcome.unhealthy.extend(Unhealthy::of(id, &health));
     }
+    let by_boxes = |of: &FalseBoxes| Reverse(of.boxes);
+    outcome.false_boxes.sort_by_key(by_boxes);
     Ok(outcome)
 }
 
@@ -381,15 +406,23 @@ fn work_through(
     workers::share(options.workers.min(views.len()), work)
 }
 
-fn count(scenario: &OpenScenario, model_hash: &str) -> Result<DetectionCounts> {
-    let record = scenario.record()?;
-    let truth = scenario.truth_boxes_if_labelled()?;
-    let pictures = u64::from(record.ticks) * record.views.len() as u64;
-    Ok(DetectionCounts::of(
-        pictures,
-        &scenario.detections(model_hash)?.boxes,
-        truth.as_deref(),
-    ))
+/// The true boxes of a scenario, if it is labelled.
+fn truth_in_sight(scenario: &OpenScenario) -> Result<Option<Vec<TruthInSight>>> {
+    let Some(truth) = scenario.truth_boxes_if_labelled()? else {
+        return Ok(None);
+    };
+    let clouds = CloudBase::of(&scenario.record()?.conditions.weather);
+    let rows = scenario.frames()?.rows;
+    let altitudes_msl_m: HashMap<_, _> = rows
+        .iter()
+        .map(|row| (row.tick, row.pose.altitude_msl_m))
+        .collect();
+    let in_sight = |truth: TruthBox| {
+        let altitude_msl_m = *altitudes_msl_m.get(&truth.tick)?;
+        let sight = clouds.sight(altitude_msl_m, truth.transmission);
+        Some(TruthInSight { truth, sight })
+    };
+    Ok(Some(truth.into_iter().filter_map(in_sight).collect()))
 }
 
 #[cfg(test)]

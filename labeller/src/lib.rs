@@ -13,6 +13,7 @@ mod camera_motion;
 mod detect;
 pub mod detector;
 mod error;
+mod false_boxes;
 mod label;
 pub mod matching;
 mod outcome;
@@ -33,6 +34,8 @@ pub use detect::{
 };
 pub use detector::Device;
 pub use error::{Error, Result};
+pub use false_boxes::FalseBoxes;
 pub use label::{LabelOutcome, label_corpus};
 pub use outcome::Failure;
 pub use row_band::{RowBand, SearchBands};
+pub use statistics::TruthCounts;

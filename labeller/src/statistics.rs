@@ -1,5 +1,6 @@
 //! Detections compared with the truth: counts that can be added over scenarios, and the figures derived from them.
 
+use dataset::conditions::sight::Sight;
 use dataset::corpus::detections::Detection;
 use dataset::tables::pixel_box::TruthBox;
 use serde::Serialize;
@@ -19,12 +20,23 @@ pub struct DetectionCounts {
     pub against_truth: Option<TruthCounts>,
 }
 
+/// A true box, and what is between it and the camera.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct TruthInSight {
+    pub(crate) truth: TruthBox,
+    pub(crate) sight: Sight,
+}
+
 /// Counts over pictures with labels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct TruthCounts {
-    /// Pictures in which more than half of the aircraft is visible.
+    /// Pictures with more than half of the aircraft, in sight: neither haze nor a cloud hides it.
     pub expected: u64,
-    /// Number of these with a detection of the aircraft ([`Match::Hit`]).
+    /// Other pictures with more than half of the aircraft: it is beyond the visibility.
+    pub hidden_by_haze: u64,
+    /// The rest: it is in or above clouds.
+    pub maybe_hidden_by_cloud: u64,
+    /// Number of the pictures with the aircraft in sight that have a detection of it ([`Match::Hit`]).
     pub found: u64,
     /// Detections that do not touch a true box, in all pictures.
     pub false_detections: u64,
@@ -36,7 +48,11 @@ pub struct TruthCounts {
 
 impl DetectionCounts {
     /// Counts one scenario. `truth` is `None` if it has no labels.
-    pub fn of(pictures: u64, detections: &[Detection], truth: Option<&[TruthBox]>) -> Self {
+    pub(crate) fn of(
+        pictures: u64,
+        detections: &[Detection],
+        truth: Option<&[TruthInSight]>,
+    ) -> Self {
         let confirmed: Vec<_> = detections.iter().filter(|found| found.confirmed).collect();
         Self {
             pictures,
@@ -58,7 +74,7 @@ impl DetectionCounts {
 }
 
 impl TruthCounts {
-    fn of(detections: &[&Detection], truth: &[TruthBox]) -> Self {
+    fn of(detections: &[&Detection], truth: &[TruthInSight]) -> Self {
         let mut counts = Self::default();
         let pictured = |detection: &Detection, real: &TruthBox| {
             detection.tick == real.tick && detection.view == real.view
@@ -70,7 +86,7 @@ impl TruthCounts {
             &detections[first..end]
         };
         let mut touching_some = 0;
-        for real in truth {
+        for TruthInSight { truth: real, sight } in truth {
             let here = || {
                 of_tick(real.tick)
                     .iter()
@@ -84,7 +100,14 @@ impl TruthCounts {
             if !real.is_expected() {
                 continue;
             }
-            counts.expected += 1;
+            match sight {
+                Sight::Open => counts.expected += 1,
+                Sight::Haze => counts.hidden_by_haze += 1,
+                Sight::Cloud => counts.maybe_hidden_by_cloud += 1,
+            }
+            if *sight != Sight::Open {
+                continue;
+            }
             let hits = here().filter(|found| compared(found) == Match::Hit);
             if let Some(best) = hits.max_by(|a, b| a.score.total_cmp(&b.score)) {
                 let offset = [
@@ -103,6 +126,8 @@ impl TruthCounts {
 
     fn add(&mut self, other: &Self) {
         self.expected += other.expected;
+        self.hidden_by_haze += other.hidden_by_haze;
+        self.maybe_hidden_by_cloud += other.maybe_hidden_by_cloud;
         self.found += other.found;
         self.false_detections += other.false_detections;
         self.sum_center_error_px += other.sum_center_error_px;
@@ -115,7 +140,7 @@ impl TruthCounts {
         }
     }
 
-    /// Share of the expected pictures in which the aircraft was found, 0 to 1; `None` if none was expected.
+    /// Share of the pictures with the aircraft in sight in which it was found, 0 to 1; `None` without such pictures.
     pub fn detection_rate(&self) -> Option<f64> {
         (self.expected > 0).then(|| self.found as f64 / self.expected as f64)
     }
@@ -140,8 +165,8 @@ mod tests {
         }
     }
 
-    fn real(tick: u32, view: &str, visible_fraction: f64) -> TruthBox {
-        TruthBox {
+    fn real(tick: u32, view: &str, visible_fraction: f64) -> TruthInSight {
+        let truth = TruthBox {
             tick,
             view: view.into(),
             class: "aircraft".into(),
@@ -149,6 +174,10 @@ mod tests {
             visible_fraction,
             truncation: 0.0,
             transmission: 1.0,
+        };
+        TruthInSight {
+            truth,
+            sight: Sight::Open,
         }
     }
 
@@ -184,6 +213,32 @@ mod tests {
         );
         assert_eq!(truth.sum_center_offset_px, [3.0, 0.0]);
         assert_eq!(truth.detection_rate(), Some(2.0 / 3.0));
+    }
+
+    #[test]
+    fn an_aircraft_that_fog_or_clouds_hide_is_neither_found_nor_missed() {
+        let behind = |tick: u32, sight: Sight| TruthInSight {
+            sight,
+            ..real(tick, "left", 1.0)
+        };
+        let truth = [
+            behind(0, Sight::Haze),
+            behind(1, Sight::Haze),
+            behind(2, Sight::Cloud),
+            behind(3, Sight::Open),
+        ];
+        let detections = [
+            seen(1, "left", 100.0, 0.9), // its lights in the haze: not false
+            seen(3, "left", 100.0, 0.9),
+        ];
+        let counts = DetectionCounts::of(4, &detections, Some(&truth));
+        let counts = counts.against_truth.unwrap();
+        assert_eq!((counts.expected, counts.found), (1, 1));
+        assert_eq!(
+            (counts.hidden_by_haze, counts.maybe_hidden_by_cloud),
+            (2, 1)
+        );
+        assert_eq!(counts.false_detections, 0);
     }
 
     #[test]

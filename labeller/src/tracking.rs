@@ -7,13 +7,18 @@
 //! "ByteTrack", ECCV 2022). The filter is in [`motion`].
 
 mod motion;
-
-use std::ops::Range;
+mod standing;
 
 use dataset::tables::pixel_box::PixelBox;
 
 use motion::Motion;
+use standing::{
+    GROWTH_SHOWS_S, LONGEST_STILL_S, TimedBox, has_stood_still, hops, is_same_thing,
+    place_if_still, stands_still,
+};
 
+/// Version of the rules, in the record of the detections: those of another version are repeated.
+pub(crate) const METHOD: u32 = 1;
 /// Clear boxes that confirm a track...
 const HITS: u32 = 3;
 /// ... within this number of consecutive pictures in which it was looked for.
@@ -32,18 +37,6 @@ const LONGEST_GAP_S: f64 = 2.0;
 const SHORTEST_S: f64 = 2.0;
 /// In a video that is shorter, this part of it is enough.
 const SHORTEST_PART: f64 = 0.5;
-/// From here on what stands still is not an arriving aircraft, seconds.
-const LONGEST_STILL_S: f64 = 60.0;
-/// Growth from the middle of a track's first third to the middle of its last third. An aircraft at 13 NM grows by a tenth in 40 s...
-const LEAST_GROWTH: f64 = 0.05;
-/// ... and does so beyond chance, in standard errors: the widths of a lamp that is found now and then differ by half...
-const SURE_GROWTH: f64 = 2.0;
-/// ... and in a shorter time too little to be measured, seconds...
-const GROWTH_SHOWS_S: f64 = 20.0;
-/// ... and things at one place whose lengths have another ratio are not one thing...
-const ALIKE: Range<f64> = 0.8..1.25;
-/// ... and one that moves across the picture does so by more than this part of its length.
-const LEAST_MOVED_LENGTHS: f64 = 0.25;
 
 /// Follows the aircraft of one view.
 #[derive(Debug)]
@@ -77,9 +70,9 @@ struct Track {
 /// Data of a track that is kept for the final decision.
 #[derive(Debug, Default)]
 struct History {
-    boxes: Vec<(f64, PixelBox)>,
+    boxes: Vec<TimedBox>,
     /// The clear ones, whose sizes can be relied on.
-    clear: Vec<(f64, PixelBox)>,
+    clear: Vec<TimedBox>,
     /// Time of the first of the clear boxes that confirmed it.
     confirmed_s: Option<f64>,
 }
@@ -192,7 +185,7 @@ impl Tracker {
             if history.confirmed_s.is_some() {
                 !track.is_gone(now_s)
             } else {
-                !track.has_failed(hits) && !history.has_stood_still(LONGEST_STILL_S)
+                !track.has_failed(hits) && !has_stood_still(&history.boxes, LONGEST_STILL_S)
             }
         });
         for (track, seen) in track_of.iter_mut().zip(boxes) {
@@ -205,8 +198,8 @@ impl Tracker {
 
     /// Boxes and positions of the tracks that they belong to: the closest pairs first, pairs of confirmed tracks before all others, and
     /// faint boxes last. A lamp's track must not latch onto an aircraft: a stationary track is either clear or faint, and not continued by
-    /// boxes of the other kind. Tracks that were never clear are only matched in searches of the whole picture, because they are not
-    /// searched for in between.
+    /// boxes of the other kind, nor by a box at another place. Tracks that were never clear are only matched in searches of the whole
+    /// picture, because they are not searched for in between.
     fn matches(&self, boxes: &[Seen], searched: Searched<'_>) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
@@ -223,7 +216,11 @@ impl Tracker {
                 } else {
                     (GATE, !was_clear)
                 };
-                if distance <= gate && !(is_other && history.has_stood_still(GROWTH_SHOWS_S)) {
+                let is_refused = || {
+                    is_other && has_stood_still(&history.boxes, GROWTH_SHOWS_S)
+                        || hops(&history.boxes, &seen.pixel_box)
+                };
+                if distance <= gate && !is_refused() {
                     let order = (seen.is_faint, !is_confirmed, !was_clear);
                     pairs.push((order, distance, index, at));
                 }
@@ -278,12 +275,10 @@ impl Tracker {
             .map(|history| place_if_still(&history.clear))
             .collect();
         let is_fixture = |place: &PixelBox| {
-            let there = histories.iter().zip(&still).filter(|(_, other)| {
-                other.is_some_and(|other| {
-                    let ratio = other.width_px / place.width_px.max(1.0);
-                    distance_px(place, &other) < moved_px(place) && ALIKE.contains(&ratio)
-                })
-            });
+            let there = histories
+                .iter()
+                .zip(&still)
+                .filter(|(_, other)| other.is_some_and(|other| is_same_thing(place, &other)));
             let mut boxes: Vec<_> = there
                 .flat_map(|(history, _)| history.clear.iter().copied())
                 .collect();
@@ -293,6 +288,7 @@ impl Tracker {
         let counts = |(history, still): (&History, &Option<PixelBox>)| {
             history.confirmed_s.is_some()
                 && history.clear_for_s() >= shortest_s
+                && !stands_still(&history.clear)
                 && !still.as_ref().is_some_and(is_fixture)
         };
         histories.iter().zip(&still).map(counts).collect()
@@ -352,100 +348,6 @@ impl History {
             (Some(first_s), Some((last_s, _))) => last_s - first_s,
             _ => 0.0,
         }
-    }
-
-    /// True if it has been seen for at least this time and has not moved. Growth is not checked, because the sizes of faint boxes are
-    /// unreliable.
-    fn has_stood_still(&self, seconds: f64) -> bool {
-        lasted_s(&self.boxes) >= seconds && !has_moved(&ends(&self.boxes))
-    }
-}
-
-fn lasted_s(boxes: &[(f64, PixelBox)]) -> f64 {
-    match (boxes.first(), boxes.last()) {
-        (Some((first_s, _)), Some((last_s, _))) => last_s - first_s,
-        _ => 0.0,
-    }
-}
-
-/// True for objects such as masts, which neither moved nor grew for a minute. An object that is found only now and then has several tracks
-/// at its place. Boxes by time.
-fn stands_still(boxes: &[(f64, PixelBox)]) -> bool {
-    lasted_s(boxes) >= LONGEST_STILL_S && place_if_still(boxes).is_some()
-}
-
-/// Its mean box, if it neither moved nor grew. Boxes by time.
-fn place_if_still(boxes: &[(f64, PixelBox)]) -> Option<PixelBox> {
-    if boxes.is_empty() {
-        return None;
-    }
-    let [before, after] = ends(boxes);
-    let growth_px = (after.width_px - before.width_px).abs();
-    let has_grown = lasted_s(boxes) >= GROWTH_SHOWS_S
-        && growth_px >= LEAST_GROWTH * before.width_px
-        && growth_px >= SURE_GROWTH * growth_error_px(boxes);
-    (!has_grown && !has_moved(&[before, after])).then(|| mean(boxes.iter()))
-}
-
-/// The middles of the first and the last third of its time.
-fn ends(boxes: &[(f64, PixelBox)]) -> [PixelBox; 2] {
-    let third_s = lasted_s(boxes) / 3.0;
-    let [first_s, last_s] =
-        [boxes.first(), boxes.last()].map(|at| at.map_or(0.0, |(at_s, _)| *at_s));
-    [
-        mean(
-            boxes
-                .iter()
-                .take_while(|(at_s, _)| *at_s <= first_s + third_s),
-        ),
-        mean(
-            boxes
-                .iter()
-                .rev()
-                .take_while(|(at_s, _)| *at_s >= last_s - third_s),
-        ),
-    ]
-}
-
-/// Standard error of the difference of the mean widths of two thirds of these boxes.
-fn growth_error_px(boxes: &[(f64, PixelBox)]) -> f64 {
-    let middle_px = mean(boxes.iter()).width_px;
-    let squares = boxes
-        .iter()
-        .map(|(_, seen)| (seen.width_px - middle_px).powi(2));
-    let count = boxes.len() as f64;
-    let variance = squares.sum::<f64>() / count;
-    (variance * 2.0 / (count / 3.0)).sqrt()
-}
-
-fn has_moved([before, after]: &[PixelBox; 2]) -> bool {
-    distance_px(before, after) >= moved_px(before)
-}
-
-fn distance_px(a: &PixelBox, b: &PixelBox) -> f64 {
-    (a.cx_px - b.cx_px).hypot(a.cy_px - b.cy_px)
-}
-
-/// Least movement of the middle of a box of this length that counts as moved.
-fn moved_px(of: &PixelBox) -> f64 {
-    LEAST_MOVED_LENGTHS * of.width_px
-}
-
-fn mean<'a>(boxes: impl Iterator<Item = &'a (f64, PixelBox)>) -> PixelBox {
-    let (mut sum, mut count) = ([0.0; 4], 0.0);
-    for (_, seen) in boxes {
-        count += 1.0;
-        let numbers = [seen.cx_px, seen.cy_px, seen.width_px, seen.height_px];
-        sum.iter_mut()
-            .zip(numbers)
-            .for_each(|(sum, number)| *sum += number);
-    }
-    let [cx_px, cy_px, width_px, height_px] = sum.map(|sum| sum / count);
-    PixelBox {
-        cx_px,
-        cy_px,
-        width_px,
-        height_px,
     }
 }
 

@@ -14,7 +14,7 @@ use serde::Serialize;
 use trainer::{EvaluationConfig, Metrics, RunFolder, TrainConfig};
 
 use super::Outcome;
-use super::detect::{detect, interrupted, refuse_other_models};
+use super::detect::{detect, in_sight, interrupted, refuse_other_models};
 use super::evaluate::{evaluate, print_metrics};
 use super::generate::{ending_of, generate, options};
 use super::label::{self, label};
@@ -116,12 +116,7 @@ impl DemoResult<'_> {
         println!("scenarios       {}", self.scenarios);
         println!("frames          {} in all views", detected.counts.pictures);
         if let Some(truth) = &detected.counts.against_truth {
-            if let Some(rate) = truth.detection_rate() {
-                println!(
-                    "detection rate  {:.2} % of the frames that show the aircraft",
-                    100.0 * rate
-                );
-            }
+            println!("aircraft        {}", in_sight(truth));
             if let Some(error_px) = truth.mean_center_error_px() {
                 println!(
                     "centre error    {error_px:.2} px on average, {} false detections",

@@ -12,7 +12,10 @@ use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
 use dataset::work::watch::Watch;
 use generator::shard::Shard;
-use labeller::{DetectOptions, DetectOutcome, RegistrationCounts, Unhealthy, detect_corpus};
+use labeller::{
+    DetectOptions, DetectOutcome, FalseBoxes, RegistrationCounts, TruthCounts, Unhealthy,
+    detect_corpus,
+};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
@@ -157,6 +160,9 @@ pub(crate) fn detect(
             failure.id, failure.reason
         ));
     }
+    if let Some(warning) = false_boxes_warning(corpus.root(), &outcome.false_boxes) {
+        watch.warn(&warning);
+    }
     Ok(outcome)
 }
 
@@ -193,12 +199,7 @@ fn print_summary(outcome: &DetectOutcome) {
         outcome.counts.detections, outcome.counts.pictures, outcome.counts.confirmed
     );
     if let Some(truth) = &outcome.counts.against_truth {
-        if let Some(rate) = truth.detection_rate() {
-            println!(
-                "found in {:.2} % of the pictures that show the aircraft",
-                100.0 * rate
-            );
-        }
+        println!("{}", in_sight(truth));
         if let Some(error_px) = truth.mean_center_error_px() {
             println!("mean distance of box centres from the truth {error_px:.2} px");
         }
@@ -242,6 +243,60 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     );
 }
 
+/// Part of the images with the aircraft in sight in which it was found, and the number of images in which it is hidden.
+pub(crate) fn in_sight(truth: &TruthCounts) -> String {
+    let hidden = [
+        (truth.hidden_by_haze, "beyond the visibility"),
+        (truth.maybe_hidden_by_cloud, "in or above clouds"),
+    ];
+    let hidden: String = hidden
+        .into_iter()
+        .filter(|(images, _)| *images > 0)
+        .map(|(images, place)| format!(", {images} with the aircraft {place}"))
+        .collect();
+    match truth.detection_rate() {
+        Some(rate) => format!(
+            "found in {:.2} % of the {} images with the aircraft in sight{hidden}",
+            100.0 * rate,
+            truth.expected
+        ),
+        None => format!("no image with the aircraft in sight{hidden}"),
+    }
+}
+
+/// Views that the warning about false boxes names.
+const MOST_NAMED: usize = 5;
+
+/// The warning that confirmed boxes are not the aircraft; `None` if all are.
+fn false_boxes_warning(corpus: &Path, false_boxes: &[FalseBoxes]) -> Option<String> {
+    if false_boxes.is_empty() {
+        return None;
+    }
+    let boxes: u64 = false_boxes.iter().map(|of| of.boxes).sum();
+    let named = false_boxes.iter().take(MOST_NAMED).map(|of| {
+        format!(
+            "\n  {} {}: {} of {} near ({:.0}, {:.0}) px from tick {}",
+            of.scenario,
+            of.view,
+            count(of.boxes as usize, "detection"),
+            count(of.tracks, "track"),
+            of.cx_px,
+            of.cy_px,
+            of.tick
+        )
+    });
+    let named: String = named.collect();
+    let others = match false_boxes.len().saturating_sub(MOST_NAMED) {
+        0 => String::new(),
+        others => format!("\n  and {}", count(others, "other view")),
+    };
+    Some(format!(
+        "{} of confirmed tracks, none of which touches the aircraft; look at them with `dtd view {}`:{named}{others}",
+        count(boxes as usize, "false detection"),
+        corpus.display()
+    ))
+}
+
 /// Prints the number of pairs of views that were registered, and the reasons why others were not.
 fn print_registrations(counts: &RegistrationCounts) {
     if counts.pairs == 0 {
@@ -259,4 +314,57 @@ fn print_registrations(counts: &RegistrationCounts) {
         "{} of {} pairs of views registered{others}",
         counts.answered, counts.pairs
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_whose_aircraft_is_hidden_are_counted_apart() {
+        let mut truth = TruthCounts {
+            expected: 200,
+            found: 199,
+            hidden_by_haze: 30,
+            ..Default::default()
+        };
+        assert_eq!(
+            in_sight(&truth),
+            "found in 99.50 % of the 200 images with the aircraft in sight, 30 with the aircraft beyond the visibility"
+        );
+        truth.expected = 0;
+        truth.maybe_hidden_by_cloud = 7;
+        assert_eq!(
+            in_sight(&truth),
+            "no image with the aircraft in sight, 30 with the aircraft beyond the visibility, 7 with the aircraft in or above clouds"
+        );
+    }
+
+    #[test]
+    fn the_warning_about_false_detections_names_the_worst_views_and_counts_the_others() {
+        let of = |boxes: u64| FalseBoxes {
+            scenario: "1900-rain-r1".into(),
+            view: "left".into(),
+            boxes,
+            tracks: 1,
+            tick: 12,
+            cx_px: 351.6,
+            cy_px: 961.2,
+        };
+        let all: Vec<_> = [9, 8, 7, 6, 5, 4, 3].map(of).into();
+        let said = false_boxes_warning(Path::new("corpus"), &all).unwrap();
+        assert!(
+            said.starts_with("42 false detections of confirmed tracks"),
+            "{said}"
+        );
+        assert!(said.contains("`dtd view corpus`"), "{said}");
+        assert!(
+            said.contains(
+                "1900-rain-r1 left: 9 detections of 1 track near (352, 961) px from tick 12"
+            ),
+            "{said}"
+        );
+        assert!(said.ends_with("\n  and 2 other views"), "{said}");
+        assert_eq!(false_boxes_warning(Path::new("corpus"), &[]), None);
+    }
 }

@@ -137,10 +137,7 @@ impl ScenarioJob {
     }
 
     fn searching(&self) -> Searching {
-        Searching {
-            settings: self.tiling,
-            modes: self.modes,
-        }
+        Searching::with(self.tiling, self.modes)
     }
 
     pub(super) fn id(&self) -> String {

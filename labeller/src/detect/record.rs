@@ -15,6 +15,7 @@ use crate::detector::ModelProfile;
 use crate::error::Result;
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
+use crate::tracking;
 use crate::view_health;
 
 /// Origin of the detections of one model in one scenario.
@@ -61,13 +62,21 @@ pub(super) struct Searching {
     pub settings: TilingSettings,
     /// Parts of the pictures that were searched.
     pub modes: ModeSettings,
+    /// Version of the rules of tracks.
+    #[serde(default)]
+    pub tracking: u32,
 }
 
 impl Searching {
     pub(super) fn of(options: &DetectOptions) -> Self {
+        Self::with(options.settings, options.modes)
+    }
+
+    pub(super) fn with(settings: TilingSettings, modes: ModeSettings) -> Self {
         Self {
-            settings: options.settings,
-            modes: options.modes,
+            settings,
+            modes,
+            tracking: tracking::METHOD,
         }
     }
 }

@@ -21,6 +21,7 @@ use super::{DetectOptions, MakeDetector, Model};
 use crate::detector::{Detector, ModelFile, OrtDetector};
 use crate::error::Result;
 use crate::registration::METHOD;
+use crate::tracking;
 
 /// A model and the way in which it searches.
 pub struct Searcher {
@@ -67,8 +68,9 @@ impl Searcher {
             device,
             ..
         } = &self.options;
+        let tracking = tracking::METHOD;
         let (version, model) = (env!("CARGO_PKG_VERSION"), self.model.identity.blake3());
-        let all = format!("{version} {METHOD} {model} {settings:?} {modes:?} {device}");
+        let all = format!("{version} {METHOD} {tracking} {model} {settings:?} {modes:?} {device}");
         blake3::hash(all.as_bytes()).to_string()
     }
 

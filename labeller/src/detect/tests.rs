@@ -301,11 +301,15 @@ fn detections_are_compared_with_labels_where_there_are_any() {
     let corpus = corpus(temporary.path(), &["0001-a"]);
     label_corpus(&corpus, &Silent).unwrap();
     // The painted blobs are nowhere near the aircraft: all detections are false, and the aircraft is never found.
-    let truth = detect(&corpus, &two_workers())
-        .counts
-        .against_truth
-        .unwrap();
+    let outcome = detect(&corpus, &two_workers());
+    let truth = outcome.counts.against_truth.unwrap();
     assert_eq!((truth.found, truth.false_detections), (0, 6));
+    let told: Vec<_> = outcome
+        .false_boxes
+        .iter()
+        .map(|of| (of.scenario.as_str(), of.view.as_str(), of.boxes, of.tracks))
+        .collect();
+    assert_eq!(told, [("0001-a", "left", 3, 1), ("0001-a", "right", 3, 1)]);
     assert_eq!(
         dataset::corpus::seal::faults(corpus.scenario("0001-a").root()).unwrap(),
         Vec::<String>::new()

@@ -224,7 +224,7 @@ pub(crate) const DETECTIONS: TableText = TableText {
         ("score" F64 "confidence, 0 to 1"),
         ("track" U32 "number of the track in its view; missing if nothing was tracked"),
         ("mode" Text "how the picture was searched: full, tracked or scaled"),
-        ("confirmed" Bool "whether the box counts: its track has enough boxes, and moves or grows"),
+        ("confirmed" Bool "whether the box counts: its track has enough boxes and does not stand still"),
     ],
 };
 

@@ -39,7 +39,7 @@ pub struct Detection {
     pub track: Option<u32>,
     /// Way in which its image was searched.
     pub mode: SearchMode,
-    /// Whether the box counts: its track has enough boxes, and moves or grows (docs/tracks.md). True without tracking, false in rows
+    /// Whether the box counts: its track has enough boxes and does not stand still (docs/tracks.md). True without tracking, false in rows
     /// without a box.
     pub confirmed: bool,
 }

@@ -1,0 +1,204 @@
+//! Decides from the boxes of a track whether it stands still, as lamps and masts do, and whether a box is at another place.
+//!
+//! A thing is still if its place stays the same within about a pixel for a minute, whatever its width does: in rain the boxes of a lamp
+//! grow and shrink by half. Larger things may also stay within a part of their length, unless they grow. An aircraft always moves more:
+//! the least motion is that of a flight straight at a mast on the 3 degree glide path. It falls by
+//!
+//! ```text
+//! (b tan 3 deg + h) / d^2 - (1 - k) / 2R      radians per metre flown
+//! ```
+//!
+//! for a mast of height `h`, `b` beyond the target, at the distance `d`; the second term is the curvature of the Earth and of light. With
+//! the rig `wide-baseline` (b 1,500 m, h 10 m, focal length 10,973 px) at 13 NM, that is 1.9 px in the 40 s between the middles of the
+//! first and the last third of a minute, at a ground speed of 60 m/s, and 2.8 px at 82 m/s; at 10 NM it is 4.6 and 6.7 px. Flights that
+//! land on the runway beside the masts move by 13 px (at 60 m/s) across the picture, level flights by 35 px down it.
+
+use std::ops::Range;
+
+use dataset::numbers::spread::Spread;
+use dataset::tables::pixel_box::PixelBox;
+
+/// A box with its time, seconds.
+pub(super) type TimedBox = (f64, PixelBox);
+
+/// From here on what stands still is not an arriving aircraft, seconds.
+pub(super) const LONGEST_STILL_S: f64 = 60.0;
+/// Growth from the middle of a track's first third to the middle of its last third. An aircraft at 13 NM grows by a tenth in 40 s...
+const LEAST_GROWTH: f64 = 0.05;
+/// ... and does so beyond chance, in standard errors: the widths of a lamp that is found now and then differ by half...
+const SURE_GROWTH: f64 = 2.0;
+/// ... and in a shorter time too little to be measured, seconds...
+pub(super) const GROWTH_SHOWS_S: f64 = 20.0;
+/// ... and things beside each other whose lengths have another ratio are not one thing...
+const ALIKE: Range<f64> = 0.8..1.25;
+/// ... and one that moves across the picture does so by more than this part of its length.
+const LEAST_MOVED_LENGTHS: f64 = 0.25;
+/// Distance between the medians of a track's first and last third that is none, pixels: half of the least motion of an aircraft...
+const LEAST_MOVED_PX: f64 = 1.0;
+/// ... or as large as this, if chance explains it, which leaves a fifth of that motion.
+const MOST_MOVED_BY_CHANCE_PX: f64 = 1.5;
+/// Beyond this number of standard errors chance does not explain it.
+const SURE_MOVE: f64 = 3.0;
+/// A track that may hop has had so many boxes at its place...
+const LEAST_BOXES_OF_A_PLACE: usize = 5;
+/// ... over this part of [`GROWTH_SHOWS_S`].
+const LEAST_PART: f64 = 0.75;
+/// A box farther away from its place than this is at another one, pixels...
+const LEAST_HOP_PX: f64 = 3.0;
+/// ... if that is also so many standard deviations of the last boxes.
+const SURE_HOP: f64 = 6.0;
+/// Standard deviation of the centre of a lamp's box: the least that is assumed, because a few boxes may agree by chance, pixels.
+const LEAST_CENTRE_DEVIATION_PX: f64 = 0.3;
+/// Standard error of the median of normal errors, in those of their mean.
+const MEDIAN_ERROR: f64 = 1.2533;
+
+/// The time from the first to the last box.
+pub(super) fn lasted_s(boxes: &[TimedBox]) -> f64 {
+    match (boxes.first(), boxes.last()) {
+        (Some((first_s, _)), Some((last_s, _))) => last_s - first_s,
+        _ => 0.0,
+    }
+}
+
+/// True if a track has been seen for at least this time and has not moved by a part of its length. Growth is not checked, because the
+/// sizes of faint boxes are unreliable. Boxes by time.
+pub(super) fn has_stood_still(boxes: &[TimedBox], seconds: f64) -> bool {
+    lasted_s(boxes) >= seconds && !has_moved(&ends(boxes))
+}
+
+/// True for objects such as masts, which stood still for a minute. An object that is found only now and then has several tracks at its
+/// place. Boxes by time.
+pub(super) fn stands_still(boxes: &[TimedBox]) -> bool {
+    lasted_s(boxes) >= LONGEST_STILL_S && place_if_still(boxes).is_some()
+}
+
+/// Its mean box, if it stayed at one place, or neither moved nor grew. Boxes by time.
+pub(super) fn place_if_still(boxes: &[TimedBox]) -> Option<PixelBox> {
+    if boxes.is_empty() {
+        return None;
+    }
+    let [before, after] = ends(boxes);
+    let growth_px = (after.width_px - before.width_px).abs();
+    let has_grown = lasted_s(boxes) >= GROWTH_SHOWS_S
+        && growth_px >= LEAST_GROWTH * before.width_px
+        && growth_px >= SURE_GROWTH * growth_error_px(boxes);
+    let is_still = !has_grown && !has_moved(&[before, after]);
+    (is_still || keeps_its_place(boxes)).then(|| mean(boxes))
+}
+
+/// True if the mean boxes of two tracks may be of one thing: at the same place, whatever their widths, or close to each other and alike.
+pub(super) fn is_same_thing(one: &PixelBox, other: &PixelBox) -> bool {
+    let ratio = other.width_px / one.width_px.max(1.0);
+    let apart_px = distance_px(one, other);
+    apart_px < MOST_MOVED_BY_CHANCE_PX || apart_px < moved_px(one) && ALIKE.contains(&ratio)
+}
+
+/// True if a box is at another place than a track that has just stood still for a while. What stands has no speed, so the filter, which
+/// expects the manoeuvres of an aircraft, would let a track hop from one edge of a cloud to the next.
+pub(super) fn hops(boxes: &[TimedBox], to: &PixelBox) -> bool {
+    let last_s = boxes.last().map_or(0.0, |(at_s, _)| *at_s);
+    let recent = &boxes[boxes.partition_point(|(at_s, _)| *at_s < last_s - GROWTH_SHOWS_S)..];
+    if recent.len() < LEAST_BOXES_OF_A_PLACE || lasted_s(recent) < LEAST_PART * GROWTH_SHOWS_S {
+        return false;
+    }
+    let [_, place] = Middle::of_thirds(recent);
+    let distance_px = (to.cx_px - place.cx_px).hypot(to.cy_px - place.cy_px);
+    distance_px > LEAST_HOP_PX.max(SURE_HOP * place.deviation_px) && keeps_its_place(recent)
+}
+
+/// True if the place of a track is the same in the first and the last third of its time, within about a pixel.
+fn keeps_its_place(boxes: &[TimedBox]) -> bool {
+    let [before, after] = Middle::of_thirds(boxes);
+    let deviation_px = before.deviation_px.max(after.deviation_px);
+    let error = MEDIAN_ERROR * (1.0 / before.boxes + 1.0 / after.boxes).sqrt();
+    let chance_px = SURE_MOVE * error * deviation_px.max(LEAST_CENTRE_DEVIATION_PX);
+    (after.cx_px - before.cx_px).hypot(after.cy_px - before.cy_px)
+        < chance_px.clamp(LEAST_MOVED_PX, MOST_MOVED_BY_CHANCE_PX)
+}
+
+/// The place of some boxes, pixels.
+struct Middle {
+    /// Medians of their centres.
+    cx_px: f64,
+    cy_px: f64,
+    /// Robust standard deviation of the centres, the larger one of both directions.
+    deviation_px: f64,
+    /// Number of boxes.
+    boxes: f64,
+}
+
+impl Middle {
+    /// Of the first and the last third of a track that has boxes.
+    fn of_thirds(boxes: &[TimedBox]) -> [Self; 2] {
+        thirds(boxes).map(|third| {
+            let [right, down]: [fn(&PixelBox) -> f64; 2] = [|seen| seen.cx_px, |seen| seen.cy_px];
+            let [right, down] = [right, down].map(|centre| {
+                let centres = third.iter().map(|(_, seen)| centre(seen)).collect();
+                Spread::of(centres).map_or([0.0; 2], |spread| [spread.median, spread.deviation])
+            });
+            Self {
+                cx_px: right[0],
+                cy_px: down[0],
+                deviation_px: right[1].max(down[1]),
+                boxes: third.len().max(1) as f64,
+            }
+        })
+    }
+}
+
+/// The boxes of the first and of the last third of its time.
+fn thirds(boxes: &[TimedBox]) -> [&[TimedBox]; 2] {
+    let third_s = lasted_s(boxes) / 3.0;
+    let [first_s, last_s] =
+        [boxes.first(), boxes.last()].map(|at| at.map_or(0.0, |(at_s, _)| *at_s));
+    let end = boxes.partition_point(|(at_s, _)| *at_s <= first_s + third_s);
+    let begin = boxes.partition_point(|(at_s, _)| *at_s < last_s - third_s);
+    [&boxes[..end], &boxes[begin..]]
+}
+
+/// The middles of the first and the last third of its time.
+fn ends(boxes: &[TimedBox]) -> [PixelBox; 2] {
+    thirds(boxes).map(mean)
+}
+
+/// Standard error of the difference of the mean widths of two thirds of these boxes.
+fn growth_error_px(boxes: &[TimedBox]) -> f64 {
+    let middle_px = mean(boxes).width_px;
+    let squares = boxes
+        .iter()
+        .map(|(_, seen)| (seen.width_px - middle_px).powi(2));
+    let count = boxes.len() as f64;
+    let variance = squares.sum::<f64>() / count;
+    (variance * 2.0 / (count / 3.0)).sqrt()
+}
+
+fn has_moved([before, after]: &[PixelBox; 2]) -> bool {
+    distance_px(before, after) >= moved_px(before)
+}
+
+fn distance_px(a: &PixelBox, b: &PixelBox) -> f64 {
+    (a.cx_px - b.cx_px).hypot(a.cy_px - b.cy_px)
+}
+
+/// Least movement of the middle of a box of this length that counts as moved.
+fn moved_px(of: &PixelBox) -> f64 {
+    LEAST_MOVED_LENGTHS * of.width_px
+}
+
+fn mean(boxes: &[TimedBox]) -> PixelBox {
+    let mut sum = [0.0; 4];
+    for (_, seen) in boxes {
+        let numbers = [seen.cx_px, seen.cy_px, seen.width_px, seen.height_px];
+        sum.iter_mut()
+            .zip(numbers)
+            .for_each(|(sum, number)| *sum += number);
+    }
+    let count = boxes.len() as f64;
+    let [cx_px, cy_px, width_px, height_px] = sum.map(|sum| sum / count);
+    PixelBox {
+        cx_px,
+        cy_px,
+        width_px,
+        height_px,
+    }
+}
