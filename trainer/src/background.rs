@@ -402,15 +402,35 @@ impl Backgrounds {
             });
             observed.shifts[view] = corrected;
         }
-        let boxes = observed.boxes.iter().enumerate().map(|(view, seen)| {
-            let seen = (*seen)?;
-            let at = place(view, centre(&seen))?;
+        let moved = |view: usize, seen: &PixelBox| {
+            let at = place(view, centre(seen))?;
             Some(PixelBox {
                 cx_px: at.x,
                 cy_px: at.y,
-                ..seen
+                ..*seen
             })
-        });
+        };
+        if let Some(others) = &mut observed.others {
+            for (view, boxes) in others.boxes.iter_mut().enumerate() {
+                boxes.retain_mut(|other| {
+                    let there = moved(view, &other.pixel_box);
+                    other.pixel_box = there.unwrap_or(other.pixel_box);
+                    there.is_some()
+                });
+            }
+            for (view, registered) in others.registered.iter_mut().enumerate() {
+                *registered = registered.and_then(|(reference, mut shift)| {
+                    let followed = DVec2::new(shift.x_px, shift.y_px);
+                    let there = place(view, followed + DVec2::new(shift.dx_px, shift.dy_px))?;
+                    let here = place(reference, followed)?;
+                    [shift.x_px, shift.y_px] = here.to_array();
+                    [shift.dx_px, shift.dy_px] = (there - here).to_array();
+                    Some((reference, shift))
+                });
+            }
+        }
+        let boxes = observed.boxes.iter().enumerate();
+        let boxes = boxes.map(|(view, seen)| moved(view, seen.as_ref()?));
         *observed = observed.with_boxes(boxes.collect());
     }
 

@@ -5,6 +5,7 @@ use std::ops::Deref;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::pixel_box::PixelBox;
 
+use crate::samples::other_boxes::OtherBoxes;
 use crate::samples::view_shift::ViewShift;
 
 /// Observation at one tick: the only input of an estimator.
@@ -18,14 +19,18 @@ pub(crate) struct Observation {
     pub time_ns: i64,
     /// Box of each view, in the order of [`super::Samples::views`].
     pub boxes: Vec<Option<PixelBox>>,
+    /// Numbers of the tracks that they belong to, in the same order.
+    pub tracks: Vec<Option<u32>>,
     /// Position of the aircraft in each view by registration, in the same order.
     pub shifts: Vec<Option<ViewShift>>,
     /// Views whose only boxes are cut off by the picture's edge, which are not in `boxes`.
     pub cut_off: usize,
+    /// Boxes with lower scores in the same pictures, if there are any.
+    pub others: Option<Box<OtherBoxes>>,
 }
 
 impl Observation {
-    /// The same tick with only some of its boxes; a shift goes with its box.
+    /// The same tick with only some of its boxes; a shift goes with its box, and so do the other boxes of its view.
     pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
         let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {
             seen.is_some() && boxes[shift.reference].is_some()
@@ -35,6 +40,8 @@ impl Observation {
             shifts: shifts
                 .map(|(shift, seen)| shift.filter(|shift| kept(shift, seen)))
                 .collect(),
+            others: OtherBoxes::of_views(self.others.as_deref(), &boxes),
+            tracks: self.tracks.clone(),
             boxes,
             ..*self
         }
@@ -89,8 +96,10 @@ impl Sample {
                 tick: 0,
                 time_ns: 0,
                 shifts: vec![None; boxes.len()],
+                tracks: vec![None; boxes.len()],
                 boxes,
                 cut_off: 0,
+                others: None,
             },
             dtd_m,
             along_track_m: dtd_m,
