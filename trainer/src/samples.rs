@@ -34,10 +34,11 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
+use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
-use crate::samples::other_boxes::OtherBoxes;
+use crate::samples::other_boxes::{OtherBoxes, Registered};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::{holds_aircraft, is_whole};
 use crate::samples::view_shift::ViewShift;
@@ -370,14 +371,14 @@ impl Samples {
                 .collect();
             let best: Vec<_> = found.iter().map(|found| found.as_ref()?.first()).collect();
             let boxes: Vec<_> = best.iter().map(|best| Some((*best)?.pixel_box)).collect();
-            let registered: Vec<_> = (self.views.iter())
+            let registered: Vec<Option<Registered>> = (self.views.iter())
                 .map(|view| {
                     let registration = registrations.remove(&(row.tick, view.clone()))?;
                     let reference = self.views.binary_search(&registration.reference).ok()?;
                     Some((reference, registration.result.ok()?))
                 })
                 .collect();
-            let shift = |(registered, seen): (&Option<_>, &Option<_>)| {
+            let shift = |(registered, seen): (&Option<Registered>, &Option<PixelBox>)| {
                 let (reference, shift) = registered.as_ref()?;
                 let in_reference = boxes[*reference].as_ref()?;
                 ViewShift::between((*reference, in_reference), seen.as_ref()?, shift)

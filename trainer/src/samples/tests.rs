@@ -6,7 +6,6 @@ use dataset::corpus::detections::{self, NewTables};
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::seal::seal_folder;
 use dataset::numbers::frame_rate::FrameRate;
-use dataset::tables::pixel_box::PixelBox;
 
 use super::*;
 use testkit::synthetic::{Changed, MODEL_FILE, MODEL_HASH, SyntheticCorpus};

@@ -13,13 +13,17 @@ const MOTION_S: f64 = 10.0;
 const MOTION_STEP_S: f64 = 1.0;
 /// A shorter time gives no motion, seconds.
 const LEAST_MOTION_S: f64 = 2.0;
+/// Slower objects stand still, pixels per second: at 10 NM, an aircraft 300 m to the side of a mast moves by six times as much.
+const STILL_PX_S: f64 = 0.1;
 /// Distance of a box from where it is expected, in widths of the box: at once, and per second since, with a known motion and without. An
 /// airliner at 2 NM moves by a fifth of its width in a second.
 const AWAY_AT_ONCE: f64 = 1.0;
 const AWAY_PER_S: f64 = 0.1;
 const AWAY_PER_S_WITHOUT_MOTION: f64 = 0.3;
-/// A box of the same track may be this much farther away.
+/// A box of the same track may be this much farther away ...
 const SAME_TRACK: f64 = 3.0;
+/// ... and larger or smaller: fog may hide parts of it.
+const SAME_TRACK_GROWTH: f64 = 1.5;
 /// What a view saw longer ago says nothing about a box that other views agree with, seconds.
 const LATE_S: f64 = 10.0;
 /// Least and largest width of a box in parts of the last one's, and the growth of the latter per second.
@@ -75,13 +79,22 @@ impl Trace {
         (time_s >= LEAST_MOTION_S).then(|| moved_px / time_s)
     }
 
+    fn is_of_track(&self, seen: Candidate) -> bool {
+        seen.track.is_some() && seen.track == self.track
+    }
+
     /// Distance of a box from where this object is expected, in parts of the largest possible one; `None` if it is another object.
     pub(super) fn distance_to(&self, time_s: f64, seen: Candidate) -> Option<f64> {
         let since_s = (time_s - self.last.time_s).max(0.0);
-        let is_same_track = seen.track.is_some() && seen.track == self.track;
+        let is_same_track = self.is_of_track(seen);
         let grown = seen.pixel_box.width_px / self.last.pixel_box.width_px;
-        let most_grown = MOST_GROWTH * (GROWTH_PER_S * since_s).exp();
-        if !(LEAST_GROWTH..=most_grown).contains(&grown) {
+        let freedom = if is_same_track {
+            SAME_TRACK_GROWTH
+        } else {
+            1.0
+        };
+        let most_grown = freedom * MOST_GROWTH * (GROWTH_PER_S * since_s).exp();
+        if !(LEAST_GROWTH / freedom..=most_grown).contains(&grown) {
             return None;
         }
         let motion_px_s = self.motion_px_s();
@@ -148,6 +161,19 @@ impl Aircraft {
     /// view has not seen it.
     pub(super) fn distance_to(&self, time_s: f64, view: usize, seen: Candidate) -> Option<f64> {
         self.traces[view].as_ref()?.distance_to(time_s, seen)
+    }
+
+    /// True if no view has seen it move, though one could have: lamps and masts stand still, an approach does not.
+    pub(super) fn is_still(&self) -> bool {
+        let motions_px_s = self.traces.iter().flatten().map(Trace::motion_px_s);
+        let mut known = motions_px_s.flatten().peekable();
+        known.peek().is_some() && known.all(|px_s| px_s.length() < STILL_PX_S)
+    }
+
+    /// True if a box has the number of this object's track in that view.
+    pub(super) fn is_of_track(&self, view: usize, seen: Candidate) -> bool {
+        let trace = self.traces[view].as_ref();
+        trace.is_some_and(|trace| trace.is_of_track(seen))
     }
 
     /// The last box in each view that has seen it.

@@ -8,6 +8,7 @@
 use dataset::tables::pixel_box::PixelBox;
 
 use super::aircraft::Aircraft;
+use super::path::Path;
 use super::relation::Relation;
 use crate::samples::Observation;
 use crate::samples::other_boxes::Candidate;
@@ -36,6 +37,7 @@ const INTRUDER_AWAY: f64 = 0.2;
 #[derive(Debug)]
 pub(super) struct Follower<'a> {
     relations: &'a [Relation],
+    paths: &'a [Path],
     aircraft: Vec<Aircraft>,
     /// Number of the one that is followed.
     followed: Option<usize>,
@@ -45,9 +47,10 @@ pub(super) struct Follower<'a> {
 
 impl<'a> Follower<'a> {
     /// At the start of a flight.
-    pub(super) fn new(relations: &'a [Relation]) -> Self {
+    pub(super) fn new(relations: &'a [Relation], paths: &'a [Path]) -> Self {
         Self {
             relations,
+            paths,
             aircraft: Vec::new(),
             followed: None,
             next_number: 0,
@@ -121,19 +124,27 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// Gives each object the boxes that continue it, the best known object first.
+    /// Gives each object the boxes that continue it, the best known object first: those of its tracks, then those that its motion leads to.
     fn continue_all(&mut self, tick: &Tick) {
         let mut taken: Vec<Vec<bool>> = tick.boxes.iter().map(|of| vec![false; of.len()]).collect();
-        for aircraft in &mut self.aircraft {
-            for (view, boxes) in tick.boxes.iter().enumerate() {
-                let free = boxes.iter().enumerate().filter(|(i, _)| !taken[view][*i]);
-                let near = free.filter_map(|(index, seen)| {
-                    Some((index, aircraft.distance_to(tick.time_s, view, *seen)?))
-                });
-                let nearest = near.min_by(|(_, a), (_, b)| a.total_cmp(b));
-                if let Some((index, _)) = nearest {
-                    aircraft.boxes[view] = Some(index);
-                    taken[view][index] = true;
+        for of_tracks in [true, false] {
+            for aircraft in &mut self.aircraft {
+                for (view, boxes) in tick.boxes.iter().enumerate() {
+                    if aircraft.boxes[view].is_some() {
+                        continue;
+                    }
+                    let free = boxes.iter().enumerate().filter(|&(index, &seen)| {
+                        let is_of_track = aircraft.is_of_track(view, seen);
+                        !taken[view][index] && (is_of_track || !of_tracks)
+                    });
+                    let near = free.filter_map(|(index, seen)| {
+                        Some((index, aircraft.distance_to(tick.time_s, view, *seen)?))
+                    });
+                    let nearest = near.min_by(|(_, a), (_, b)| a.total_cmp(b));
+                    if let Some((index, _)) = nearest {
+                        aircraft.boxes[view] = Some(index);
+                        taken[view][index] = true;
+                    }
                 }
             }
         }
@@ -236,7 +247,8 @@ impl<'a> Follower<'a> {
             .map(|(index, _)| index)
     }
 
-    /// False if its views contradict each other, or if it was never seen by two views and another view sees something else.
+    /// False if its views contradict each other, or if it was never seen by two views and stands still, has another size than
+    /// aircraft have there, or is contradicted by what another view sees.
     fn is_certain(&self, chosen: &Aircraft) -> bool {
         if chosen.disputed_s > 0.0 && chosen.count() > 1 {
             return false;
@@ -253,7 +265,14 @@ impl<'a> Follower<'a> {
                     })
                 })
         };
-        chosen.paired_s > 0.0 || !self.aircraft.iter().any(|other| is_rival(&other))
+        let is_on_path = |(view, seen): (usize, &PixelBox)| {
+            let path = self.paths.iter().find(|path| path.view == view);
+            path.is_none_or(|path| path.holds(seen))
+        };
+        chosen.paired_s > 0.0
+            || (!chosen.is_still()
+                && chosen.last_boxes().all(is_on_path)
+                && !self.aircraft.iter().any(|other| is_rival(&other)))
     }
 }
 

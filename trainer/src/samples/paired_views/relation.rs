@@ -4,22 +4,17 @@
 //! view), in nearly the same size, and by so many columns apart as it is near: the parallax is proportional to the size. Three residuals
 //! follow, each with a robust standard deviation. No calibration is used.
 
-use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::spread::{deviation_from_zero, median};
 use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
+
+use super::robust_line::{dot, robust_line};
 
 /// Pairs of boxes below which nothing is learned.
 const LEAST_PAIRS: usize = 30;
 /// Units of the coordinates and of the widths in the fit, pixels.
 const UNIT_PX: f64 = 1_000.0;
 const WIDTH_UNIT_PX: f64 = 100.0;
-/// Mean square (of the numbers in units) that keeps slopes small: flights on one line do not determine all of them.
-const RIDGE: f64 = 1e-4;
-/// Iterations of reweighting.
-const ITERATIONS: usize = 30;
-/// Weight of a residual of this many standard deviations is half of the weight of none.
-const HALF_WEIGHT: f64 = 2.0;
 /// Residuals of more standard deviations are none of one aircraft that comes into sight ...
 const MOST_TO_BEGIN: f64 = 6.0;
 /// ... and of one that both views have been following: a cloud may hide parts of it.
@@ -61,10 +56,6 @@ fn width_px(pair: [&PixelBox; 2]) -> f64 {
 fn row_terms([first, second]: [&PixelBox; 2]) -> [f64; 4] {
     let [y, x, other_x] = [first.cy_px, first.cx_px, second.cx_px].map(|px| px / UNIT_PX);
     [1.0, y, x, other_x]
-}
-
-fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl Relation {
@@ -158,36 +149,4 @@ impl Relation {
 /// Uncertainty of the rows of two boxes, relative to small ones.
 fn row_scale(pair: [&PixelBox; 2]) -> f64 {
     1.0 + ROW_PART_OF_HEIGHT * pair[0].height_px.max(pair[1].height_px)
-}
-
-/// The line `value = terms . unknowns` through most of the points, each with the scale of its error, and the standard deviation of the
-/// residuals over their scales. `None` if the numbers are not finite.
-fn robust_line<const N: usize>(points: &[([f64; N], f64, f64)]) -> Option<([f64; N], f64)> {
-    let mut weights = vec![1.0; points.len()];
-    let mut fitted = None;
-    for _ in 0..ITERATIONS {
-        let mut equations = NormalEquations::new(N);
-        let mut sum = 0.0;
-        for ((terms, value, scale), weight) in points.iter().zip(&weights) {
-            let weight = weight / (scale * scale);
-            equations.add(terms, *value, weight);
-            sum += weight;
-        }
-        for unknown in 1..N {
-            let mut slope = [0.0; N];
-            slope[unknown] = 1.0;
-            equations.add(&slope, 0.0, RIDGE * sum);
-        }
-        let unknowns: [f64; N] = equations.solve_for()?;
-        let residuals: Vec<f64> = (points.iter())
-            .map(|(terms, value, scale)| (value - dot(terms, &unknowns)) / scale)
-            .collect();
-        let deviation = deviation_from_zero(residuals.iter().copied());
-        let half = HALF_WEIGHT * deviation.max(f64::MIN_POSITIVE);
-        for (weight, residual) in weights.iter_mut().zip(&residuals) {
-            *weight = (1.0 + (residual / half).powi(2)).recip();
-        }
-        fitted = Some((unknowns, deviation));
-    }
-    fitted
 }
