@@ -33,7 +33,6 @@ use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{Baselines, RUN_FORMAT, RunSummary, TrainedRun};
-use crate::samples::paired_views::PairedViews;
 use crate::training::flights::Flights;
 use crate::training::network_training::train_networks;
 use crate::training::start::Start;
@@ -201,7 +200,7 @@ fn fit_formulas(
             .collect(),
         flight_filter: FlightFilter::fit(&cross_fitted, samples, normalisation),
         inverse_range: cross_fitted.all,
-        paired_views: PairedViews::fit(samples.views.len(), true_boxes),
+        paired_views: flights.paired_views.clone(),
         self_calibrated,
         backgrounds: flights.backgrounds.as_ref().map(Backgrounds::stored),
     }

@@ -13,8 +13,10 @@ const MOTION_S: f64 = 10.0;
 const MOTION_STEP_S: f64 = 1.0;
 /// A shorter time gives no motion, seconds.
 const LEAST_MOTION_S: f64 = 2.0;
-/// Slower objects stand still, pixels per second: at 10 NM, an aircraft 300 m to the side of a mast moves by six times as much.
+/// Objects that move less, pixels per second, and grow less, in parts of the width over the time that gives the motion, stand still: at 10 NM,
+/// an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows twice as much.
 const STILL_PX_S: f64 = 0.1;
+const STILL_GROWTH: f64 = 0.02;
 /// Distance of a box from where it is expected, in widths of the box: at once, and per second since, with a known motion and without. An
 /// airliner at 2 NM moves by a fifth of its width in a second.
 const AWAY_AT_ONCE: f64 = 1.0;
@@ -77,6 +79,14 @@ impl Trace {
         let moved_px =
             centre_and_size(&self.last.pixel_box).0 - centre_and_size(&oldest.pixel_box).0;
         (time_s >= LEAST_MOTION_S).then(|| moved_px / time_s)
+    }
+
+    /// True if it neither moves nor grows; `None` if it was seen for too short a time.
+    fn is_still(&self) -> Option<bool> {
+        let motion_px_s = self.motion_px_s()?;
+        let oldest = self.earlier.front()?;
+        let grown = self.last.pixel_box.width_px / oldest.pixel_box.width_px - 1.0;
+        Some(motion_px_s.length() < STILL_PX_S && grown < STILL_GROWTH)
     }
 
     fn is_of_track(&self, seen: Candidate) -> bool {
@@ -163,11 +173,11 @@ impl Aircraft {
         self.traces[view].as_ref()?.distance_to(time_s, seen)
     }
 
-    /// True if no view has seen it move, though one could have: lamps and masts stand still, an approach does not.
+    /// True if no view has seen it move or grow, though one could have: lamps and masts stand still, an approach does not.
     pub(super) fn is_still(&self) -> bool {
-        let motions_px_s = self.traces.iter().flatten().map(Trace::motion_px_s);
-        let mut known = motions_px_s.flatten().peekable();
-        known.peek().is_some() && known.all(|px_s| px_s.length() < STILL_PX_S)
+        let traces = self.traces.iter().flatten();
+        let mut known = traces.filter_map(Trace::is_still).peekable();
+        known.peek().is_some() && known.all(|is_still| is_still)
     }
 
     /// True if a box has the number of this object's track in that view.
