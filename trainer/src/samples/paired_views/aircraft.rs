@@ -12,7 +12,7 @@ use crate::samples::trusted_boxes::centre_and_size;
 const MOTION_S: f64 = 10.0;
 const MOTION_STEP_S: f64 = 1.0;
 /// A shorter time gives no motion, seconds.
-const LEAST_MOTION_S: f64 = 2.0;
+pub(super) const LEAST_MOTION_S: f64 = 2.0;
 /// Objects that move less, pixels per second, and grow less, in parts of the width over the time that gives the motion, stand still: at 10 NM,
 /// an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows twice as much.
 const STILL_PX_S: f64 = 0.1;
@@ -81,12 +81,12 @@ impl Trace {
         (time_s >= LEAST_MOTION_S).then(|| moved_px / time_s)
     }
 
-    /// True if it neither moves nor grows; `None` if it was seen for too short a time.
-    fn is_still(&self) -> Option<bool> {
+    /// True if it moves or grows; `None` if it was seen for too short a time.
+    fn is_moving(&self) -> Option<bool> {
         let motion_px_s = self.motion_px_s()?;
         let oldest = self.earlier.front()?;
         let grown = self.last.pixel_box.width_px / oldest.pixel_box.width_px - 1.0;
-        Some(motion_px_s.length() < STILL_PX_S && grown < STILL_GROWTH)
+        Some(motion_px_s.length() >= STILL_PX_S || grown >= STILL_GROWTH)
     }
 
     fn is_of_track(&self, seen: Candidate) -> bool {
@@ -173,11 +173,10 @@ impl Aircraft {
         self.traces[view].as_ref()?.distance_to(time_s, seen)
     }
 
-    /// True if no view has seen it move or grow, though one could have: lamps and masts stand still, an approach does not.
-    pub(super) fn is_still(&self) -> bool {
+    /// True if a view sees it move or grow: an approach does, lamps and masts do not. `None` if it was seen for too short a time.
+    pub(super) fn is_moving(&self) -> Option<bool> {
         let traces = self.traces.iter().flatten();
-        let mut known = traces.filter_map(Trace::is_still).peekable();
-        known.peek().is_some() && known.all(|is_still| is_still)
+        traces.filter_map(Trace::is_moving).max()
     }
 
     /// True if a box has the number of this object's track in that view.

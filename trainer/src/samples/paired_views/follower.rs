@@ -7,7 +7,7 @@
 
 use dataset::tables::pixel_box::PixelBox;
 
-use super::aircraft::Aircraft;
+use super::aircraft::{Aircraft, LEAST_MOTION_S};
 use super::path::Path;
 use super::relation::Relation;
 use crate::samples::Observation;
@@ -96,7 +96,7 @@ impl<'a> Follower<'a> {
         let chosen = self.choose(&tick);
         self.followed = chosen.map(|chosen| self.aircraft[chosen].number);
         match chosen.map(|chosen| &self.aircraft[chosen]) {
-            Some(chosen) if self.is_certain(chosen) => chosen.boxes.clone(),
+            Some(chosen) if self.is_certain(chosen, step_s) => chosen.boxes.clone(),
             _ => vec![None; boxes.len()],
         }
     }
@@ -249,7 +249,7 @@ impl<'a> Follower<'a> {
 
     /// False if its views contradict each other, or if it was never seen by two views and stands still, has another size than
     /// aircraft have there, or is contradicted by what another view sees.
-    fn is_certain(&self, chosen: &Aircraft) -> bool {
+    fn is_certain(&self, chosen: &Aircraft, step_s: f64) -> bool {
         if chosen.disputed_s > 0.0 && chosen.count() > 1 {
             return false;
         }
@@ -270,7 +270,8 @@ impl<'a> Follower<'a> {
             path.is_none_or(|path| path.holds(seen))
         };
         chosen.paired_s > 0.0
-            || (!chosen.is_still()
+            // Between ticks that are farther apart, waiting for another one would cost more than lamps do.
+            || (chosen.is_moving().unwrap_or(step_s >= LEAST_MOTION_S)
                 && chosen.last_boxes().all(is_on_path)
                 && !self.aircraft.iter().any(|other| is_rival(&other)))
     }
