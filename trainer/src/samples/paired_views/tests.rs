@@ -9,15 +9,9 @@ use super::*;
 use crate::samples::other_boxes::{Candidate, OtherBoxes};
 use crate::samples::{DistanceRange, Samples};
 
-const SECONDS: u32 = 1;
-
 /// Relations of the training side, and the flights of the test side beyond 1 NM.
-fn learned(per_second: FrameRate) -> (PairedViews, Vec<Vec<Observation>>) {
+fn learned(corpus: &SyntheticCorpus) -> (PairedViews, Vec<Vec<Observation>>) {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus {
-        frame_rate: per_second,
-        ..SyntheticCorpus::tiny()
-    };
     let corpus = corpus.write(folder.path()).unwrap();
     let range = DistanceRange {
         min_nm: 1.0,
@@ -25,17 +19,24 @@ fn learned(per_second: FrameRate) -> (PairedViews, Vec<Vec<Observation>>) {
     };
     let samples = Samples::read(&corpus, None, range).unwrap();
     let true_boxes = samples.with_true_boxes(Side::Train);
-    let paired = PairedViews::fit(2, &true_boxes.iter().collect::<Vec<_>>());
+    let paired = PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
     let flights = samples.flights_of_side(Side::Test);
     let observed = |flight: &[Sample]| flight.iter().map(|s| s.observed.clone()).collect();
     (paired, flights.map(observed).collect())
 }
 
+fn every(seconds: u32) -> SyntheticCorpus {
+    SyntheticCorpus {
+        frame_rate: FrameRate {
+            numerator: 1,
+            denominator: seconds,
+        },
+        ..SyntheticCorpus::tiny()
+    }
+}
+
 fn each_second() -> (PairedViews, Vec<Vec<Observation>>) {
-    learned(FrameRate {
-        numerator: 1,
-        denominator: SECONDS,
-    })
+    learned(&every(1))
 }
 
 /// The aircraft's boxes belong to one track per view, as a detector's do.
@@ -99,11 +100,8 @@ fn seen(flight: &[Observation]) -> usize {
 
 #[test]
 fn flights_without_false_boxes_keep_all_of_their_boxes() {
-    let third = FrameRate {
-        numerator: 1,
-        denominator: 3,
-    };
-    for (paired, flights) in [each_second(), learned(third)] {
+    for seconds in [1, 3, 15] {
+        let (paired, flights) = learned(&every(seconds));
         assert_eq!(paired.relations.len(), 1);
         for flight in &flights {
             assert_eq!(&paired.of_one_aircraft(flight), flight);
@@ -221,6 +219,25 @@ fn of_two_arrivals_one_is_followed_to_the_end_also_where_one_view_loses_it() {
             assert!(seen(&chosen[in_sight + 62..]) > 0);
         }
     }
+}
+
+#[test]
+fn of_three_views_the_one_that_contradicts_the_others_is_left_out() {
+    let (paired, flights) = learned(&SyntheticCorpus {
+        third_camera: true,
+        ..every(1)
+    });
+    assert_eq!(paired.relations.len(), 3);
+    let flight = &flights[0];
+    assert_eq!(&paired.of_one_aircraft(flight), flight);
+    let mut disturbed = flight.clone();
+    for observed in &mut disturbed[40..100] {
+        observed.boxes[1] = Some(still(900.0, 741.0));
+    }
+    let chosen = paired.of_one_aircraft(&disturbed);
+    let (answered, wrong) = answered_and_false(&chosen, flight);
+    assert_eq!(wrong, 0);
+    assert!(answered + 2 >= seen(flight), "{answered}");
 }
 
 #[test]
