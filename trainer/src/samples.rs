@@ -2,8 +2,9 @@
 //!
 //! Input: `splits.json`, and per scenario its record, calibration, labelled ticks, one model's detections and their registrations. Boxes
 //! cut off by the picture's edge are ignored (see [`crate::samples::trusted_boxes`]). Of the others of a view at a tick the one with the
-//! highest score comes first; which one an estimator gets is decided for whole flights ([`crate::samples::paired_views`]). Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed
-//! scenario that is missing from the split is an error.
+//! highest score comes first; which one an estimator gets is decided for whole flights ([`crate::samples::paired_views`]). Ticks past the
+//! touchdown target are ignored, because the distance to touchdown grows again there. A committed scenario that is missing from the split
+//! is an error.
 
 pub(crate) mod flight_parts;
 pub(crate) mod json_differences;

@@ -1,6 +1,6 @@
-//! Several boxes in one picture: the one with the highest score is not always the aircraft.
+//! Several boxes in one image: the one with the highest score is not always the aircraft.
 //!
-//! An observation has the box with the highest score of each view, and beside it the others of the same pictures, with what the detector
+//! An observation has the box with the highest score of each view, and beside it the others of the same images, with what the detector
 //! registered, so that a later choice ([`crate::samples::paired_views`]) loses nothing. Most ticks have no others.
 
 use dataset::corpus::detections::Detection;
@@ -13,7 +13,7 @@ use crate::samples::view_shift::ViewShift;
 /// A shift as the detector registered it, with the index of its reference view.
 pub(crate) type Registered = (usize, Shift);
 
-/// A whole box in the picture of a view.
+/// A whole box in the image of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
     /// The box.
@@ -22,7 +22,7 @@ pub(crate) struct Candidate {
     pub track: Option<u32>,
 }
 
-/// What the pictures of a tick have besides the boxes with the highest scores.
+/// What the images of a tick have besides the boxes with the highest scores.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct OtherBoxes {
     /// By view, the highest score first.

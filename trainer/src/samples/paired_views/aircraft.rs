@@ -8,13 +8,13 @@ use glam::DVec2;
 use crate::samples::other_boxes::Candidate;
 use crate::samples::trusted_boxes::centre_and_size;
 
-/// Boxes of this time give the motion in a picture, seconds, and no more of them than one in this time.
+/// Boxes of this time give the motion in an image, seconds, and no more of them than one in this time.
 const MOTION_S: f64 = 10.0;
 const MOTION_STEP_S: f64 = 1.0;
 /// A shorter time gives no motion, seconds.
 pub(super) const LEAST_MOTION_S: f64 = 2.0;
-/// Objects that move less, pixels per second, and grow less, in parts of the width over the time that gives the motion, stand still: at 10 NM,
-/// an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows twice as much.
+/// Objects that move less, pixels per second, and grow less, in parts of the width over the time that gives the motion, stand still: at
+/// 10 NM, an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows twice as much.
 const STILL_PX_S: f64 = 0.1;
 const STILL_GROWTH: f64 = 0.02;
 /// Distance of a box from where it is expected, in widths of the box: at once, and per second since, with a known motion and without. An
@@ -72,7 +72,7 @@ impl Trace {
         self.track = seen.track;
     }
 
-    /// Motion in the picture, pixels per second; `None` if it was seen for too short a time.
+    /// Motion in the image, pixels per second; `None` if it was seen for too short a time.
     fn motion_px_s(&self) -> Option<DVec2> {
         let oldest = self.earlier.front()?;
         let time_s = self.last.time_s - oldest.time_s;

@@ -1,4 +1,4 @@
-//! The paths of the training in one view: where in the picture an aircraft is, and how large it is there.
+//! The paths of the training in one view: where in the image an aircraft is, and how large it is there.
 //!
 //! Approaches to one runway look alike in a view. Place and size are nearly linear in the inverse of the distance, so row and width nearly
 //! follow from the column. This is no more than a hint, because flights beside the training's paths differ, and it counts for boxes that no
