@@ -29,6 +29,8 @@ const FORGOTTEN_S: f64 = 10.0;
 const ADVANTAGE_S: f64 = 3.0;
 /// Views may contradict each other about an object for this time, seconds.
 const DISPUTE_S: f64 = 3.0;
+/// Objects in two views contradict each other if they were last seen within this time, seconds: rows change by a pixel or two in a second.
+const RIVAL_S: f64 = 3.0;
 /// Of two boxes that contradict each other, one is an intruder if it is so many times as far from where it is expected, plus this.
 const INTRUDER: f64 = 2.0;
 const INTRUDER_AWAY: f64 = 0.2;
@@ -255,8 +257,10 @@ impl<'a> Follower<'a> {
         }
         let is_rival = |other: &&Aircraft| {
             let mut boxes = other.last_boxes();
+            let apart_s = (chosen.last_s - other.last_s).abs();
             other.number != chosen.number
                 && other.paired_s == 0.0
+                && apart_s <= RIVAL_S
                 && boxes.any(|there| {
                     let mut here = chosen.last_boxes();
                     here.any(|here| {
