@@ -25,7 +25,6 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
-use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::Watch;
 use glam::{DVec2, DVec3};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
@@ -392,46 +391,7 @@ impl Backgrounds {
             let back = matrix(turns[view]?).transpose();
             Some(turned(&self.views[view].place.camera, back, place))
         };
-        let centre = |seen: &PixelBox| DVec2::new(seen.cx_px, seen.cy_px);
-        for view in 0..observed.shifts.len() {
-            let corrected = observed.shifts[view].and_then(|mut shift| {
-                let followed = centre(observed.boxes[shift.reference].as_ref()?);
-                let there = place(view, followed + shift.shift_px)?;
-                shift.shift_px = there - place(shift.reference, followed)?;
-                Some(shift)
-            });
-            observed.shifts[view] = corrected;
-        }
-        let moved = |view: usize, seen: &PixelBox| {
-            let at = place(view, centre(seen))?;
-            Some(PixelBox {
-                cx_px: at.x,
-                cy_px: at.y,
-                ..*seen
-            })
-        };
-        if let Some(others) = &mut observed.others {
-            for (view, boxes) in others.boxes.iter_mut().enumerate() {
-                boxes.retain_mut(|other| {
-                    let there = moved(view, &other.pixel_box);
-                    other.pixel_box = there.unwrap_or(other.pixel_box);
-                    there.is_some()
-                });
-            }
-            for (view, registered) in others.registered.iter_mut().enumerate() {
-                *registered = registered.and_then(|(reference, mut shift)| {
-                    let followed = DVec2::new(shift.x_px, shift.y_px);
-                    let there = place(view, followed + DVec2::new(shift.dx_px, shift.dy_px))?;
-                    let here = place(reference, followed)?;
-                    [shift.x_px, shift.y_px] = here.to_array();
-                    [shift.dx_px, shift.dy_px] = (there - here).to_array();
-                    Some((reference, shift))
-                });
-            }
-        }
-        let boxes = observed.boxes.iter().enumerate();
-        let boxes = boxes.map(|(view, seen)| moved(view, seen.as_ref()?));
-        *observed = observed.with_boxes(boxes.collect());
+        *observed = observed.moved(place);
     }
 
     /// Number of views.

@@ -6,8 +6,10 @@
 use dataset::corpus::detections::Detection;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
+use glam::DVec2;
 
 use crate::samples::Observation;
+use crate::samples::sample::moved_box;
 use crate::samples::view_shift::ViewShift;
 
 /// A shift as the detector registered it, with the index of its reference view.
@@ -61,6 +63,42 @@ impl OtherBoxes {
             }
         }
         left.unless_empty()
+    }
+
+    /// The same as other cameras would have seen it ([`Observation::moved`]).
+    pub(crate) fn moved(&self, place: impl Fn(usize, DVec2) -> Option<DVec2>) -> Self {
+        let boxes = self.boxes.iter().enumerate().map(|(view, others)| {
+            let others = others.iter().filter_map(|other| {
+                let pixel_box = moved_box(&other.pixel_box, view, &place)?;
+                Some(Candidate {
+                    pixel_box,
+                    ..*other
+                })
+            });
+            others.collect()
+        });
+        let registered = self
+            .registered
+            .iter()
+            .enumerate()
+            .map(|(view, registered)| {
+                let (reference, shift) = (*registered)?;
+                let followed_px = DVec2::new(shift.x_px, shift.y_px);
+                let there_px = place(view, followed_px + DVec2::new(shift.dx_px, shift.dy_px))?;
+                let [x_px, y_px] = place(reference, followed_px)?.to_array();
+                let shift = Shift {
+                    x_px,
+                    y_px,
+                    dx_px: there_px.x - x_px,
+                    dy_px: there_px.y - y_px,
+                    ..shift
+                };
+                Some((reference, shift))
+            });
+        Self {
+            boxes: boxes.collect(),
+            registered: registered.collect(),
+        }
     }
 
     fn unless_empty(self) -> Option<Box<Self>> {
@@ -197,6 +235,20 @@ mod tests {
         assert_eq!(chosen.others, None);
         let all = observed.with_boxes_that(|_, _| true);
         assert_eq!(all, observed);
+    }
+
+    #[test]
+    fn other_boxes_and_their_registration_move_with_the_view() {
+        let by = |view: usize, px: DVec2| Some(px + [DVec2::X, 3.0 * DVec2::Y][view]);
+        let moved = observed().moved(by);
+        assert_eq!(columns_px(&moved), [Some(501.0), Some(900.0)]);
+        let chosen = moved.with_boxes_that(|_, seen| seen.cx_px < 600.0);
+        assert_eq!(chosen.boxes[1].unwrap().cy_px, 603.0);
+        let shift_px = chosen.shifts[1].unwrap().shift_px;
+        assert_eq!(shift_px, DVec2::new(-101.0, 3.0));
+        let unknown = observed().moved(|view, px| (view == 0).then_some(px));
+        assert_eq!(columns_px(&unknown), [Some(500.0), None]);
+        assert_eq!(unknown.others, None);
     }
 
     #[test]

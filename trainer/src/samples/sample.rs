@@ -4,8 +4,10 @@ use std::ops::Deref;
 
 use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::pixel_box::PixelBox;
+use glam::DVec2;
 
 use crate::samples::other_boxes::OtherBoxes;
+use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
 
 /// Observation at one tick: the only input of an estimator.
@@ -47,10 +49,51 @@ impl Observation {
         }
     }
 
+    /// The same tick as other cameras would have seen it: `place` gives the place of a point of a view there, pixels, or `None` where it is
+    /// not known; such boxes and shifts are dropped.
+    pub(crate) fn moved(&self, place: impl Fn(usize, DVec2) -> Option<DVec2>) -> Self {
+        let shift = |view: usize| {
+            let shift = self.shifts[view]?;
+            let followed_px = centre_and_size(self.boxes[shift.reference].as_ref()?).0;
+            let there_px = place(view, followed_px + shift.shift_px)?;
+            Some(ViewShift {
+                shift_px: there_px - place(shift.reference, followed_px)?,
+                ..shift
+            })
+        };
+        let pixel_box =
+            |(view, seen): (usize, &Option<PixelBox>)| moved_box(seen.as_ref()?, view, &place);
+        let moved = Self {
+            shifts: (0..self.shifts.len()).map(shift).collect(),
+            tracks: self.tracks.clone(),
+            boxes: self.boxes.clone(),
+            others: self
+                .others
+                .as_ref()
+                .map(|others| Box::new(others.moved(&place))),
+            ..*self
+        };
+        moved.with_boxes(self.boxes.iter().enumerate().map(pixel_box).collect())
+    }
+
     /// Number of views that saw the aircraft.
     pub(crate) fn detections(&self) -> usize {
         self.boxes.iter().flatten().count()
     }
+}
+
+/// A box of a view, moved like its centre; `None` if that has no place.
+pub(super) fn moved_box(
+    seen: &PixelBox,
+    view: usize,
+    place: impl Fn(usize, DVec2) -> Option<DVec2>,
+) -> Option<PixelBox> {
+    let [cx_px, cy_px] = place(view, centre_and_size(seen).0)?.to_array();
+    Some(PixelBox {
+        cx_px,
+        cy_px,
+        ..*seen
+    })
 }
 
 /// An observation with its truth. It dereferences to the observation: whatever takes an [`Observation`] cannot see the truth.
