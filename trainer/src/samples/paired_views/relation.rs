@@ -22,9 +22,10 @@ const MOST_TO_GO_ON: f64 = 9.0;
 /// Smallest standard deviations: flights beside the paths of the training and aircraft of another size differ by more than its boxes. Of
 /// rows, pixels ...
 const LEAST_ROW_SD_PX: f64 = 0.7;
-/// ... and of the logarithms of sizes: aircraft of 0.6 to 1.8 of the training's size are within six of them ...
-const LEAST_PARALLAX_SD: f64 = 0.1;
-/// ... and so are sizes in two views of which one is 1.8 of the other: a cloud may hide a part of the aircraft from one view.
+/// ... and of the logarithms of sizes: aircraft of half and double the training's size, or hidden in
+/// part by a cloud in both views, are within six of them ...
+const LEAST_PARALLAX_SD: f64 = 0.12;
+/// ... and so are sizes in two views of which one is 1.8 of the other.
 const LEAST_SIZE_SD: f64 = 0.1;
 /// Rows of large boxes are less certain: by this part of the height.
 const ROW_PART_OF_HEIGHT: f64 = 0.05;
