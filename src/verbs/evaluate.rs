@@ -95,8 +95,8 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
     );
     match metrics.disbelieved_boxes {
         0 => {}
-        1 => println!("1 box was ignored: no training box has such a position or size"),
-        many => println!("{many} boxes were ignored: no training box has such a position or size"),
+        1 => println!("1 box was ignored: unlike all training boxes, or not of the followed aircraft"),
+        many => println!("{many} boxes were ignored: unlike all training boxes, or not of the followed aircraft"),
     }
     match metrics.cut_off_boxes {
         0 => {}

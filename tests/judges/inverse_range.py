@@ -127,6 +127,9 @@ def main():
     by_key = {tick["key"]: tick for tick in all_ticks}
     compared, worst = 0, 0.0
     for row in pq.read_table(run / "predictions.parquet").to_pylist():
+        if row["inverse_range_dtd_m"] is None:
+            # One view alone saw something that may not be the aircraft.
+            continue
         tick = by_key[row["scenario"], row["tick"]]
         for fit in fits:
             if found := places(tick, fit, views):

@@ -26,7 +26,6 @@ use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
 use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
-use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::Watch;
 use glam::{DVec2, DVec3};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
@@ -411,26 +410,7 @@ impl Backgrounds {
             let back = matrix(turns[view]?).transpose();
             Some(turned(&self.views[view].place.camera, back, place))
         };
-        let centre = |seen: &PixelBox| DVec2::new(seen.cx_px, seen.cy_px);
-        for view in 0..observed.shifts.len() {
-            let corrected = observed.shifts[view].and_then(|mut shift| {
-                let followed = centre(observed.boxes[shift.reference].as_ref()?);
-                let there = place(view, followed + shift.shift_px)?;
-                shift.shift_px = there - place(shift.reference, followed)?;
-                Some(shift)
-            });
-            observed.shifts[view] = corrected;
-        }
-        let boxes = observed.boxes.iter().enumerate().map(|(view, seen)| {
-            let seen = (*seen)?;
-            let at = place(view, centre(&seen))?;
-            Some(PixelBox {
-                cx_px: at.x,
-                cy_px: at.y,
-                ..seen
-            })
-        });
-        *observed = observed.with_boxes(boxes.collect());
+        *observed = observed.moved(place);
     }
 
     /// Number of views.

@@ -211,17 +211,21 @@ pub(crate) fn split_again(
 }
 
 impl TrainedRun {
-    /// Observations without the boxes that are unlike any of the training side.
+    /// Observations of whole flights with the boxes of one aircraft, without those that are unlike any of the training side.
     pub(crate) fn believed(
         &self,
         observations: &[Observation],
         samples: &Samples,
     ) -> Vec<Observation> {
         let other_cameras = samples.rig.cameras_vary && !self.summary.cameras_vary;
-        let observations = observations.iter();
-        observations
+        let usual: Vec<Observation> = (observations.iter())
             .map(|observed| self.normalisation.without_outliers(observed, other_cameras))
-            .collect()
+            .collect();
+        if other_cameras {
+            // Places of cameras that vary say nothing about the relation of the views.
+            return usual;
+        }
+        self.baselines.paired_views.of_one_aircraft(&usual)
     }
 }
 

@@ -1,9 +1,10 @@
 //! From a corpus to samples: one per tick before touchdown, seen or not.
 //!
 //! Input: `splits.json`, and per scenario its record, calibration, labelled ticks, one model's detections, their registrations and the
-//! condition of the cameras ([`crate::samples::camera_health`]). Boxes cut off by the picture's edge are ignored (see [`crate::samples::trusted_boxes`]); of the others of a view at a tick the one with the
-//! highest score counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed
-//! scenario that is missing from the split is an error.
+//! condition of the cameras ([`crate::samples::camera_health`]). Boxes cut off by the image's edge are ignored (see
+//! [`crate::samples::trusted_boxes`]). Of the others of a view at a tick the one with the highest score comes first; which one an estimator
+//! gets is decided for whole flights ([`crate::samples::paired_views`]). Ticks past the touchdown target are ignored, because the distance
+//! to touchdown grows again there. A committed scenario that is missing from the split is an error.
 
 pub(crate) mod camera_health;
 pub(crate) mod flight_parts;
@@ -11,6 +12,8 @@ pub(crate) mod json_differences;
 pub(crate) mod lateral_spread;
 pub(crate) mod leave_out;
 pub(crate) mod marked_scenarios;
+pub(crate) mod other_boxes;
+pub(crate) mod paired_views;
 pub(crate) mod rig;
 mod sample;
 pub(crate) mod trusted_boxes;
@@ -38,6 +41,7 @@ use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::{CameraHealth, Corrections};
+use crate::samples::other_boxes::{OtherBoxes, Registered};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::{holds_aircraft, is_whole};
 use crate::samples::view_shift::ViewShift;
@@ -340,7 +344,7 @@ impl Samples {
             let fault = CorpusFault::UnknownView(view.clone());
             return Err(Error::corpus(folder.root(), fault));
         }
-        let mut detections = best_detections(detections, &cameras);
+        let mut detections = whole_boxes(detections, &cameras);
         let registrations = scenario
             .registrations(&self.detections.hash)?
             .unwrap_or_default();
@@ -372,22 +376,30 @@ impl Samples {
                 .iter()
                 .map(|view| detections.remove(&(row.tick, view.clone())))
                 .collect();
-            let boxes: Vec<_> = found.iter().map(|found| (*found)?.whole()).collect();
-            let shift = |(view, seen): (&String, &Option<PixelBox>)| {
-                let registration = registrations.remove(&(row.tick, view.clone()))?;
-                let shift = registration.result.ok()?;
-                let reference = self.views.binary_search(&registration.reference).ok()?;
-                let in_reference = boxes[reference].as_ref()?;
-                ViewShift::between((reference, in_reference), seen.as_ref()?, &shift)
+            let best: Vec<_> = found.iter().map(|found| found.as_ref()?.first()).collect();
+            let boxes: Vec<_> = best.iter().map(|best| Some((*best)?.pixel_box)).collect();
+            let registered: Vec<Option<Registered>> = (self.views.iter())
+                .map(|view| {
+                    let registration = registrations.remove(&(row.tick, view.clone()))?;
+                    let reference = self.views.binary_search(&registration.reference).ok()?;
+                    Some((reference, registration.result.ok()?))
+                })
+                .collect();
+            let shift = |(registered, seen): (&Option<Registered>, &Option<PixelBox>)| {
+                let (reference, shift) = registered.as_ref()?;
+                let in_reference = boxes[*reference].as_ref()?;
+                ViewShift::between((*reference, in_reference), seen.as_ref()?, shift)
             };
             Observation {
-                shifts: self.views.iter().zip(&boxes).map(shift).collect(),
+                shifts: registered.iter().zip(&boxes).map(shift).collect(),
                 scenario: self.scenarios.len(),
                 tick: row.tick,
                 time_ns: row.time_ns,
                 cut_off: (found.iter().flatten())
-                    .filter(|found| found.whole().is_none())
+                    .filter(|found| found.is_empty())
                     .count(),
+                tracks: best.iter().map(|best| (*best)?.track).collect(),
+                others: OtherBoxes::of(&found, &registered),
                 boxes,
             }
         };
@@ -571,49 +583,21 @@ fn flight_of(flight: &Flight, frames: &Frames) -> String {
     path.finalize().to_string()
 }
 
-/// Detection result in one image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Found {
-    /// The whole box with the highest score.
-    Whole { score: f64, pixel_box: PixelBox },
-    /// Only boxes that the picture's edge cuts off.
-    CutOff,
-}
-
-impl Found {
-    fn whole(self) -> Option<PixelBox> {
-        match self {
-            Self::Whole { pixel_box, .. } => Some(pixel_box),
-            Self::CutOff => None,
-        }
-    }
-}
-
-/// Best detection per tick and view.
-fn best_detections(
+/// The whole boxes per tick and view, the highest score first; none where the picture's edge cuts off all of them.
+fn whole_boxes(
     detections: Vec<Detection>,
     cameras: &BTreeMap<String, Camera>,
-) -> BTreeMap<(u32, String), Found> {
-    let mut best: BTreeMap<(u32, String), Found> = BTreeMap::new();
-    for Detection {
-        tick,
-        view,
-        pixel_box,
-        score,
-        ..
-    } in detections
-    {
-        let is_whole = is_whole(&pixel_box, &cameras[&view]);
-        let entry = best.entry((tick, view)).or_insert(Found::CutOff);
-        let is_better = match *entry {
-            Found::Whole { score: other, .. } => score > other,
-            Found::CutOff => true,
-        };
-        if is_whole && is_better {
-            *entry = Found::Whole { score, pixel_box };
+) -> BTreeMap<(u32, String), Vec<Detection>> {
+    let mut whole: BTreeMap<(u32, String), Vec<Detection>> = BTreeMap::new();
+    for found in detections {
+        let is_whole = is_whole(&found.pixel_box, &cameras[&found.view]);
+        let here = whole.entry((found.tick, found.view.clone())).or_default();
+        if is_whole {
+            let lower = here.iter().position(|other| other.score < found.score);
+            here.insert(lower.unwrap_or(here.len()), found);
         }
     }
-    best
+    whole
 }
 
 /// Share of contrast that remains over the distance to the nearest camera whose picture contains the aircraft.

@@ -200,6 +200,7 @@ fn fit_formulas(
             .collect(),
         flight_filter: FlightFilter::fit(&cross_fitted, samples, normalisation),
         inverse_range: cross_fitted.all,
+        paired_views: flights.paired_views.clone(),
         self_calibrated,
         backgrounds: flights.backgrounds.as_ref().map(Backgrounds::stored),
     }

@@ -1,5 +1,6 @@
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::Pose;
+use dataset::tables::pixel_box::PixelBox;
 use glam::{DVec2, DVec3};
 
 use super::motion::Motion;

@@ -78,6 +78,11 @@ pub enum RunFault {
         "flight_filter has not one error of positive size for each fit of inverse_range; train again"
     )]
     FlightFilter,
+    /// The relations of the views are not between these views, or have no deviation.
+    #[error(
+        "paired_views has relations of other views than the {views} of the run, in another order, or without positive deviations; train again"
+    )]
+    PairedViews { views: usize },
     /// A number that makes every answer meaningless.
     #[error("{0}; train again")]
     OutOfLimits(FieldOutOfLimits),

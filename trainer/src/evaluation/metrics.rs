@@ -147,7 +147,8 @@ pub struct Metrics {
     pub split: SplitSummary,
     /// The judged ticks.
     pub ticks: TickCounts,
-    /// Boxes at these ticks that were ignored because the training side has none at such a position or of such a size.
+    /// Boxes at these ticks, one per view, that were ignored because the training side has none at such a position or of such a size, or
+    /// because they are not of the aircraft that is followed.
     pub disbelieved_boxes: usize,
     /// Pictures of these ticks in which the detector found only boxes that the picture's edge cuts off, which are ignored.
     pub cut_off_boxes: usize,

@@ -99,9 +99,11 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
             scenario: 0,
             tick: tick as u32,
             time_ns: 0,
+            tracks: vec![None; boxes.len()],
             boxes,
             shifts,
             cut_off: 0,
+            others: None,
         };
         believed.push(normalisation.without_outliers(&observed, false));
     }

@@ -96,12 +96,7 @@ impl Normalisation {
                     (is_place && other_cameras && least <= most) || (least..=most).contains(&value)
                 })
         };
-        let boxes = observed.boxes.iter().enumerate();
-        observed.with_boxes(
-            boxes
-                .map(|(view, seen)| seen.filter(|seen| believed(view, seen)))
-                .collect(),
-        )
+        observed.with_boxes_that(believed)
     }
 
     /// Smallest and largest centre x, centre y, width and height of a view's boxes that resemble the training side, pixels. The smallest is

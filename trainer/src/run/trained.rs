@@ -32,10 +32,11 @@ use crate::run::place::RunPlace;
 use crate::run::refitted_view::Refit;
 use crate::run::sealed::SealedRun;
 use crate::samples::ScenarioSummary;
+use crate::samples::paired_views::PairedViews;
 use crate::samples::rig::{Cameras, Rig};
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 6;
+pub(crate) const RUN_FORMAT: u32 = 7;
 
 /// Version information that shows whether a run can be read.
 #[derive(Deserialize)]
@@ -187,6 +188,8 @@ pub(crate) struct Baselines {
     pub self_calibrated: Option<SelfCalibrated>,
     /// `inverse_range_filtered` and `inverse_range_smoothed`.
     pub flight_filter: FlightFilter,
+    /// The boxes that all estimators get.
+    pub paired_views: PairedViews,
     /// Content of `backgrounds.png`; missing without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backgrounds: Option<Vec<StoredView>>,
@@ -275,7 +278,8 @@ fn check_numbers(
         }))
         .chain(baselines.inverse_range.constants())
         .chain((baselines.self_calibrated.iter()).flat_map(SelfCalibrated::constants))
-        .chain(baselines.flight_filter.constants());
+        .chain(baselines.flight_filter.constants())
+        .chain(baselines.paired_views.constants());
     // NaN is not below.
     if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
     {
@@ -407,6 +411,10 @@ impl TrainedRun {
         }
         if !baselines.flight_filter.is_of(&baselines.inverse_range) {
             return Err(sealed.refused(RunFolder::BASELINES, RunFault::FlightFilter));
+        }
+        if !baselines.paired_views.is_of(views) {
+            let fault = RunFault::PairedViews { views };
+            return Err(sealed.refused(RunFolder::BASELINES, fault));
         }
         let mut networks = Networks::untrained(views, &config, &Device::flex());
         let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();

@@ -10,10 +10,10 @@ use std::ops::AddAssign;
 
 use dataset::geometry::camera::Camera;
 use dataset::tables::health::{HealthState, ViewHealth};
-use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use crate::samples::Observation;
+use crate::samples::trusted_boxes::centre_and_size;
 
 /// A direction that is off with a larger standard deviation is not corrected, pixels: at ten nautical miles such an error is 0.1 % of the
 /// distance with masts 600 m apart.
@@ -93,33 +93,15 @@ impl<'a> CameraHealth<'a> {
                 Some(turn.usual_place(&self.cameras[view], place))
             }
         };
-        let centre = |seen: &PixelBox| DVec2::new(seen.cx_px, seen.cy_px);
-        let mut corrected = observed.clone();
-        for view in 0..corrected.shifts.len() {
-            corrected.shifts[view] = observed.shifts[view].and_then(|mut shift| {
-                let followed = centre(observed.boxes[shift.reference].as_ref()?);
-                let there = usual(view, followed + shift.shift_px)?;
-                shift.shift_px = there - usual(shift.reference, followed)?;
-                Some(shift)
-            });
-        }
-        let boxes = observed.boxes.iter().enumerate().map(|(view, seen)| {
-            let seen = (*seen)?;
-            if row(view).is_none() {
-                return Some(seen);
-            }
-            let Some(at) = usual(view, centre(&seen)) else {
-                counts.withheld += 1;
-                return None;
+        for (view, seen) in observed.boxes.iter().enumerate() {
+            let Some(seen) = seen.as_ref().filter(|_| row(view).is_some()) else {
+                continue;
             };
-            counts.moved += 1;
-            Some(PixelBox {
-                cx_px: at.x,
-                cy_px: at.y,
-                ..seen
-            })
-        });
-        let boxes = boxes.collect();
-        corrected.with_boxes(boxes)
+            match usual(view, centre_and_size(seen).0) {
+                Some(_) => counts.moved += 1,
+                None => counts.withheld += 1,
+            }
+        }
+        observed.moved(usual)
     }
 }

@@ -4,7 +4,10 @@ use std::ops::Deref;
 
 use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::pixel_box::PixelBox;
+use glam::DVec2;
 
+use crate::samples::other_boxes::OtherBoxes;
+use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
 
 /// Observation at one tick: the only input of an estimator.
@@ -18,14 +21,18 @@ pub(crate) struct Observation {
     pub time_ns: i64,
     /// Box of each view, in the order of [`super::Samples::views`].
     pub boxes: Vec<Option<PixelBox>>,
+    /// Numbers of the tracks that they belong to, in the same order.
+    pub tracks: Vec<Option<u32>>,
     /// Position of the aircraft in each view by registration, in the same order.
     pub shifts: Vec<Option<ViewShift>>,
     /// Views whose only boxes are cut off by the picture's edge, which are not in `boxes`.
     pub cut_off: usize,
+    /// Boxes with lower scores in the same pictures, if there are any.
+    pub others: Option<Box<OtherBoxes>>,
 }
 
 impl Observation {
-    /// The same tick with only some of its boxes; a shift goes with its box.
+    /// The same tick with only some of its boxes; a shift goes with its box, and so do the other boxes of its view.
     pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
         let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {
             seen.is_some() && boxes[shift.reference].is_some()
@@ -35,15 +42,58 @@ impl Observation {
             shifts: shifts
                 .map(|(shift, seen)| shift.filter(|shift| kept(shift, seen)))
                 .collect(),
+            others: OtherBoxes::of_views(self.others.as_deref(), &boxes),
+            tracks: self.tracks.clone(),
             boxes,
             ..*self
         }
+    }
+
+    /// The same tick as other cameras would have seen it: `place` gives the place of a point of a view there, pixels, or `None` where it is
+    /// not known; such boxes and shifts are dropped.
+    pub(crate) fn moved(&self, place: impl Fn(usize, DVec2) -> Option<DVec2>) -> Self {
+        let shift = |view: usize| {
+            let shift = self.shifts[view]?;
+            let followed_px = centre_and_size(self.boxes[shift.reference].as_ref()?).0;
+            let there_px = place(view, followed_px + shift.shift_px)?;
+            Some(ViewShift {
+                shift_px: there_px - place(shift.reference, followed_px)?,
+                ..shift
+            })
+        };
+        let pixel_box =
+            |(view, seen): (usize, &Option<PixelBox>)| moved_box(seen.as_ref()?, view, &place);
+        let moved = Self {
+            shifts: (0..self.shifts.len()).map(shift).collect(),
+            tracks: self.tracks.clone(),
+            boxes: self.boxes.clone(),
+            others: self
+                .others
+                .as_ref()
+                .map(|others| Box::new(others.moved(&place))),
+            ..*self
+        };
+        moved.with_boxes(self.boxes.iter().enumerate().map(pixel_box).collect())
     }
 
     /// Number of views that saw the aircraft.
     pub(crate) fn detections(&self) -> usize {
         self.boxes.iter().flatten().count()
     }
+}
+
+/// A box of a view, moved like its centre; `None` if that has no place.
+pub(super) fn moved_box(
+    seen: &PixelBox,
+    view: usize,
+    place: impl Fn(usize, DVec2) -> Option<DVec2>,
+) -> Option<PixelBox> {
+    let [cx_px, cy_px] = place(view, centre_and_size(seen).0)?.to_array();
+    Some(PixelBox {
+        cx_px,
+        cy_px,
+        ..*seen
+    })
 }
 
 /// An observation with its truth. It dereferences to the observation: whatever takes an [`Observation`] cannot see the truth.
@@ -89,8 +139,10 @@ impl Sample {
                 tick: 0,
                 time_ns: 0,
                 shifts: vec![None; boxes.len()],
+                tracks: vec![None; boxes.len()],
                 boxes,
                 cut_off: 0,
+                others: None,
             },
             dtd_m,
             along_track_m: dtd_m,

@@ -34,12 +34,12 @@ fn a_box_that_the_picture_s_edge_cuts_off_does_not_count_however_high_its_score(
     let samples = read(folder.path(), &SyntheticCorpus::tiny());
     let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
     let cut = detection(0.9, 19.0);
-    let best = best_detections(vec![cut.clone(), detection(0.4, 200.0)], &cameras);
+    let best = whole_boxes(vec![cut.clone(), detection(0.4, 200.0)], &cameras);
     let left = (4, "left".to_owned());
-    assert_eq!(best[&left].whole().unwrap().cx_px, 200.0);
+    assert_eq!(best[&left][0].pixel_box.cx_px, 200.0);
     assert_eq!(
-        best_detections(vec![cut], &cameras)[&left],
-        Found::CutOff,
+        whole_boxes(vec![cut], &cameras)[&left],
+        [],
         "counted, not used"
     );
 }
@@ -69,11 +69,11 @@ fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
 }
 
 #[test]
-fn of_several_whole_boxes_the_one_with_the_best_score_counts() {
+fn of_several_whole_boxes_the_one_with_the_best_score_comes_first() {
     let folder = tempfile::tempdir().unwrap();
     let samples = read(folder.path(), &SyntheticCorpus::tiny());
     let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
-    let best = best_detections(
+    let best = whole_boxes(
         vec![
             detection(0.5, 100.0),
             detection(0.9, 200.0),
@@ -82,7 +82,8 @@ fn of_several_whole_boxes_the_one_with_the_best_score_counts() {
         &cameras,
     );
     let left = (4, "left".to_owned());
-    assert_eq!(best[&left].whole().unwrap().cx_px, 200.0);
+    let order = best[&left].iter().map(|found| found.pixel_box.cx_px);
+    assert_eq!(order.collect::<Vec<_>>(), [200.0, 300.0, 100.0]);
 }
 
 #[test]

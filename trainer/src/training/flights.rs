@@ -10,7 +10,8 @@ use crate::error::{CorpusFault, Error, Result};
 use crate::evaluation::split_again;
 use crate::networks::normalisation::Normalisation;
 use crate::samples::marked_scenarios;
-use crate::samples::{DistanceRange, Sample, Samples};
+use crate::samples::paired_views::PairedViews;
+use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
 /// The samples of all corpora, and which boxes of the training side are true.
 pub(crate) struct Flights {
@@ -20,6 +21,8 @@ pub(crate) struct Flights {
     pub(crate) backgrounds: Option<Backgrounds>,
     /// The training side with its true boxes alone.
     pub(crate) true_boxes: Vec<Sample>,
+    /// Relations of the views, learned from these.
+    pub(crate) paired_views: PairedViews,
 }
 
 impl Flights {
@@ -57,10 +60,13 @@ impl Flights {
             let fault = CorpusFault::NoTrueBoxes { samples: recorded };
             return Err(Error::corpus(corpus.root(), fault));
         }
+        let paired_views =
+            PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
         Ok(Self {
             samples,
             backgrounds,
             true_boxes,
+            paired_views,
         })
     }
 
@@ -94,9 +100,12 @@ impl Flights {
         normalisation: &Normalisation,
     ) -> Result<Vec<Sample>> {
         let recorded = side_with_samples(corpus, &self.samples, Side::Validation)?;
-        let usual: Vec<Sample> = recorded
-            .iter()
-            .map(|sample| sample.with(normalisation.without_outliers(sample, false)))
+        let usual: Vec<Observation> = (recorded.iter())
+            .map(|sample| normalisation.without_outliers(sample, false))
+            .collect();
+        let of_one = self.paired_views.of_one_aircraft(&usual);
+        let usual: Vec<Sample> = (recorded.iter().zip(of_one))
+            .map(|(sample, observed)| sample.with(observed))
             .filter(|sample| sample.detections() > 0)
             .collect();
         if usual.is_empty() {

@@ -2,10 +2,10 @@
 //! untouched.
 //!
 //! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the errors
-//! that the filter expects of them, its pinhole and centre offset, its calibration network (the paper's way), and the offset and scale of
-//! its features. Offset and scale follow from the old and the new fitted camera: they map a box in the new image to the features that the
-//! old camera would have given, so that the networks start where they were. The fingerprint of everything else ([`frozen`]) is compared
-//! and recorded.
+//! that the filter expects of them, its relations to the other views, its pinhole and centre offset, its calibration network (the paper's
+//! way), and the offset and scale of its features. Offset and scale follow from the old and the new fitted camera: they map a box in the
+//! new image to the features that the old camera would have given, so that the networks start where they were. The fingerprint of
+//! everything else ([`frozen`]) is compared and recorded.
 //!
 //! Networks, formulas and features are stored by view, so that everything else can be fingerprinted.
 
@@ -239,6 +239,8 @@ fn fit_formulas(
     let trusted: Vec<&Sample> = trusted.iter().collect();
     baselines.pinholes[view] = Pinhole::fit(view, &trusted);
     baselines.centre_offsets[view] = CentreOffset::fit(view, &samples.scenarios, &trusted);
+    let views = samples.views.len();
+    baselines.paired_views = (baselines.paired_views).with_view_refitted(view, views, &trusted);
     let ticks: Vec<&Sample> = samples
         .ticks_of_side(Side::Train)
         .filter(|tick| approaches.contains(&tick.scenario))

@@ -52,6 +52,7 @@ fn others(run: &TrainedRun, view: usize) -> Value {
         "centre_offsets": without(view, &baselines.centre_offsets),
         "inverse_range": baselines.inverse_range.without(view),
         "flight_filter": baselines.flight_filter.without(view, &baselines.inverse_range),
+        "paired_views": baselines.paired_views.without(view),
         "self_calibrated": baselines.self_calibrated.as_ref().map(|fitted| fitted.without(view)),
     })
 }

@@ -1,0 +1,130 @@
+//! One aircraft in several views: of the boxes of a flight, those that are of the same aircraft.
+//!
+//! A detector's best box of a view may be a lamp, a bird or a second arrival, whatever the other views see. Here the views have to agree: a
+//! [`Relation`] of each two views, learned from the training's boxes, says which boxes can be one aircraft, and a [`Follower`] keeps to one
+//! aircraft for a flight. Where views contradict each other, the boxes of the aircraft that was followed before are kept, or none. What one
+//! view sees while the others see nothing counts if its size suits its place ([`Path`]), until views have agreed on something else.
+
+mod aircraft;
+mod follower;
+mod path;
+mod relation;
+mod robust_line;
+
+use serde::{Deserialize, Serialize};
+
+use crate::samples::{Observation, Sample};
+use follower::Follower;
+use path::Path;
+use relation::Relation;
+
+/// The relations of a rig's views, and the paths in each.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PairedViews {
+    /// Those of the pairs of views that saw the aircraft together often enough, by the indices of the views.
+    relations: Vec<Relation>,
+    /// Sizes along the paths, of the views that saw the aircraft often enough, by their indices.
+    paths: Vec<Path>,
+}
+
+impl PairedViews {
+    /// Learns the relations from samples whose boxes contain the aircraft.
+    pub(crate) fn fit(views: usize, true_boxes: &[&Sample]) -> Self {
+        let pairs = (0..views).flat_map(|one| (one + 1..views).map(move |other| [one, other]));
+        Self {
+            relations: pairs.filter_map(|pair| fitted(pair, true_boxes)).collect(),
+            paths: (0..views)
+                .filter_map(|view| fitted_path(view, true_boxes))
+                .collect(),
+        }
+    }
+
+    /// The same with what concerns one view learned again.
+    pub(crate) fn with_view_refitted(
+        &self,
+        view: usize,
+        views: usize,
+        true_boxes: &[&Sample],
+    ) -> Self {
+        let Self {
+            mut relations,
+            mut paths,
+        } = self.without(view);
+        let others = (0..views).filter(|&other| other != view);
+        relations.extend(others.filter_map(|other| {
+            let pair = [view.min(other), view.max(other)];
+            fitted(pair, true_boxes)
+        }));
+        relations.sort_by_key(|relation| relation.views);
+        paths.extend(fitted_path(view, true_boxes));
+        paths.sort_by_key(|path| path.view);
+        Self { relations, paths }
+    }
+
+    /// The same without what concerns one view.
+    pub(crate) fn without(&self, view: usize) -> Self {
+        let mut others = self.clone();
+        others.relations.retain(|of| !of.views.contains(&view));
+        others.paths.retain(|of| of.view != view);
+        others
+    }
+
+    /// Whole flights with at most one box per view: the boxes of one aircraft. Boxes of views without a relation stay as they are.
+    pub(crate) fn of_one_aircraft(&self, flights: &[Observation]) -> Vec<Observation> {
+        if self.relations.is_empty() {
+            return flights.to_vec();
+        }
+        let mut chosen = Vec::with_capacity(flights.len());
+        for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
+            let mut follower = Follower::new(&self.relations, &self.paths);
+            chosen.extend(flight.iter().map(|observed| {
+                let of_one = follower.step(observed);
+                let kept = of_one.iter().enumerate().map(|(view, index)| {
+                    let is_related = self.relations.iter().any(|r| r.views.contains(&view));
+                    let any = observed.boxes[view].map(|_| 0);
+                    let index = if is_related { *index } else { any };
+                    index.into_iter().collect()
+                });
+                observed.with_candidates(&kept.collect::<Vec<_>>())
+            }));
+        }
+        chosen
+    }
+
+    /// True if these are relations between this many views and paths in them, with possible deviations.
+    pub(crate) fn is_of(&self, views: usize) -> bool {
+        let mut relations = self.relations.iter();
+        let is_possible = |relation: &Relation| {
+            let [one, other] = relation.views;
+            one < other && other < views && relation.is_possible()
+        };
+        let mut paths = self.paths.iter();
+        relations.all(is_possible)
+            && self.relations.is_sorted_by(|a, b| a.views < b.views)
+            && paths.all(|path| path.view < views && path.is_possible())
+            && self.paths.is_sorted_by(|a, b| a.view < b.view)
+    }
+
+    /// All of its numbers.
+    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
+        let relations = self.relations.iter().flat_map(Relation::constants);
+        relations.chain(self.paths.iter().flat_map(Path::constants))
+    }
+}
+
+fn fitted(views: [usize; 2], true_boxes: &[&Sample]) -> Option<Relation> {
+    let boxes = true_boxes.iter().filter_map(|sample| {
+        let [one, other] = views.map(|view| sample.boxes[view].as_ref());
+        Some([one?, other?])
+    });
+    Relation::fit(views, &boxes.collect::<Vec<_>>())
+}
+
+fn fitted_path(view: usize, true_boxes: &[&Sample]) -> Option<Path> {
+    let boxes = true_boxes.iter().filter_map(|s| s.boxes[view].as_ref());
+    Path::fit(view, &boxes.collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests;

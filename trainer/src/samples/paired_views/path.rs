@@ -1,0 +1,100 @@
+//! The paths of the training in one view: where in the image an aircraft is, and how large it is there.
+//!
+//! Approaches to one runway look alike in a view. Place and size are nearly linear in the inverse of the distance, so row and width nearly
+//! follow from the column. This is no more than a hint, because flights beside the training's paths differ, and it counts for boxes that no
+//! other view supports.
+
+use dataset::numbers::spread::deviation_from_zero;
+use dataset::tables::pixel_box::PixelBox;
+use serde::{Deserialize, Serialize};
+
+use super::robust_line::robust_line;
+
+/// Boxes below which nothing is learned.
+const LEAST_BOXES: usize = 30;
+/// Units of places and widths in the fit, pixels.
+const UNIT_PX: f64 = 1_000.0;
+const WIDTH_UNIT_PX: f64 = 100.0;
+/// Boxes that differ by more standard deviations are not on such a path. The smallest standard deviations are of the logarithm of the
+/// width, so that boxes of half and double the width are always on it, ...
+const MOST_DEVIATIONS: f64 = 6.0;
+const LEAST_SD: f64 = 0.12;
+/// ... and of the row, pixels: flights at another height, or level before the glide path.
+const LEAST_ROW_SD_PX: f64 = 25.0;
+
+/// Rows and widths of boxes in one view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Path {
+    /// Index of the view.
+    pub(super) view: usize,
+    /// Width, pixels: constant, and change per pixel of column and row.
+    width: [f64; 3],
+    /// Standard deviation of the logarithm of the width.
+    width_sd: f64,
+    /// Row, pixels: constant, and change per pixel of column.
+    row: [f64; 2],
+    /// Standard deviation of the row, pixels.
+    row_sd_px: f64,
+}
+
+impl Path {
+    /// Fits widths to boxes of aircraft, robustly; `None` of too few.
+    pub(super) fn fit(view: usize, boxes: &[&PixelBox]) -> Option<Self> {
+        if boxes.len() < LEAST_BOXES {
+            return None;
+        }
+        let points = boxes.iter().map(|seen| {
+            let terms = [1.0, seen.cx_px / UNIT_PX, seen.cy_px / UNIT_PX];
+            let width = seen.width_px / WIDTH_UNIT_PX;
+            (terms, width, width)
+        });
+        let ([constant, of_x, of_y], _) = robust_line(&points.collect::<Vec<_>>())?;
+        let per_px = WIDTH_UNIT_PX / UNIT_PX;
+        let rows = boxes.iter().map(|seen| {
+            let terms = [1.0, seen.cx_px / UNIT_PX];
+            (terms, seen.cy_px, 1.0)
+        });
+        let ([row, row_of_x], row_sd_px) = robust_line(&rows.collect::<Vec<_>>())?;
+        let mut path = Self {
+            view,
+            width: [constant * WIDTH_UNIT_PX, of_x * per_px, of_y * per_px],
+            width_sd: 1.0,
+            row: [row, row_of_x / UNIT_PX],
+            row_sd_px: row_sd_px.max(LEAST_ROW_SD_PX),
+        };
+        let residuals = boxes.iter().map(|seen| path.residuals(seen)[0]);
+        let width_sd = deviation_from_zero(residuals.filter(|residual| residual.is_finite()));
+        path.width_sd = width_sd.max(LEAST_SD);
+        Some(path)
+    }
+
+    /// Differences of the logarithm of the width, and of the row, from what the place says, in standard deviations; the first is not finite
+    /// where no aircraft is.
+    fn residuals(&self, seen: &PixelBox) -> [f64; 2] {
+        let [constant, of_x, of_y] = self.width;
+        let expected_px = constant + of_x * seen.cx_px + of_y * seen.cy_px;
+        let width = (seen.width_px / expected_px.max(0.0)).ln() / self.width_sd;
+        let [constant, of_x] = self.row;
+        let row = (seen.cy_px - constant - of_x * seen.cx_px) / self.row_sd_px;
+        [width, row]
+    }
+
+    /// True if an aircraft on such a path may have this box.
+    pub(super) fn holds(&self, seen: &PixelBox) -> bool {
+        // Not a number is not within.
+        let is_within = |residual: f64| residual.abs() <= MOST_DEVIATIONS;
+        self.residuals(seen).into_iter().all(is_within)
+    }
+
+    /// All of its numbers.
+    pub(super) fn constants(&self) -> impl Iterator<Item = f64> {
+        let widths = self.width.into_iter().chain([self.width_sd]);
+        widths.chain(self.row).chain([self.row_sd_px])
+    }
+
+    /// True if its standard deviations are positive.
+    pub(super) fn is_possible(&self) -> bool {
+        self.width_sd > 0.0 && self.row_sd_px > 0.0
+    }
+}

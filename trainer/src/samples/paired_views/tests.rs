@@ -1,0 +1,314 @@
+//! Boxes of one aircraft, among others.
+
+use dataset::corpus::splits::Side;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::tables::pixel_box::PixelBox;
+use testkit::synthetic::SyntheticCorpus;
+
+use super::*;
+use crate::samples::other_boxes::{Candidate, OtherBoxes};
+use crate::samples::{DistanceRange, Samples};
+
+/// Relations of the training side, and the flights of the test side beyond 1 NM.
+fn learned(corpus: &SyntheticCorpus) -> (PairedViews, Vec<Vec<Observation>>) {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = corpus.write(folder.path()).unwrap();
+    let range = DistanceRange {
+        min_nm: 1.0,
+        max_nm: None,
+    };
+    let samples = Samples::read(&corpus, None, range).unwrap();
+    let true_boxes = samples.with_true_boxes(Side::Train);
+    let paired = PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
+    let flights = samples.flights_of_side(Side::Test);
+    let observed = |flight: &[Sample]| flight.iter().map(|s| s.observed.clone()).collect();
+    (paired, flights.map(observed).collect())
+}
+
+fn every(seconds: u32) -> SyntheticCorpus {
+    SyntheticCorpus {
+        frame_rate: FrameRate {
+            numerator: 1,
+            denominator: seconds,
+        },
+        ..SyntheticCorpus::tiny()
+    }
+}
+
+fn each_second() -> (PairedViews, Vec<Vec<Observation>>) {
+    learned(&every(1))
+}
+
+/// The aircraft's boxes belong to one track per view, as a detector's do.
+fn tracked(flight: &[Observation]) -> Vec<Observation> {
+    let mut flight = flight.to_vec();
+    for observed in &mut flight {
+        let tracks = observed.boxes.iter().zip([3, 7]);
+        observed.tracks = tracks.map(|(seen, track)| seen.map(|_| track)).collect();
+    }
+    flight
+}
+
+/// Puts a box above those that a view has.
+fn add(observed: &mut Observation, view: usize, pixel_box: PixelBox, track: Option<u32>) {
+    let below: Vec<Vec<Candidate>> = (0..observed.boxes.len())
+        .map(|of| {
+            let skipped = usize::from(of != view);
+            observed.candidates(of).skip(skipped).collect()
+        })
+        .collect();
+    observed.boxes[view] = Some(pixel_box);
+    observed.tracks[view] = track;
+    observed.shifts.fill(None);
+    observed.others = Some(Box::new(OtherBoxes {
+        registered: vec![None; below.len()],
+        boxes: below,
+    }));
+}
+
+fn still(cx_px: f64, cy_px: f64) -> PixelBox {
+    PixelBox {
+        cx_px,
+        cy_px,
+        width_px: 41.0,
+        height_px: 15.0,
+    }
+}
+
+/// Ticks at which a flight has a box, and ticks at which it has a box that is not the aircraft's.
+fn answered_and_false(chosen: &[Observation], truth: &[Observation]) -> (usize, usize) {
+    let ticks = || chosen.iter().zip(truth);
+    let is_false = |(chosen, truth): &(&Observation, &Observation)| {
+        let boxes = chosen.boxes.iter().zip(&truth.boxes);
+        boxes
+            .into_iter()
+            .any(|(seen, aircraft)| seen.is_some() && seen != aircraft)
+    };
+    let answered = ticks()
+        .filter(|(chosen, _)| chosen.detections() > 0)
+        .count();
+    (answered, ticks().filter(is_false).count())
+}
+
+/// Number of ticks with a box.
+fn seen(flight: &[Observation]) -> usize {
+    flight
+        .iter()
+        .filter(|observed| observed.detections() > 0)
+        .count()
+}
+
+#[test]
+fn flights_without_false_boxes_keep_all_of_their_boxes() {
+    for seconds in [1, 3, 15] {
+        let (paired, flights) = learned(&every(seconds));
+        assert_eq!(paired.relations.len(), 1);
+        for flight in &flights {
+            assert_eq!(&paired.of_one_aircraft(flight), flight);
+            let flight = tracked(flight);
+            assert_eq!(paired.of_one_aircraft(&flight), flight);
+        }
+    }
+}
+
+#[test]
+fn a_false_box_with_the_best_score_in_one_view_is_never_taken_however_long_it_is_there() {
+    let (paired, flights) = each_second();
+    for (number, flight) in flights.iter().enumerate() {
+        for track in [None, Some(50)] {
+            for lasts in [1, 3, 10, 30, 60] {
+                for (moves, view) in [(0.0, 0), (2.5, 1), (-1.0, 0)] {
+                    let truth = if track.is_some() {
+                        tracked(flight)
+                    } else {
+                        flight.clone()
+                    };
+                    let mut disturbed = truth.clone();
+                    for start in [0, 70, 140] {
+                        for tick in start..(start + lasts).min(disturbed.len()) {
+                            let along = moves * (tick - start) as f64;
+                            let lamp = still(400.0 + 30.0 * along, 441.0 + along);
+                            add(&mut disturbed[tick], view, lamp, track);
+                        }
+                    }
+                    let chosen = paired.of_one_aircraft(&disturbed);
+                    let (answered, wrong) = answered_and_false(&chosen, &truth);
+                    let case =
+                        format!("flight {number}, {track:?}, {lasts} s, {moves}, view {view}");
+                    assert_eq!(wrong, 0, "{case}");
+                    assert!(
+                        answered as f64 >= 0.97 * seen(&truth) as f64,
+                        "{case}: {answered}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn while_one_view_sees_something_else_the_other_answers_alone() {
+    let (paired, flights) = each_second();
+    for flight in flights.iter().map(|flight| tracked(flight)) {
+        let mut disturbed = flight.clone();
+        for observed in &mut disturbed[60..120] {
+            observed.boxes[1] = Some(still(900.0, 441.0));
+            observed.tracks[1] = Some(50);
+            observed.shifts.fill(None);
+        }
+        let chosen = paired.of_one_aircraft(&disturbed);
+        let (answered, wrong) = answered_and_false(&chosen, &flight);
+        assert_eq!(wrong, 0);
+        let alone = flight.iter().enumerate().filter(|(tick, observed)| {
+            let is_disturbed = (60..120).contains(tick);
+            observed.boxes[0].is_some() || (!is_disturbed && observed.boxes[1].is_some())
+        });
+        assert_eq!(answered, alone.count());
+    }
+}
+
+#[test]
+fn of_two_arrivals_one_is_followed_to_the_end_also_where_one_view_loses_it() {
+    let (paired, flights) = each_second();
+    for apart in [45, 90] {
+        let flight = tracked(&flights[0]);
+        let ahead = tracked(&flights[1]);
+        // The other one is farther along, so nearer and higher in score.
+        let mut both = flight.clone();
+        for (tick, observed) in both.iter_mut().enumerate() {
+            let Some(other) = ahead.get(tick + apart) else {
+                continue;
+            };
+            for view in 0..2 {
+                if let Some(seen) = other.boxes[view] {
+                    add(observed, view, seen, Some(90));
+                }
+            }
+        }
+        for observed in &mut both[20..30] {
+            // The one that is followed is lost in one view, where the other one stays.
+            let kept: Vec<usize> = observed
+                .candidates(1)
+                .enumerate()
+                .skip(1)
+                .map(|(i, _)| i)
+                .collect();
+            let all = observed.candidates(0).enumerate().map(|(i, _)| i).collect();
+            *observed = observed.with_candidates(&[all, kept]);
+        }
+        let chosen = paired.of_one_aircraft(&both);
+        let in_sight = ahead.len() - apart;
+        let first = &chosen[..in_sight];
+        for (tick, observed) in first.iter().enumerate() {
+            for (view, seen) in observed.boxes.iter().enumerate() {
+                assert!(
+                    seen.is_none() || *seen == ahead[tick + apart].boxes[view],
+                    "tick {tick}"
+                );
+            }
+        }
+        assert!(
+            seen(first) as f64 > 0.97 * seen(&ahead[apart..]) as f64,
+            "{}",
+            seen(first)
+        );
+        // The one behind it takes over after a minute without the first.
+        let (_, wrong) = answered_and_false(&chosen[in_sight..], &flight[in_sight..]);
+        assert_eq!(wrong, 0);
+        if apart > 60 {
+            assert!(seen(&chosen[in_sight + 62..]) > 0);
+        }
+    }
+}
+
+#[test]
+fn of_three_views_the_one_that_contradicts_the_others_is_left_out() {
+    let (paired, flights) = learned(&SyntheticCorpus {
+        third_camera: true,
+        ..every(1)
+    });
+    assert_eq!(paired.relations.len(), 3);
+    let flight = &flights[0];
+    assert_eq!(&paired.of_one_aircraft(flight), flight);
+    let mut disturbed = flight.clone();
+    for observed in &mut disturbed[40..100] {
+        observed.boxes[1] = Some(still(900.0, 741.0));
+    }
+    let chosen = paired.of_one_aircraft(&disturbed);
+    let (answered, wrong) = answered_and_false(&chosen, flight);
+    assert_eq!(wrong, 0);
+    assert!(answered + 2 >= seen(flight), "{answered}");
+}
+
+#[test]
+fn a_single_view_counts_while_the_others_are_blind() {
+    let (paired, flights) = each_second();
+    for view in 0..2 {
+        let blind = |observed: &Observation| {
+            let mut boxes = vec![None; 2];
+            boxes[view] = observed.boxes[view];
+            observed.with_boxes(boxes)
+        };
+        let alone: Vec<Observation> = flights[0].iter().map(blind).collect();
+        let chosen = paired.of_one_aircraft(&alone);
+        let (answered, wrong) = answered_and_false(&chosen, &alone);
+        assert_eq!(wrong, 0);
+        // Until it has moved.
+        assert!(answered + 4 >= seen(&alone), "{answered}");
+    }
+}
+
+#[test]
+fn views_that_see_different_things_from_the_start_give_no_answer() {
+    let (paired, flights) = each_second();
+    let mut disturbed = tracked(&flights[0]);
+    for observed in &mut disturbed {
+        observed.boxes[1] = Some(still(900.0, 441.0));
+        observed.tracks[1] = Some(50);
+    }
+    let both = disturbed
+        .iter()
+        .filter(|observed| observed.detections() == 2);
+    let chosen = paired.of_one_aircraft(&disturbed);
+    assert!(both.count() > 100);
+    let answered = seen(&chosen) as f64;
+    assert!(answered < 0.02 * disturbed.len() as f64, "{answered}");
+}
+
+#[test]
+fn boxes_of_two_views_are_of_one_aircraft_in_one_row_and_size_and_with_the_parallax_of_that_size() {
+    let (paired, flights) = each_second();
+    let relation = &paired.relations[0];
+    let far = flights[0]
+        .iter()
+        .find(|observed| observed.detections() == 2)
+        .unwrap();
+    let [left, right] = [far.boxes[0].unwrap(), far.boxes[1].unwrap()];
+    let misfit = |right: PixelBox| relation.misfit([&left, &right]);
+    assert!(misfit(right).unwrap() < 10.0, "{:?}", misfit(right));
+    let lower = PixelBox {
+        cy_px: right.cy_px + 97.0,
+        ..right
+    };
+    let larger = PixelBox {
+        width_px: 2.2 * right.width_px,
+        ..right
+    };
+    let beside = PixelBox {
+        cx_px: right.cx_px + 400.0,
+        ..right
+    };
+    for other in [lower, larger, beside] {
+        assert_eq!(misfit(other), None, "{other:?}");
+    }
+}
+
+#[test]
+fn relations_of_a_view_are_learned_again_without_touching_the_others() {
+    let (paired, _) = each_second();
+    assert!(paired.is_of(2) && !paired.is_of(1));
+    assert!(paired.without(1).relations.is_empty());
+    assert_eq!(paired.without(1).paths, paired.paths[..1]);
+    assert!(paired.constants().all(f64::is_finite));
+    assert_eq!(paired.with_view_refitted(1, 2, &[]), paired.without(1));
+}
