@@ -133,14 +133,21 @@ pub(crate) struct RefitArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct EvaluateArgs {
     /// Folder of the run, as written by `dtd train`
-    #[arg(value_parser = folder())]
-    pub(crate) run: PathBuf,
+    #[arg(value_parser = folder(), required_unless_present = "predictions", conflicts_with = "predictions")]
+    pub(crate) run: Option<PathBuf>,
+    /// Table of predictions to judge instead of a run: Parquet or .csv
+    ///
+    /// Its columns are `scenario`, `tick` and, for each estimator, `NAME_dtd_m` in metres, empty where it has no prediction; optionally
+    /// `NAME_dtd_m_from` and `NAME_dtd_m_to`, the ends of a 90 % interval, and `detections`, the number of views that saw the aircraft.
+    /// Other columns are ignored. A table of `dtd predict` is such a table.
+    #[arg(long, value_name = "TABLE", conflicts_with = "detections")]
+    pub(crate) predictions: Option<PathBuf>,
     /// Folder of the corpus
     #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Folder for the results, new or empty; by default they are added to RUN
     ///
-    /// Results of another evaluation are never replaced.
+    /// Results of another evaluation are never replaced. With --predictions, the default is to write no files.
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: Option<PathBuf>,
     /// Side of the split to judge
