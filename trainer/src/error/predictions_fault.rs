@@ -91,17 +91,23 @@ pub enum PredictionsFault {
         "scenario {scenario} has tick {tick} more than once; expected one row for each scenario and tick"
     )]
     TickTwice { scenario: String, tick: u32 },
-    /// A prediction that is no distance.
+    /// A prediction that is not a number of metres.
     #[error(
-        "scenario {scenario}, tick {tick}: {column} is {found:?}, expected a distance of 0 m or more; where there is no prediction, leave the \
+        "scenario {scenario}, tick {tick}: {column} is {found:?}, expected a finite number of metres; where there is no prediction, leave the \
          value out (null in Parquet, an empty field in CSV)"
     )]
-    NotADistance {
+    NotFinite {
         scenario: String,
         tick: u32,
         column: String,
         found: f64,
     },
+    /// Distances with the opposite sign.
+    #[error(
+        "the distances in {column} are mostly negative: their median is {median_ratio:.3} of the true distance; expected distances to \
+         touchdown, which fall to 0 m along the approach; change their sign"
+    )]
+    Negative { column: String, median_ratio: f64 },
     /// An interval that is none.
     #[error(
         "scenario {scenario}, tick {tick}: {from_column} is {} and {to_column} is {}, expected two finite distances in this order, or \

@@ -16,6 +16,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::corpus::splits::Side;
 use dataset::files::json_file::write_json_unsynced;
+use dataset::numbers::spread::median;
 use dataset::tables::columns::TableWriter;
 use dataset::work::watch::Watch;
 use serde::{Deserialize, Serialize};
@@ -23,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use self::cells::Cells;
 use self::layout::listed;
 use self::predictions::{Predicted, Predictions};
-use self::units::ProbableUnit;
+use self::units::probable_unit;
 use crate::error::{CorpusFault, Error, PredictionsFault, Result};
 use crate::evaluation::answers::common_ticks;
 use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blake3};
@@ -162,6 +163,14 @@ pub fn evaluate_table(
     }
     for predicted in &predictions.estimators {
         refuse_other_unit(predicted, &judged).map_err(refused)?;
+        let distances_m = predicted.distances_m.iter().flatten();
+        let negative = distances_m.filter(|distance_m| **distance_m < 0.0).count();
+        if negative > 0 {
+            watch.warn(&format!(
+                "{}_dtd_m is negative at {negative} judged ticks, which are judged as they are",
+                predicted.name
+            ));
+        }
     }
     let evaluation = TableEvaluation {
         samples,
@@ -197,24 +206,32 @@ pub fn evaluate_table(
     Ok(metrics)
 }
 
-/// Rejects predictions that are not in metres.
+/// Rejects predictions that are not in metres, or have the opposite sign.
 fn refuse_other_unit(
     predicted: &Predicted,
     judged: &[&Sample],
 ) -> std::result::Result<(), PredictionsFault> {
     let ticks = predicted.distances_m.iter().zip(judged);
     let ratios = ticks.filter_map(|(distance_m, sample)| Some((*distance_m)? / sample.dtd_m));
-    match ProbableUnit::of(ratios.collect()) {
+    let mut ratios: Vec<f64> = ratios.collect();
+    if ratios.is_empty() {
+        return Ok(());
+    }
+    let median_ratio = median(&mut ratios);
+    let column = format!("{}_dtd_m", predicted.name);
+    if median_ratio < 0.0 {
+        return Err(PredictionsFault::Negative {
+            column,
+            median_ratio,
+        });
+    }
+    match probable_unit(median_ratio) {
         None => Ok(()),
-        Some(ProbableUnit {
+        Some((unit, length_m)) => Err(PredictionsFault::OtherUnit {
+            column,
             unit,
             median_ratio,
-            expected_ratio,
-        }) => Err(PredictionsFault::OtherUnit {
-            column: format!("{}_dtd_m", predicted.name),
-            unit,
-            median_ratio,
-            expected_ratio,
+            expected_ratio: 1.0 / length_m,
         }),
     }
 }

@@ -172,7 +172,12 @@ impl<'a> Rows<'a> {
             for (column, values) in names.zip(values) {
                 let is_bad = |value: &Option<f64>| value.is_some_and(|value| !value.is_finite());
                 if let Some(row) = values.iter().position(is_bad) {
-                    return Err(self.not_a_distance(row, column, values[row].unwrap_or(f64::NAN)));
+                    return Err(PredictionsFault::NotFinite {
+                        scenario: self.id(row),
+                        tick: self.tick[row],
+                        column: column.clone(),
+                        found: values[row].unwrap_or(f64::NAN),
+                    });
                 }
             }
         }
@@ -186,13 +191,8 @@ impl<'a> Rows<'a> {
         ends: &[Vec<Option<f64>>],
         row_of: &[Option<usize>],
     ) -> Result<Predicted, PredictionsFault> {
-        let distance_m = |row: usize| match distances[row] {
-            Some(found) if found < 0.0 => Err(self.not_a_distance(row, &columns.distance, found)),
-            distance_m => Ok(distance_m),
-        };
         let at_ticks = row_of.iter().copied();
-        let distances_m = at_ticks.clone().map(|row| row.map_or(Ok(None), distance_m));
-        let distances_m = distances_m.collect::<Result<_, _>>()?;
+        let distances_m = at_ticks.clone().map(|row| distances[row?]).collect();
         let (Some([from_column, to_column]), [from, to]) = (&columns.interval, ends) else {
             return Ok(Predicted {
                 name: columns.name.clone(),
@@ -222,15 +222,6 @@ impl<'a> Rows<'a> {
 
     fn id(&self, row: usize) -> String {
         self.scenarios[self.scenario[row]].id.clone()
-    }
-
-    fn not_a_distance(&self, row: usize, column: &str, found: f64) -> PredictionsFault {
-        PredictionsFault::NotADistance {
-            scenario: self.id(row),
-            tick: self.tick[row],
-            column: column.to_owned(),
-            found,
-        }
     }
 
     fn none_judged(&self, judged: &[&Sample], rules: &EvaluationRules) -> PredictionsFault {

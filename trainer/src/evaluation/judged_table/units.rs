@@ -12,29 +12,11 @@ const UNITS: [(&str, f64); 3] = [
 /// farther apart.
 const TOLERANCE: f64 = 0.1;
 
-/// A unit in which some distances probably are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ProbableUnit {
-    pub unit: &'static str,
-    /// Median of the predictions as shares of the truth.
-    pub median_ratio: f64,
-    /// The share that this unit gives.
-    pub expected_ratio: f64,
-}
-
-impl ProbableUnit {
-    /// The unit of predictions with these ratios to the truth in metres; `None` for metres, or if no unit explains the ratios.
-    pub(super) fn of(mut ratios: Vec<f64>) -> Option<Self> {
-        ratios.sort_by(f64::total_cmp);
-        let median_ratio = *ratios.get(ratios.len() / 2)?;
-        let is_near = |(_, meters): &&(&str, f64)| (median_ratio * meters - 1.0).abs() < TOLERANCE;
-        let (unit, meters) = UNITS.iter().find(is_near)?;
-        Some(Self {
-            unit,
-            median_ratio,
-            expected_ratio: 1.0 / meters,
-        })
-    }
+/// The unit, with its length in metres, of distances whose median is this share of the truth in metres; `None` for metres, or if no unit
+/// explains the share.
+pub(super) fn probable_unit(median_ratio: f64) -> Option<(&'static str, f64)> {
+    let is_near = |(_, meters): &(&str, f64)| (median_ratio * meters - 1.0).abs() < TOLERANCE;
+    UNITS.into_iter().find(is_near)
 }
 
 #[cfg(test)]
@@ -42,16 +24,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn miles_kilometres_and_feet_are_recognised_by_their_median_and_bad_estimates_are_none() {
-        let unit = |ratios: &[f64]| ProbableUnit::of(ratios.to_vec()).map(|unit| unit.unit);
-        assert_eq!(
-            unit(&[1.0 / 1_852.0, 1.05 / 1_852.0, 7.0]),
-            Some("nautical miles")
-        );
-        assert_eq!(unit(&[1.0, 0.95e-3, 0.9e-3]), Some("kilometres"));
-        assert_eq!(unit(&[3.1, 3.3, 3.5]), Some("feet"));
-        for ratios in [&[][..], &[1.0], &[0.5, 1.4, 2.0], &[0.0, 0.0, 0.0], &[2.5]] {
-            assert_eq!(unit(ratios), None, "{ratios:?}");
+    fn miles_kilometres_and_feet_are_recognised_and_bad_estimates_are_none() {
+        let unit = |median_ratio| probable_unit(median_ratio).map(|(unit, _)| unit);
+        assert_eq!(unit(1.05 / 1_852.0), Some("nautical miles"));
+        assert_eq!(unit(0.95e-3), Some("kilometres"));
+        assert_eq!(unit(3.3), Some("feet"));
+        for ratio in [0.0, 0.5, 1.0, 1.4, 2.5, -1e-3] {
+            assert_eq!(unit(ratio), None, "{ratio}");
         }
     }
 }
