@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
 use trainer::{MOST_APPROACHES, TrainingBackend};
 
 use crate::args::folder;
@@ -131,16 +131,24 @@ pub(crate) struct RefitArgs {
 }
 
 #[derive(Debug, ClapArgs)]
+#[command(group(ArgGroup::new("judged").args(["run", "predictions"]).required(true)))]
 pub(crate) struct EvaluateArgs {
     /// Folder of the run, as written by `dtd train`
     #[arg(value_parser = folder())]
-    pub(crate) run: PathBuf,
+    pub(crate) run: Option<PathBuf>,
+    /// Table of predictions to judge instead of a run: Parquet or .csv
+    ///
+    /// Its columns are `scenario`, `tick` and, for each estimator, `NAME_dtd_m` in metres, empty where it has no prediction; optionally
+    /// `NAME_dtd_m_from` and `NAME_dtd_m_to` (or `NAME_from_m` and `NAME_to_m`), the ends of a 90 % interval, and `detections`, the number
+    /// of views that saw the aircraft. Other columns are ignored. A table of `dtd predict` is such a table.
+    #[arg(long, value_name = "TABLE", conflicts_with = "detections")]
+    pub(crate) predictions: Option<PathBuf>,
     /// Folder of the corpus
     #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Folder for the results, new or empty; by default they are added to RUN
     ///
-    /// Results of another evaluation are never replaced.
+    /// Results of another evaluation are never replaced. With --predictions, the default is to write no files.
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: Option<PathBuf>,
     /// Side of the split to judge

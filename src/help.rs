@@ -94,7 +94,9 @@ pub(crate) const EVALUATE: &str = "\
 Examples:
   dtd evaluate run --corpus corpus            adds metrics.json, report.html
   dtd evaluate run --corpus other --side all --out judged
-                                              flights that no training saw";
+                                              flights that no training saw
+  dtd evaluate --predictions mine.csv --corpus corpus --out judged
+                                              predictions of other software";
 
 pub(crate) const EXPORT_ESTIMATORS: &str = "\
 Example:

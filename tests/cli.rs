@@ -79,6 +79,26 @@ fn a_plan_lists_how_long_each_part_of_the_recording_takes() {
 }
 
 #[test]
+fn an_evaluation_is_of_a_run_or_of_a_table_of_predictions() {
+    for (arguments, needed) in [
+        (
+            &["evaluate", "run", "--predictions", "mine.csv"][..],
+            "cannot be used with",
+        ),
+        (
+            &["evaluate", "--predictions", "mine.csv", "--detections", "m"],
+            "cannot be used with",
+        ),
+        (&["evaluate"], "RUN|--predictions"),
+    ] {
+        let output = DTD.run(&[arguments, &["--corpus", "."]].concat());
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains(needed), "{message}");
+    }
+}
+
+#[test]
 fn the_demo_flies_recorded_flights_in_every_weather_at_three_times() {
     let plan = plan_json("demo.toml");
     let scenarios = plan["scenarios"].as_array().unwrap();

@@ -11,7 +11,7 @@ use testkit::command::{Dtd, said, text};
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 /// Every verb that writes to a place of the user's choice. `OUT` stands for that place.
-const VERBS: [&[&str]; 18] = [
+const VERBS: [&[&str]; 19] = [
     &["generate", "demo.toml", "--out", "OUT"],
     &["generate", "demo.toml", "--out", "file://OUT"],
     &[
@@ -30,6 +30,15 @@ const VERBS: [&[&str]; 18] = [
         "refit", "RUN", "--corpus", "CORPUS", "--view", "left", "--out", "OUT",
     ],
     &["evaluate", "RUN", "--corpus", "CORPUS", "--out", "OUT"],
+    &[
+        "evaluate",
+        "--predictions",
+        "mine.csv",
+        "--corpus",
+        "CORPUS",
+        "--out",
+        "OUT",
+    ],
     &["predict", "RUN", "--corpus", "CORPUS", "--out", "OUT"],
     &["export", "CORPUS", "--to", "coco", "--out", "OUT"],
     &["export-estimators", "RUN", "--out", "OUT"],

@@ -142,14 +142,26 @@ class Corpus:
         return self._of_model("health", "health_blake3", model)
 
     def predictions(self, run: str | Path) -> pl.DataFrame:
-        """What the estimators of a run say, after `dtd evaluate`: one row per scenario of the test side and tick, with weather and side."""
-        path = sealed(Path(run).resolve(), "predictions.parquet")
+        """What estimators say: one row per scenario and tick, with weather and side.
+
+        `run` is a folder of `dtd evaluate`, whose rows are the judged ticks with their true distance `dtd_m`, or a table of `dtd predict`
+        or of other software (Parquet or .csv), as `dtd evaluate --predictions` judges it.
+        """
+        path = Path(run).resolve()
+        if path.is_dir():
+            path = sealed(path, "predictions.parquet")
+            if not path.exists():
+                raise CorpusError(f"{run} has no predictions: run `dtd evaluate` on it first")
         if not path.exists():
-            raise CorpusError(f"{run} has no predictions: run `dtd evaluate` on it first")
+            raise CorpusError(f"{run} is missing; expected a folder of `dtd evaluate`, or a table of `dtd predict`")
         try:
-            table = pl.read_parquet(path)
+            is_csv = path.suffix.lower() == ".csv"
+            table = pl.read_csv(path, schema_overrides={"scenario": pl.String}) if is_csv else pl.read_parquet(path)
         except (pl.exceptions.PolarsError, OSError) as error:
-            raise CorpusError(f"{path} cannot be read: {error}; run `dtd evaluate` again") from error
+            raise CorpusError(f"{path} cannot be read: {error}; run `dtd evaluate` or `dtd predict` again") from error
+        for column in ("scenario", "tick"):
+            if column not in table.columns:
+                raise CorpusError(f"{path} is no table of predictions: it has no column {column}, only {', '.join(table.columns)}")
         of_scenario = self.scenarios().select("scenario", "weather", "side")
         return table.join(of_scenario, on="scenario", how="left", maintain_order="left")
 

@@ -75,6 +75,28 @@ class Tables(unittest.TestCase):
             self.assertEqual(replaced.ids, self.corpus.ids)
             self.assertTrue(replaced.boxes().equals(self.corpus.boxes()))
 
+    def test_predictions_are_read_from_a_table_and_from_the_folder_of_an_evaluation(self) -> None:
+        rows = {"scenario": [SCENARIO, SCENARIO], "tick": [3, 4], "mine_dtd_m": [1234.5, None]}
+        with tempfile.TemporaryDirectory() as folder:
+            run = Path(folder) / "judged"
+            run.mkdir()
+            tables = [Path(folder) / "predicted.parquet", Path(folder) / "mine.csv", run / "predictions.parquet"]
+            for table in tables:
+                frame = pl.DataFrame(rows)
+                frame.write_csv(table) if table.suffix == ".csv" else frame.write_parquet(table)
+            for source in [tables[0], tables[1], run]:
+                found = self.corpus.predictions(source)
+                self.assertEqual(found["mine_dtd_m"].to_list(), [1234.5, None])
+                self.assertEqual(found["weather"].to_list(), ["clear"] * 2)
+                self.assertEqual(found["scenario"].to_list(), [SCENARIO] * 2)
+            pl.DataFrame({"tick": [3]}).write_parquet(tables[0])
+            with self.assertRaisesRegex(CorpusError, "no column scenario, only tick"):
+                self.corpus.predictions(tables[0])
+            with self.assertRaisesRegex(CorpusError, "none.parquet is missing"):
+                self.corpus.predictions(Path(folder) / "none.parquet")
+            with self.assertRaisesRegex(CorpusError, "dtd evaluate"):
+                self.corpus.predictions(Path(folder))
+
 
 class Changed(unittest.TestCase):
     """A copy of the corpus that a test changes."""

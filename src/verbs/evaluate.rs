@@ -1,10 +1,14 @@
-//! `dtd evaluate`: the errors of a run on the held-out trajectories.
+//! `dtd evaluate`: the errors of a run on the held-out trajectories, or of a table of predictions.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use trainer::{EvaluationConfig, JudgedSide, Metrics, RunFolder};
+use trainer::{
+    EstimatorMetrics, EvaluationConfig, JudgedSide, Metrics, RunFolder, TableEvaluationConfig,
+    TableMetrics, evaluate_table,
+};
 
 use super::Outcome;
 use super::open_corpus::open_sound_corpus;
@@ -17,21 +21,49 @@ use crate::verb_watch::VerbWatch;
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
     let (corpus, ending) = open_sound_corpus("evaluate", &args.corpus)?;
-    let config = EvaluationConfig {
-        side: match args.side {
-            SideArg::Test => JudgedSide::Test,
-            SideArg::All => JudgedSide::All,
-        },
-        detections: args.detections.clone(),
-        out: args.out.clone(),
+    let side = match args.side {
+        SideArg::Test => JudgedSide::Test,
+        SideArg::All => JudgedSide::All,
     };
     let began = Instant::now();
-    let metrics = evaluate(&args.run, &corpus, &config).map_err(Failure::without_results)?;
-    let results = args.out.as_ref().unwrap_or(&args.run);
-    if args.json {
-        print_json(&metrics)?;
-    } else {
-        print_metrics(&metrics);
+    let results = match (&args.run, &args.predictions) {
+        (Some(run), _) => {
+            let config = EvaluationConfig {
+                side,
+                detections: args.detections.clone(),
+                out: args.out.clone(),
+            };
+            let metrics = evaluate(run, &corpus, &config).map_err(Failure::without_results)?;
+            if args.json {
+                print_json(&metrics)?;
+            } else {
+                print_metrics(&metrics);
+            }
+            args.out.as_ref().or(Some(run))
+        }
+        (None, Some(table)) => {
+            let out = args.out.clone();
+            let config = TableEvaluationConfig { side, out };
+            let watch = VerbWatch::new("evaluate", "steps");
+            let metrics = evaluate_table(table, &corpus, &config, &watch)
+                .map_err(|error| failure_of(error).without_results())?;
+            if args.json {
+                print_json(&metrics)?;
+            } else {
+                print_table_metrics(&metrics);
+            }
+            args.out.as_ref()
+        }
+        (None, None) => {
+            let message = "nothing to evaluate; name a run, or a table with --predictions";
+            return Err(Failure::bad_input_message(message.to_owned()));
+        }
+    };
+    let Some(results) = results else {
+        finish("evaluate", began, &Next::default());
+        return Ok(ending);
+    };
+    if !args.json {
         let report = RunFolder::at(results).report_path();
         println!("report: {}", report.display());
     }
@@ -50,13 +82,40 @@ pub(crate) fn evaluate(
     trainer::evaluate(&RunFolder::at(run), corpus, config, &watch).map_err(failure_of)
 }
 
-/// Prints the errors of each estimator.
+/// Prints the errors of each estimator of a table.
+fn print_table_metrics(metrics: &TableMetrics) {
+    print_estimators(&metrics.estimators);
+    let flights = &metrics.split.test;
+    let ticks = &metrics.ticks;
+    let seen = ticks.seen.map_or(String::new(), |seen| {
+        format!(", {seen} seen by at least one view")
+    });
+    println!(
+        "on {} of {}: {} with the aircraft there{seen}, {} hidden by fog",
+        count(flights.scenarios, "scenario"),
+        match flights.trajectories {
+            1 => "1 trajectory".to_owned(),
+            many => format!("{many} trajectories"),
+        },
+        count(ticks.there, "tick"),
+        ticks.hidden_by_fog
+    );
+    print_stated_intervals(&metrics.estimators);
+}
+
+/// Prints the errors of each estimator of a run.
 pub(crate) fn print_metrics(metrics: &Metrics) {
-    let rows: Vec<Vec<String>> = metrics
-        .estimators
+    print_estimators(&metrics.estimators);
+    print_judged(metrics);
+    print_stated_intervals(&metrics.estimators);
+}
+
+/// Prints the errors of each estimator.
+fn print_estimators(estimators: &BTreeMap<String, EstimatorMetrics>) {
+    let rows: Vec<Vec<String>> = estimators
         .iter()
         .map(|(name, figures)| {
-            let [all, dual] = [&figures.overall.all, &figures.overall.dual];
+            let (all, dual) = (&figures.overall.all, figures.overall.dual.as_ref());
             vec![
                 match name.as_str() {
                     "triangulation" => format!("{name} (oracle: true cameras)"),
@@ -66,8 +125,8 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
                 percent(all.median_pct),
                 percent(all.p95_pct),
                 percent(all.coverage.map(|coverage| 100.0 * coverage)),
-                percent(dual.mape_pct),
-                dual.samples.to_string(),
+                percent(dual.and_then(|dual| dual.mape_pct)),
+                dual.map_or_else(|| "-".into(), |dual| dual.samples.to_string()),
             ]
         })
         .collect();
@@ -81,6 +140,10 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
         "ticks",
     ];
     print_table(&heading, &rows);
+}
+
+/// Prints what a run was judged on.
+fn print_judged(metrics: &Metrics) {
     let test = &metrics.split.test;
     let trajectories = match test.trajectories {
         1 => "1 held-out trajectory".to_owned(),
@@ -103,7 +166,11 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
         1 => println!("1 picture has only boxes that its edge cuts off: ignored"),
         many => println!("{many} pictures have only boxes that their edges cut off: ignored"),
     }
-    for (name, figures) in &metrics.estimators {
+}
+
+/// Prints how many of the stated intervals hold the truth.
+fn print_stated_intervals(estimators: &BTreeMap<String, EstimatorMetrics>) {
+    for (name, figures) in estimators {
         if let Some(stated) = figures.stated_intervals {
             let [held, least, most] = [
                 stated.held,

@@ -100,6 +100,7 @@ pub(crate) fn failure_of(error: trainer::Error) -> Failure {
         trainer::Error::Setting { .. }
         | trainer::Error::Corpus { .. }
         | trainer::Error::Run { .. }
+        | trainer::Error::Predictions { .. }
         | trainer::Error::Exists { .. }
         | trainer::Error::Leak { .. } => Failure::bad_input(error),
         trainer::Error::Stopped(_) => Failure::Interrupted { resumes: true },

@@ -1,6 +1,7 @@
 //! Errors of training, evaluation and reports.
 
 mod corpus_fault;
+mod predictions_fault;
 mod run_fault;
 
 use std::path::{Path, PathBuf};
@@ -9,6 +10,7 @@ use dataset::work::watch::Stopped;
 
 pub use corpus_fault::CorpusFault;
 pub(crate) use corpus_fault::RigKind;
+pub use predictions_fault::PredictionsFault;
 pub use run_fault::RunFault;
 
 /// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
@@ -42,6 +44,14 @@ pub enum Error {
         path: PathBuf,
         /// Fault of the run.
         fault: Box<RunFault>,
+    },
+    /// A table of predictions that cannot be judged.
+    #[error("table {}: {fault}", path.display())]
+    Predictions {
+        /// File of the table.
+        path: PathBuf,
+        /// Fault of the table.
+        fault: Box<PredictionsFault>,
     },
     /// A test trajectory was used for training, so its errors would be meaningless.
     #[error(
@@ -90,6 +100,13 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     pub(crate) fn corpus(path: &Path, fault: CorpusFault) -> Self {
         Self::Corpus {
+            path: path.to_owned(),
+            fault: Box::new(fault),
+        }
+    }
+
+    pub(crate) fn predictions(path: &Path, fault: PredictionsFault) -> Self {
+        Self::Predictions {
             path: path.to_owned(),
             fault: Box::new(fault),
         }

@@ -5,6 +5,7 @@
 
 pub(crate) mod answers;
 pub(crate) mod judged;
+pub(crate) mod judged_table;
 pub(crate) mod metrics;
 pub(crate) mod prediction;
 pub(crate) mod prediction_table;

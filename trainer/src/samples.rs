@@ -17,6 +17,7 @@ pub(crate) mod paired_views;
 pub(crate) mod rig;
 mod sample;
 pub(crate) mod trusted_boxes;
+pub(crate) mod truth;
 pub(crate) mod view_shift;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -110,6 +111,33 @@ pub(crate) struct ScenarioSummary {
 }
 
 impl ScenarioSummary {
+    /// The summary of a scenario with this record, these cameras, and this side of the split.
+    fn of(
+        scenario: &OpenScenario,
+        record: ScenarioRecord,
+        cameras: BTreeMap<String, Camera>,
+        frames: &Frames,
+        side: Side,
+    ) -> Self {
+        let folder = scenario.folder();
+        Self {
+            id: folder.id(),
+            folder: folder.clone(),
+            flight: flight_of(&record.flight, frames),
+            manifest_blake3: scenario.seal().manifest_blake3.clone(),
+            trajectory: record.trajectory,
+            side,
+            weather: record.conditions.weather_name,
+            planned_weather: record.conditions.weather,
+            effective_weather: record.effective_weather,
+            time_of_day: record.conditions.time_of_day,
+            runway: record.runway,
+            touchdown: record.touchdown,
+            cameras: cameras.into_values().collect(),
+            corrections: Corrections::default(),
+        }
+    }
+
     /// True if the weather at the aircraft differs from the planned one.
     pub(crate) fn is_marked(&self) -> bool {
         let effective = self.effective_weather.as_ref();
@@ -273,19 +301,22 @@ impl Samples {
         splits: &Splits,
         range: DistanceRange,
     ) -> Result<()> {
-        let folder = scenario.folder();
         let record = scenario.record()?;
+        let side = side_of(scenario, &record, splits)?;
+        let observed = self.observe(scenario, record, side)?;
+        self.add_labelled(scenario, observed, range)
+    }
+
+    /// Adds a scenario with the samples of its labelled ticks.
+    fn add_labelled(
+        &mut self,
+        scenario: &OpenScenario,
+        (summary, frames, observations): (ScenarioSummary, Frames, Vec<Observation>),
+        range: DistanceRange,
+    ) -> Result<()> {
+        let folder = scenario.folder();
         let refused = |fault| Error::corpus(folder.root(), fault);
-        let assignment =
-            (splits.scenarios.get(&folder.id())).ok_or_else(|| refused(CorpusFault::NotInSplit))?;
-        if assignment.trajectory != record.trajectory {
-            return Err(refused(CorpusFault::OtherTrajectory {
-                recorded: record.trajectory,
-                split: assignment.trajectory.clone(),
-            }));
-        }
-        let visibility_m = record.conditions.weather.visibility_m;
-        let (summary, frames, observations) = self.observe(scenario, record, assignment.side)?;
+        let visibility_m = summary.planned_weather.visibility_m;
         for (row, observed) in frames.rows.into_iter().zip(observations) {
             let labels = (row.labels).ok_or_else(|| refused(CorpusFault::NoLabels))?;
             for (column, value) in [
@@ -329,12 +360,7 @@ impl Samples {
         side: Side,
     ) -> Result<(ScenarioSummary, Frames, Vec<Observation>)> {
         let folder = scenario.folder();
-        let cameras: BTreeMap<String, Camera> = scenario
-            .calibration()?
-            .cameras
-            .iter()
-            .map(|(view, entry)| (view.clone(), entry.camera()))
-            .collect();
+        let cameras = cameras_of(scenario)?;
         let detections = scenario.detections(&self.detections.hash)?;
         let detections: Vec<_> = detections.into_confirmed().collect();
         if let Some(Detection { view, .. }) = detections
@@ -354,22 +380,7 @@ impl Samples {
             .collect();
         let frames = scenario.frames()?;
         let health = scenario.health(&self.detections.hash)?.unwrap_or_default();
-        let mut summary = ScenarioSummary {
-            id: folder.id(),
-            folder: folder.clone(),
-            flight: flight_of(&record.flight, &frames),
-            manifest_blake3: scenario.seal().manifest_blake3.clone(),
-            trajectory: record.trajectory,
-            side,
-            weather: record.conditions.weather_name,
-            planned_weather: record.conditions.weather,
-            effective_weather: record.effective_weather,
-            time_of_day: record.conditions.time_of_day,
-            runway: record.runway,
-            touchdown: record.touchdown,
-            cameras: cameras.into_values().collect(),
-            corrections: Corrections::default(),
-        };
+        let mut summary = ScenarioSummary::of(scenario, record, cameras, &frames, side);
         let observe = |row: &TickRow| {
             let found: Vec<_> = self
                 .views
@@ -537,6 +548,30 @@ fn farther_from_training(one: Side, other: Side) -> Side {
         (Side::Validation, _) | (_, Side::Validation) => Side::Validation,
         (Side::Train, Side::Train) => Side::Train,
     }
+}
+
+/// The side of a scenario's trajectory.
+fn side_of(scenario: &OpenScenario, record: &ScenarioRecord, splits: &Splits) -> Result<Side> {
+    let folder = scenario.folder();
+    let refused = |fault| Error::corpus(folder.root(), fault);
+    let assignment =
+        (splits.scenarios.get(&folder.id())).ok_or_else(|| refused(CorpusFault::NotInSplit))?;
+    if assignment.trajectory != record.trajectory {
+        return Err(refused(CorpusFault::OtherTrajectory {
+            recorded: record.trajectory.clone(),
+            split: assignment.trajectory.clone(),
+        }));
+    }
+    Ok(assignment.side)
+}
+
+/// The cameras of a scenario by view.
+fn cameras_of(scenario: &OpenScenario) -> Result<BTreeMap<String, Camera>> {
+    let calibration = scenario.calibration()?;
+    let cameras = calibration.cameras.iter();
+    Ok(cameras
+        .map(|(view, entry)| (view.clone(), entry.camera()))
+        .collect())
 }
 
 fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {

@@ -101,8 +101,10 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
 
     let refitted = RunFolder::at(&out);
     let (old, new) = (evaluated(&run, &before), evaluated(&refitted, &after));
-    let mape =
-        |metrics: &Metrics, name: &str| metrics.estimators[name].overall.dual.mape_pct.unwrap();
+    let mape = |metrics: &Metrics, name: &str| {
+        let dual = metrics.estimators[name].overall.dual;
+        dual.unwrap().mape_pct.unwrap()
+    };
     for name in [
         "paper_lstm",
         "inverse_range",

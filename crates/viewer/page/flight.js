@@ -3,7 +3,7 @@
 import { boxWords } from './picture.js';
 import { METRES_PER_NM, fixed } from './units.js';
 
-/** Lines that are shown unless the link says which. */
+/** Lines that are shown unless the link says which; of a run without them, its first line. */
 const FIRST_SHOWN = ['inverse_range', 'paper_lstm'];
 
 /** Rows of a table of boxes by tick. */
@@ -62,10 +62,11 @@ export class Flight {
       }
     });
     // Lines that are often shown together have colours of their own.
-    const isFirst = one => FIRST_SHOWN.includes(one.estimator);
+    const isUsual = one => FIRST_SHOWN.includes(one.estimator);
+    const ofRun = run => this.lines.filter(one => one.run === run);
+    const isFirst = one => isUsual(one) || (!ofRun(one.run).some(isUsual) && ofRun(one.run)[0] === one);
     [...this.lines.filter(isFirst), ...this.lines.filter(one => !isFirst(one))].forEach((one, number) => { one.number = number; });
     this.lines.forEach(one => { one.isShown = keys ? keys.includes(one.key) : isFirst(one); });
-    if (!keys && !this.lines.some(one => one.isShown) && this.lines.length) this.lines[0].isShown = true;
   }
 
   /** Takes the detections and registrations of a model; undefined if there is none. */

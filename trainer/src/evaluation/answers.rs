@@ -41,7 +41,7 @@ impl<'a> JudgedTicks<'a> {
             dtd_m: sample.dtd_m,
             predicted_m: Some(of.distances_m[tick]).filter(|distance_m| distance_m.is_finite()),
             interval_m: interval_m.filter(|[from_m, _]| from_m.is_finite()),
-            detections: answers.detections[tick].into(),
+            detections: Some(answers.detections[tick].into()),
             is_hidden: self.rules.is_hidden(sample),
             is_removed: answers.removed[tick],
             of: &self.groups[sample.scenario],
@@ -166,15 +166,25 @@ impl Answers {
 
     /// For each tick, true if every estimator with any answer has answered it.
     pub(crate) fn common(&self) -> Vec<bool> {
-        let is_answered = |distance_m: &f64| distance_m.is_finite();
-        let of_estimators = self.by_estimator.iter().map(|of| &of.distances_m);
-        let answering: Vec<_> = of_estimators
-            .filter(|distances_m| distances_m.iter().any(is_answered))
-            .collect();
-        let is_common =
-            |tick: usize| !answering.is_empty() && answering.iter().all(|d| is_answered(&d[tick]));
-        (0..self.detections.len()).map(is_common).collect()
+        let of_estimators = self.by_estimator.iter().map(|of| &of.distances_m[..]);
+        common_ticks(self.detections.len(), of_estimators, |d| d.is_finite())
     }
+}
+
+/// For each tick, true if every estimator with any answer has answered it.
+pub(crate) fn common_ticks<'a, T: 'a>(
+    ticks: usize,
+    of_estimators: impl Iterator<Item = &'a [T]>,
+    is_answered: impl Fn(&T) -> bool,
+) -> Vec<bool> {
+    let answering: Vec<&[T]> = of_estimators
+        .filter(|answers| answers.iter().any(&is_answered))
+        .collect();
+    let is_common = |tick: usize| {
+        let mut answers = answering.iter().map(|answers| &answers[tick]);
+        !answering.is_empty() && answers.all(&is_answered)
+    };
+    (0..ticks).map(is_common).collect()
 }
 
 #[cfg(test)]

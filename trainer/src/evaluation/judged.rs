@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::evaluation::rules::EvaluationRules;
 use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
-use crate::samples::Samples;
+use crate::samples::{Samples, ScenarioSummary};
 
 /// Scenarios of a corpus that are judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -21,6 +21,35 @@ pub enum JudgedSide {
     Test,
     /// All of them: for a corpus that no training saw any of.
     All,
+}
+
+/// Name of a corpus's folder.
+pub(crate) fn corpus_name(corpus: &Corpus) -> String {
+    let root = corpus.root();
+    let real = root.canonicalize().unwrap_or_else(|_| root.to_owned());
+    let name = real.file_name().unwrap_or_default();
+    name.to_string_lossy().into()
+}
+
+/// Hash of the identifiers of the judged scenarios and the hashes of their manifests.
+pub(crate) fn scenarios_blake3(samples: &Samples) -> String {
+    let mut hash = blake3::Hasher::new();
+    for scenario in judged_scenarios(samples) {
+        hash.update(format!("{} {}\n", scenario.id, scenario.manifest_blake3).as_bytes());
+    }
+    hash.finalize().to_string()
+}
+
+/// ICAO code of the airport and designator of each runway of the judged scenarios.
+pub(crate) fn runways(samples: &Samples) -> BTreeSet<String> {
+    judged_scenarios(samples)
+        .map(|s| format!("{} {}", s.runway.airport, s.runway.name))
+        .collect()
+}
+
+fn judged_scenarios(samples: &Samples) -> impl Iterator<Item = &ScenarioSummary> {
+    let scenarios = samples.scenarios.iter();
+    scenarios.filter(|scenario| scenario.side == Side::Test)
 }
 
 /// Identity of an evaluation (`evaluation.json`), by which two evaluations of a run are distinguished.
@@ -59,25 +88,12 @@ impl Judged {
         run: &SealedRun,
         rules: &EvaluationRules,
     ) -> Self {
-        let scenarios = || samples.scenarios.iter().filter(|s| s.side == Side::Test);
-        let mut hash = blake3::Hasher::new();
-        for scenario in scenarios() {
-            hash.update(format!("{} {}\n", scenario.id, scenario.manifest_blake3).as_bytes());
-        }
-        let root = corpus.root();
-        let real = root.canonicalize().unwrap_or_else(|_| root.to_owned());
         Self {
-            corpus: real
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into(),
-            scenarios_blake3: hash.finalize().to_string(),
+            corpus: corpus_name(corpus),
+            scenarios_blake3: scenarios_blake3(samples),
             samples_blake3: samples.hash(&[Side::Test]),
             side,
-            runways: scenarios()
-                .map(|s| format!("{} {}", s.runway.airport, s.runway.name))
-                .collect(),
+            runways: runways(samples),
             rig: samples.rig.name.clone(),
             views: samples.views.clone(),
             model: samples.detections.model.clone(),

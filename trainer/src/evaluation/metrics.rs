@@ -29,10 +29,12 @@ pub struct SplitFigures {
     /// All ticks at which the aircraft is there.
     #[serde(flatten)]
     pub all: ErrorFigures,
-    /// Two or more views saw the aircraft.
-    pub dual: ErrorFigures,
-    /// At least one view saw the aircraft.
-    pub combination: ErrorFigures,
+    /// Two or more views saw the aircraft; missing where the number of views is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dual: Option<ErrorFigures>,
+    /// At least one view saw the aircraft; missing where the number of views is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub combination: Option<ErrorFigures>,
 }
 
 /// Figures of a bin of distances.
@@ -173,8 +175,8 @@ pub(crate) struct Outcome<'a> {
     pub predicted_m: Option<f64>,
     /// Ends of its 90 % interval, metres, if the estimator states one.
     pub interval_m: Option<[f64; 2]>,
-    /// Number of views that saw the aircraft.
-    pub detections: usize,
+    /// Number of views that saw the aircraft, if it is known.
+    pub detections: Option<usize>,
     /// True if fog hides the aircraft.
     pub is_hidden: bool,
     /// True if a view was removed.
@@ -231,12 +233,14 @@ impl Outcome<'_> {
 
 impl SplitFigures {
     fn of(outcomes: &[&Outcome]) -> Self {
+        let of = || outcomes.iter().copied();
+        let is_known = of().all(|outcome| outcome.detections.is_some());
         let seen_by = |least: usize| {
-            let outcomes = outcomes.iter().copied();
-            ErrorFigures::of(outcomes.filter(|outcome| outcome.detections >= least))
+            let seen = of().filter(|outcome| outcome.detections >= Some(least));
+            is_known.then(|| ErrorFigures::of(seen))
         };
         Self {
-            all: seen_by(0),
+            all: ErrorFigures::of(of()),
             dual: seen_by(2),
             combination: seen_by(1),
         }
@@ -345,7 +349,7 @@ impl Outcome<'_> {
             dtd_m,
             predicted_m,
             interval_m: None,
-            detections: 2,
+            detections: Some(2),
             is_hidden: false,
             is_removed: false,
             of: &Group {
@@ -371,7 +375,7 @@ mod tests {
     ) -> Outcome<'static> {
         let alike = Outcome::of_answer(dtd_m, predicted_m);
         Outcome {
-            detections,
+            detections: Some(detections),
             of: Group {
                 weather,
                 ..*alike.of
@@ -398,16 +402,25 @@ mod tests {
             outcome(10_000.0, None, 1, "foggy"),
         ];
         let metrics = judged(&outcomes);
-        let all = metrics.overall.combination;
+        let all = metrics.overall.combination.unwrap();
         assert_eq!(all.samples, 3);
         assert!((all.mape_pct.unwrap() - 2.0).abs() < 1e-9);
         assert!((all.sd_pct.unwrap() - (2.0_f64 / 3.0).sqrt()).abs() < 1e-9);
-        let dual = metrics.overall.dual;
+        let dual = metrics.overall.dual.unwrap();
         assert_eq!(dual.samples, 2);
         assert!((dual.mape_pct.unwrap() - 1.5).abs() < 1e-9);
-        assert!((metrics.by_weather["clear"].combination.mape_pct.unwrap() - 2.0).abs() < 1e-9);
-        assert_eq!(metrics.by_weather["clear"].dual.samples, 1);
-        assert_eq!(metrics.by_time["08:00"].combination.samples, 3);
+        assert!(
+            (metrics.by_weather["clear"]
+                .combination
+                .unwrap()
+                .mape_pct
+                .unwrap()
+                - 2.0)
+                .abs()
+                < 1e-9
+        );
+        assert_eq!(metrics.by_weather["clear"].dual.unwrap().samples, 1);
+        assert_eq!(metrics.by_time["08:00"].combination.unwrap().samples, 3);
         assert_eq!((all.ticks, all.coverage), (4, Some(0.75)));
         assert!((all.median_pct.unwrap() - 2.0).abs() < 1e-9);
         assert!((all.p95_pct.unwrap() - 3.0).abs() < 1e-9);
@@ -504,6 +517,7 @@ mod tests {
             dual,
             combination,
         } = judged(&outcomes).overall;
+        let (dual, combination) = (dual.unwrap(), combination.unwrap());
         assert_eq!((all.samples, all.ticks, all.coverage), (1, 4, Some(0.25)));
         assert_eq!(all.coverage_in_sight, Some(1.0 / 3.0));
         assert!((all.mape_pct.unwrap() - 1.0).abs() < 1e-9);

@@ -5,8 +5,8 @@
 //! It begins with the recommended estimator. Figures of the paper are shown next to ours where it has them (its table 3).
 
 mod examples;
-mod plots;
-mod tables;
+pub(super) mod plots;
+pub(super) mod tables;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
@@ -24,9 +24,12 @@ use crate::run::folder::RunFolder;
 use crate::run::trained::TrainedRun;
 use crate::samples::{DistanceRange, Samples};
 
-const TEMPLATE: &str = include_str!("report/report.html");
+const TEMPLATE: &str = concat!(
+    include_str!("report/macros.html"),
+    include_str!("report/report.html")
+);
 /// Maximum number of estimators in the charts of errors by distance: more lines cannot be distinguished.
-const CHARTED: usize = 5;
+pub(super) const CHARTED: usize = 5;
 
 /// A scenario in the data summary.
 #[derive(Serialize)]
@@ -66,7 +69,8 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let rules = &metrics.rules;
     let seen = ticks_seen(samples, rules.range());
     let flown = tables::best_covered_scenario(samples, ticks.ticks());
-    let best = tables::best(metrics, CHARTED);
+    let best = tables::best(&metrics.estimators, CHARTED);
+    let names = tables::names(&metrics.estimators);
     let outcomes = best
         .iter()
         .map(|&number| (number, ticks.outcomes(answers, number)));
@@ -87,13 +91,14 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
         TEMPLATE,
         context! {
             recommendation => value(tables::recommendation(&trained.summary.choice, metrics)),
-            headline => value(tables::headline(metrics)),
-            legend => value(legend(&best)),
+            headline => value(tables::headline(&metrics.estimators)),
+            methods => value(tables::methods(metrics)),
+            legend => value(legend(&names, &best)),
             best_plot => drawn(plots::best_by_distance(&bins)?),
-            by_weather => value(tables::by_weather(metrics)),
-            by_time => value(tables::by_time(metrics)),
+            by_weather => value(tables::by_weather(&metrics.estimators)),
+            by_time => value(tables::by_time(&metrics.estimators)),
             conditions => value(tables::conditions(metrics)),
-            weather_at_aircraft => value(tables::weather_at_aircraft(metrics)),
+            weather_at_aircraft => value(tables::weather_at_aircraft(&metrics.weather_at_aircraft)),
             scenarios => value(scenario_rows(samples, &seen)),
             views => value(&samples.views),
             detected_total => value(detected_total(samples, &seen)),
@@ -104,7 +109,7 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
             disbelieved => metrics.disbelieved_boxes,
             cut_off => metrics.cut_off_boxes,
             removed => value(tables::removed(metrics)),
-            flights => value(tables::flights(metrics)),
+            flights => value(tables::flights(&metrics.estimators)),
             examples => value(examples),
             model => samples.detections.model.as_deref(),
             model_hash => samples.detections.hash.as_str(),
@@ -129,18 +134,18 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
 
 /// An estimator's colour in the plots.
 #[derive(Serialize)]
-struct LegendEntry {
+pub(super) struct LegendEntry<'a> {
     colour: String,
     is_hollow: bool,
-    name: &'static str,
+    name: &'a str,
 }
 
-/// Entries of the estimators of these numbers.
-fn legend(shown: &[usize]) -> Vec<LegendEntry> {
+/// Entries of the estimators of these numbers, as places in `names`.
+pub(super) fn legend<'a>(names: &[&'a str], shown: &[usize]) -> Vec<LegendEntry<'a>> {
     let entry = |&number: &usize| LegendEntry {
         colour: css_colour(number),
         is_hollow: plots::is_hollow(number),
-        name: Estimator::ALL[number].name(),
+        name: names[number],
     };
     shown.iter().map(entry).collect()
 }

@@ -38,8 +38,8 @@ fn models(card: &mut String, metrics: Option<&Metrics>, exported: &[ExportedMode
         };
         let figures = metrics.and_then(|metrics| metrics.estimators.get(name));
         let [dual, combination] = [
-            figures.map(|of| &of.overall.dual),
-            figures.map(|of| &of.overall.combination),
+            figures.and_then(|of| of.overall.dual.as_ref()),
+            figures.and_then(|of| of.overall.combination.as_ref()),
         ]
         .map(percent);
         let _ = writeln!(card, "| {file} | {how} | {dual} | {combination} |");

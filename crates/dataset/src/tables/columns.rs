@@ -4,6 +4,7 @@
 //! state what the file contains instead. Sizes that a file declares are checked before anything is decoded: a megabyte may
 //! decompress to gigabytes.
 
+mod any_numbers;
 mod page_sizes;
 
 use std::collections::HashMap;
@@ -698,10 +699,10 @@ fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
                 DataType::Dictionary(DataType::Int32.into(), DataType::Utf8.into())
             }
             plain if plain.is_primitive() || *plain == DataType::Boolean => plain.clone(),
-            DataType::Dictionary(key, value)
-                if **value == DataType::Utf8 && **key == DataType::Int32 =>
+            DataType::Dictionary(_, value)
+                if matches!(**value, DataType::Utf8 | DataType::LargeUtf8) =>
             {
-                field.data_type().clone()
+                DataType::Dictionary(DataType::Int32.into(), DataType::Utf8.into())
             }
             other => {
                 return Err(format!(

@@ -72,7 +72,7 @@ pub(super) fn is_hollow(which: usize) -> bool {
 }
 
 /// Mean errors over distance, on a logarithmic axis. `shown`: the numbers of estimators, each with its bins.
-pub(super) fn best_by_distance(shown: &[(usize, &[DistanceBin])]) -> Result<String> {
+pub(in crate::evaluation) fn best_by_distance(shown: &[(usize, &[DistanceBin])]) -> Result<String> {
     let points = |bins: &[DistanceBin]| -> Vec<(f64, f64)> {
         let middle_nm = |bin: &DistanceBin| f64::midpoint(bin.from_nm, bin.to_nm);
         let bins = bins.iter();
@@ -120,7 +120,7 @@ pub(super) fn best_by_distance(shown: &[(usize, &[DistanceBin])]) -> Result<Stri
 }
 
 /// Box plot of the signed percentage error by distance bin and estimator. `shown`: the numbers of estimators, each with its outcomes.
-pub(super) fn errors_by_distance<'a>(
+pub(in crate::evaluation) fn errors_by_distance<'a>(
     shown: impl Iterator<Item = (usize, Vec<Outcome<'a>>)>,
     bin_nm: f64,
 ) -> Result<String> {

@@ -5,6 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
+use dataset::corpus::effective_weather::ReportedWeather;
+
 use crate::evaluation::metrics::{
     ErrorFigures, EstimatorMetrics, FlightFigures, Metrics, SplitFigures,
 };
@@ -37,19 +39,70 @@ pub(super) struct Recommendation<'a> {
     in_sight: String,
 }
 
+/// Figures by name of the estimator.
+type ByEstimator = BTreeMap<String, EstimatorMetrics>;
+
+/// An estimator of a report.
+struct Shown<'a> {
+    name: &'a str,
+    /// `None` for an estimator of others.
+    own: Option<Estimator>,
+    of: &'a EstimatorMetrics,
+}
+
+impl Shown<'_> {
+    fn is_oracle(&self) -> bool {
+        self.own.is_some_and(Estimator::is_oracle)
+    }
+}
+
+/// The estimators in the order of tables and charts: first those of this software, then others by name.
+fn shown(estimators: &ByEstimator) -> Vec<Shown<'_>> {
+    let own = |name: &str| {
+        let mut all = Estimator::ALL.into_iter();
+        all.find(|estimator| estimator.name() == name)
+    };
+    let entries = estimators.iter();
+    let mut shown: Vec<Shown> = entries
+        .map(|(name, of)| Shown {
+            name,
+            own: own(name),
+            of,
+        })
+        .collect();
+    let place = |own: Option<Estimator>| {
+        own.and_then(|own| Estimator::ALL.iter().position(|other| *other == own))
+            .unwrap_or(usize::MAX)
+    };
+    shown.sort_by_key(|shown| place(shown.own));
+    shown
+}
+
+/// Names of the estimators, in the order of tables and charts.
+pub(in crate::evaluation) fn names(estimators: &ByEstimator) -> Vec<&str> {
+    let shown = shown(estimators).into_iter();
+    shown.map(|shown| shown.name).collect()
+}
+
+/// The method of an estimator.
+#[derive(Serialize)]
+pub(super) struct Method {
+    name: &'static str,
+    how: String,
+}
+
 /// One estimator.
 #[derive(Serialize)]
-pub(super) struct HeadlineRow {
-    name: &'static str,
+pub(in crate::evaluation) struct HeadlineRow {
+    name: String,
     title: &'static str,
     is_oracle: bool,
-    how: String,
     all: Cells,
     /// Of the MAPE.
     interval: String,
     in_sight: String,
     common: Cells,
-    dual: Cells,
+    dual: Option<Cells>,
     stated: Option<StatedCells>,
 }
 
@@ -75,7 +128,7 @@ struct Cells {
 
 /// Figures of every estimator, in columns by something.
 #[derive(Serialize)]
-pub(super) struct FiguresTable {
+pub(in crate::evaluation) struct FiguresTable {
     columns: Vec<String>,
     rows: Vec<FiguresRow>,
 }
@@ -83,15 +136,17 @@ pub(super) struct FiguresTable {
 /// One estimator.
 #[derive(Serialize)]
 struct FiguresRow {
-    name: &'static str,
+    name: String,
     is_oracle: bool,
     /// In the order of [`FiguresTable::columns`].
     figures: Vec<Cells>,
 }
 
 /// The weather at the aircraft, by name of the planned weather, in words.
-pub(super) fn weather_at_aircraft(metrics: &Metrics) -> Vec<WeatherRow<'_>> {
-    let weathers = metrics.weather_at_aircraft.iter();
+pub(in crate::evaluation) fn weather_at_aircraft(
+    reported: &BTreeMap<String, ReportedWeather>,
+) -> Vec<WeatherRow<'_>> {
+    let weathers = reported.iter();
     weathers
         .map(|(name, weather)| WeatherRow {
             name,
@@ -103,7 +158,7 @@ pub(super) fn weather_at_aircraft(metrics: &Metrics) -> Vec<WeatherRow<'_>> {
 
 /// One flight: MAPE of every estimator.
 #[derive(Serialize)]
-pub(super) struct FlightRow {
+pub(in crate::evaluation) struct FlightRow {
     scenario: String,
     trajectory: String,
     ticks: usize,
@@ -115,14 +170,14 @@ pub(super) struct FlightRow {
 pub(super) struct ConditionRow {
     kind: &'static str,
     name: String,
-    dual: Cells,
-    combination: Cells,
+    dual: Option<Cells>,
+    combination: Option<Cells>,
     paper: Option<[String; 4]>,
 }
 
 /// Weather that simulators reported at the aircraft under one planned weather.
 #[derive(Serialize)]
-pub(super) struct WeatherRow<'a> {
+pub(in crate::evaluation) struct WeatherRow<'a> {
     name: &'a str,
     reported: String,
     /// Identifiers of the scenarios in which it was not the planned weather.
@@ -153,48 +208,56 @@ fn interval(of: Option<&EstimatorMetrics>) -> String {
     })
 }
 
-/// Numbers of the estimators with the smallest errors over the common ticks, the best first. The oracle is none of them.
-pub(super) fn best(metrics: &Metrics, most: usize) -> Vec<usize> {
-    let error = |(number, estimator): (usize, Estimator)| {
-        let of = metrics.estimators.get(estimator.name())?;
-        Some((of.common.mape_pct?, number))
-    };
-    let competitors = Estimator::ALL.into_iter().enumerate();
-    let competitors = competitors.filter(|(_, estimator)| !estimator.is_oracle());
-    let mut errors: Vec<(f64, usize)> = competitors.filter_map(error).collect();
+/// Numbers of the estimators, in the order of [`names`], with the smallest errors over the common ticks, the best first. The oracle is none
+/// of them.
+pub(in crate::evaluation) fn best(estimators: &ByEstimator, most: usize) -> Vec<usize> {
+    let shown = shown(estimators).into_iter().enumerate();
+    let competitors = shown.filter(|(_, shown)| !shown.is_oracle());
+    let errors =
+        competitors.filter_map(|(number, shown)| Some((shown.of.common.mape_pct?, number)));
+    let mut errors: Vec<(f64, usize)> = errors.collect();
     errors.sort_by(|one, other| one.0.total_cmp(&other.0));
     errors.into_iter().take(most).map(|one| one.1).collect()
 }
 
 /// All estimators.
-pub(super) fn headline(metrics: &Metrics) -> Vec<HeadlineRow> {
-    Estimator::ALL
+pub(in crate::evaluation) fn headline(estimators: &ByEstimator) -> Vec<HeadlineRow> {
+    let row = |shown: Shown| {
+        let of = shown.of;
+        let overall = &of.overall;
+        HeadlineRow {
+            name: shown.name.to_owned(),
+            title: shown.own.map_or("", |own| own.description().title),
+            is_oracle: shown.is_oracle(),
+            all: cells(&overall.all),
+            interval: interval(Some(of)),
+            in_sight: share(overall.all.coverage_in_sight),
+            common: cells(&of.common),
+            dual: overall.dual.as_ref().map(cells),
+            stated: of.stated_intervals.map(|stated| {
+                let [least, most] = stated.held_by_flight.map(|held| share(Some(held)));
+                let held = share(Some(stated.held));
+                StatedCells { held, least, most }
+            }),
+        }
+    };
+    shown(estimators).into_iter().map(row).collect()
+}
+
+/// The methods of a run's estimators.
+pub(super) fn methods(metrics: &Metrics) -> Vec<Method> {
+    let own = shown(&metrics.estimators)
         .into_iter()
-        .filter_map(|estimator| {
-            let Description { name, title, how } = estimator.description();
-            let of = metrics.estimators.get(name)?;
-            let overall = &of.overall;
-            Some(HeadlineRow {
-                name,
-                title,
-                is_oracle: estimator.is_oracle(),
-                how: match estimator {
-                    Estimator::PaperLstm => format!("{how}; {}", faithfulness(metrics)),
-                    _ => how.to_owned(),
-                },
-                all: cells(&overall.all),
-                interval: interval(Some(of)),
-                in_sight: share(overall.all.coverage_in_sight),
-                common: cells(&of.common),
-                dual: cells(&overall.dual),
-                stated: of.stated_intervals.map(|stated| {
-                    let [least, most] = stated.held_by_flight.map(|held| share(Some(held)));
-                    let held = share(Some(stated.held));
-                    StatedCells { held, least, most }
-                }),
-            })
-        })
-        .collect()
+        .filter_map(|shown| shown.own);
+    own.map(|estimator| {
+        let Description { name, how, .. } = estimator.description();
+        let how = match estimator {
+            Estimator::PaperLstm => format!("{how}; {}", faithfulness(metrics)),
+            _ => how.to_owned(),
+        };
+        Method { name, how }
+    })
+    .collect()
 }
 
 /// States in words whether `paper_lstm` is the paper's method.
@@ -215,8 +278,8 @@ pub(super) fn conditions(metrics: &Metrics) -> Vec<ConditionRow> {
     let row = |kind, (name, figures): (&String, &SplitFigures)| ConditionRow {
         kind,
         name: name.clone(),
-        dual: cells(&figures.dual),
-        combination: cells(&figures.combination),
+        dual: figures.dual.as_ref().map(cells),
+        combination: figures.combination.as_ref().map(cells),
         paper: PAPER
             .iter()
             .find(|(condition, _)| condition == name)
@@ -236,17 +299,17 @@ pub(super) fn removed(metrics: &Metrics) -> FiguresTable {
             .map(|(name, figures)| (name.clone(), figures.all))
             .collect()
     };
-    figures_table(metrics, by_removal)
+    figures_table(&metrics.estimators, by_removal)
 }
 
 /// All estimators by weather.
-pub(super) fn by_weather(metrics: &Metrics) -> FiguresTable {
-    figures_table(metrics, |of| overall(&of.by_weather))
+pub(in crate::evaluation) fn by_weather(estimators: &ByEstimator) -> FiguresTable {
+    figures_table(estimators, |of| overall(&of.by_weather))
 }
 
 /// All estimators by local time.
-pub(super) fn by_time(metrics: &Metrics) -> FiguresTable {
-    figures_table(metrics, |of| overall(&of.by_time))
+pub(in crate::evaluation) fn by_time(estimators: &ByEstimator) -> FiguresTable {
+    figures_table(estimators, |of| overall(&of.by_time))
 }
 
 fn overall(figures: &BTreeMap<String, SplitFigures>) -> BTreeMap<String, ErrorFigures> {
@@ -255,11 +318,14 @@ fn overall(figures: &BTreeMap<String, SplitFigures>) -> BTreeMap<String, ErrorFi
 }
 
 fn figures_table(
-    metrics: &Metrics,
+    estimators: &ByEstimator,
     by: impl Fn(&EstimatorMetrics) -> BTreeMap<String, ErrorFigures>,
 ) -> FiguresTable {
-    let shown: Vec<(Estimator, BTreeMap<String, ErrorFigures>)> = (Estimator::ALL.into_iter())
-        .filter_map(|estimator| Some((estimator, by(metrics.estimators.get(estimator.name())?))))
+    let shown: Vec<(Shown, BTreeMap<String, ErrorFigures>)> = (shown(estimators).into_iter())
+        .map(|shown| {
+            let figures = by(shown.of);
+            (shown, figures)
+        })
         .collect();
     let names = shown.iter().flat_map(|(_, figures)| figures.keys());
     let mut columns: Vec<String> = names
@@ -268,9 +334,9 @@ fn figures_table(
         .into_iter()
         .collect();
     columns.sort_by(|one, other| by_number(one, other));
-    let row = |(estimator, figures): &(Estimator, BTreeMap<String, ErrorFigures>)| FiguresRow {
-        name: estimator.name(),
-        is_oracle: estimator.is_oracle(),
+    let row = |(shown, figures): &(Shown, BTreeMap<String, ErrorFigures>)| FiguresRow {
+        name: shown.name.to_owned(),
+        is_oracle: shown.is_oracle(),
         figures: (columns.iter())
             .map(|name| figures.get(name).map_or_else(Cells::none, cells))
             .collect(),
@@ -303,9 +369,9 @@ fn by_number(one: &str, other: &str) -> Ordering {
 }
 
 /// MAPE by flight.
-pub(super) fn flights(metrics: &Metrics) -> Vec<FlightRow> {
-    let shown: Vec<&EstimatorMetrics> = (Estimator::ALL.iter())
-        .filter_map(|estimator| metrics.estimators.get(estimator.name()))
+pub(in crate::evaluation) fn flights(estimators: &ByEstimator) -> Vec<FlightRow> {
+    let shown: Vec<&EstimatorMetrics> = (shown(estimators).into_iter())
+        .map(|shown| shown.of)
         .collect();
     let first = shown.first().map_or(&[][..], |of| &of.by_flight);
     let row = |(flight, of_first): (usize, &FlightFigures)| FlightRow {

@@ -1,0 +1,329 @@
+//! Evaluation of predictions that need not come from a run: a table with a row per tick and a column per estimator.
+//!
+//! The ticks that count, the figures and the files are the same as for a run ([`crate::evaluation`]). What needs a run is left out:
+//! removed views, ignored boxes, and, if the table does not say how many views saw the aircraft, figures by their number.
+
+mod cells;
+mod layout;
+mod predictions;
+mod report;
+mod units;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use dataset::corpus::Corpus;
+use dataset::corpus::effective_weather::ReportedWeather;
+use dataset::corpus::splits::Side;
+use dataset::files::json_file::write_json_unsynced;
+use dataset::numbers::spread::median;
+use dataset::tables::columns::TableWriter;
+use dataset::work::watch::Watch;
+use serde::{Deserialize, Serialize};
+
+use self::cells::Cells;
+use self::layout::listed;
+use self::predictions::{Predicted, Predictions};
+use self::units::probable_unit;
+use crate::error::{CorpusFault, Error, PredictionsFault, Result};
+use crate::evaluation::answers::common_ticks;
+use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blake3};
+use crate::evaluation::metrics::{EstimatorMetrics, Group, Outcome};
+use crate::evaluation::rules::EvaluationRules;
+use crate::run::place::RunPlace;
+use crate::samples::marked_scenarios;
+use crate::samples::truth::Truth;
+use crate::samples::{Sample, Samples};
+
+/// Input and output of an evaluation of a table.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct TableEvaluationConfig {
+    /// Scenarios that are judged.
+    pub side: JudgedSide,
+    /// An empty or new folder for the results; by default they are only returned.
+    pub out: Option<PathBuf>,
+}
+
+/// Identity of an evaluation of a table (`evaluation.json`).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct JudgedTable {
+    /// Name of the table's file.
+    pub predictions: String,
+    /// Hash of that file.
+    pub predictions_blake3: String,
+    /// Name of the corpus's folder.
+    pub corpus: String,
+    /// Hash of the judged scenarios: of their identifiers and the hashes of their manifests.
+    pub scenarios_blake3: String,
+    /// Judged part of the corpus's scenarios.
+    pub side: JudgedSide,
+    /// ICAO code of the airport and designator of each runway.
+    pub runways: Vec<String>,
+    /// Name of the rig.
+    pub rig: String,
+    /// Its views.
+    pub views: Vec<String>,
+    /// Version of the rules.
+    pub rules: u32,
+}
+
+/// The judged ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TableTicks {
+    /// The aircraft is there: the ticks that coverage is of.
+    pub there: usize,
+    /// Of these, fog hides it in every image.
+    pub hidden_by_fog: usize,
+    /// Of these, at least one view saw it; missing if the table does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen: Option<usize>,
+    /// Every estimator with any prediction has one.
+    pub common: usize,
+}
+
+/// The split, as far as it is known: not which flights the predictions were learned from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TableSplit {
+    /// The unit that is kept together: `trajectory`.
+    pub by: String,
+    /// The judged flights.
+    pub test: TableFlights,
+}
+
+/// The judged flights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TableFlights {
+    /// Scenarios.
+    pub scenarios: usize,
+    /// Trajectories.
+    pub trajectories: usize,
+}
+
+/// `metrics.json` of an evaluation of a table: as for a run ([`crate::Metrics`]), without what needs a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TableMetrics {
+    /// Rules of the evaluation.
+    pub rules: EvaluationRules,
+    /// Identity of the evaluation.
+    pub judged: JudgedTable,
+    /// The judged side of the split.
+    pub split: TableSplit,
+    /// The judged ticks.
+    pub ticks: TableTicks,
+    /// The weather that simulators reported at the aircraft in the judged scenarios, by name of the planned weather; missing if none did.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub weather_at_aircraft: BTreeMap<String, ReportedWeather>,
+    /// Figures by name of the estimator.
+    pub estimators: BTreeMap<String, EstimatorMetrics>,
+}
+
+/// Judges the predictions in a table (Parquet, or CSV if its name ends in `.csv`) by the labels of a corpus, which needs no detections.
+///
+/// The table has the columns `scenario`, `tick`, and for each estimator `NAME_dtd_m` in metres, null where it has no prediction. Optional
+/// are the ends of 90 % intervals, `NAME_dtd_m_from` and `NAME_dtd_m_to`, and `detections`, the number of views that saw the aircraft.
+///
+/// # Errors
+/// The table or the corpus cannot be used, or the results not be written.
+pub fn evaluate_table(
+    table: &Path,
+    corpus: &Corpus,
+    config: &TableEvaluationConfig,
+    watch: &dyn Watch,
+) -> Result<TableMetrics> {
+    let rules = &EvaluationRules::current();
+    let place = config.out.as_deref().map(RunPlace::take_vacant);
+    let place = place.transpose()?;
+    let refused = |fault| Error::predictions(table, fault);
+    let cells = Cells::read(table)?;
+    let ignored = &cells.layout.ignored;
+    if !ignored.is_empty() {
+        watch.say(&format!("columns ignored: {}", listed(ignored)));
+    }
+    let mut truth = Truth::read(corpus)?;
+    if config.side == JudgedSide::All {
+        truth.samples.test_all();
+    }
+    watch.check()?;
+    let samples = &truth.samples;
+    let tested = samples.ticks_of_side(Side::Test);
+    let judged: Vec<&Sample> = tested.filter(|sample| rules.is_there(sample)).collect();
+    if judged.is_empty() {
+        let fault = CorpusFault::NoTestSamples {
+            min_dtd_nm: rules.min_dtd_nm,
+            max_dtd_nm: rules.max_dtd_nm,
+        };
+        return Err(Error::corpus(corpus.root(), fault));
+    }
+    let predictions = Predictions::at(&judged, &cells, &truth, rules).map_err(refused)?;
+    if predictions.not_judged > 0 {
+        watch.say(&format!(
+            "rows that are not judged, of other ticks or other sides of the split: {}",
+            predictions.not_judged
+        ));
+    }
+    for predicted in &predictions.estimators {
+        refuse_other_unit(predicted, &judged).map_err(refused)?;
+        let distances_m = predicted.distances_m.iter().flatten();
+        let negative = distances_m.filter(|distance_m| **distance_m < 0.0).count();
+        if negative > 0 {
+            watch.warn(&format!(
+                "{}_dtd_m is negative at {negative} judged ticks, which are judged as they are",
+                predicted.name
+            ));
+        }
+    }
+    let evaluation = TableEvaluation {
+        samples,
+        rules,
+        judged: &judged,
+        groups: samples.scenarios.iter().map(Group::of).collect(),
+        predictions: &predictions,
+    };
+    let identity = JudgedTable {
+        predictions: table
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into(),
+        predictions_blake3: cells.blake3,
+        corpus: corpus_name(corpus),
+        scenarios_blake3: scenarios_blake3(samples),
+        side: config.side,
+        runways: runways(samples).into_iter().collect(),
+        rig: samples.rig.name.clone(),
+        views: samples.views.clone(),
+        rules: rules.version,
+    };
+    let metrics = evaluation.metrics(identity);
+    if let Some(place) = place {
+        let new = place.begin()?;
+        write_json_unsynced(&new.evaluation_path(), &metrics.judged)?;
+        write_json_unsynced(&new.metrics_path(), &metrics)?;
+        evaluation.table().write(&new.predictions_path())?;
+        report::write(&new, &evaluation, &metrics)?;
+        place.commit(&metrics.judged.predictions_blake3)?;
+    }
+    Ok(metrics)
+}
+
+/// Rejects predictions that are not in metres, or have the opposite sign.
+fn refuse_other_unit(
+    predicted: &Predicted,
+    judged: &[&Sample],
+) -> std::result::Result<(), PredictionsFault> {
+    let ticks = predicted.distances_m.iter().zip(judged);
+    let ratios = ticks.filter_map(|(distance_m, sample)| Some((*distance_m)? / sample.dtd_m));
+    let mut ratios: Vec<f64> = ratios.collect();
+    if ratios.is_empty() {
+        return Ok(());
+    }
+    let median_ratio = median(&mut ratios);
+    let column = format!("{}_dtd_m", predicted.name);
+    if median_ratio < 0.0 {
+        return Err(PredictionsFault::Negative {
+            column,
+            median_ratio,
+        });
+    }
+    match probable_unit(median_ratio) {
+        None => Ok(()),
+        Some((unit, length_m)) => Err(PredictionsFault::OtherUnit {
+            column,
+            unit,
+            median_ratio,
+            expected_ratio: 1.0 / length_m,
+        }),
+    }
+}
+
+/// The judged ticks and their predictions.
+struct TableEvaluation<'a> {
+    samples: &'a Samples,
+    rules: &'a EvaluationRules,
+    judged: &'a [&'a Sample],
+    /// Of each scenario.
+    groups: Vec<Group<'a>>,
+    predictions: &'a Predictions,
+}
+
+impl TableEvaluation<'_> {
+    /// Outcomes of an estimator, tick by tick.
+    fn outcomes(&self, predicted: &Predicted) -> Vec<Outcome<'_>> {
+        let detections = self.predictions.detections.as_ref();
+        let intervals_m = predicted.intervals_m.as_ref();
+        let outcome = |(tick, sample): (usize, &&Sample)| Outcome {
+            dtd_m: sample.dtd_m,
+            predicted_m: predicted.distances_m[tick],
+            interval_m: intervals_m.and_then(|intervals_m| intervals_m[tick]),
+            detections: detections.map(|detections| detections[tick]),
+            is_hidden: self.rules.is_hidden(sample),
+            is_removed: false,
+            of: &self.groups[sample.scenario],
+        };
+        self.judged.iter().enumerate().map(outcome).collect()
+    }
+
+    fn metrics(&self, judged: JudgedTable) -> TableMetrics {
+        let of_estimators = self.predictions.estimators.iter();
+        let distances_m = of_estimators.map(|predicted| &predicted.distances_m[..]);
+        let common = common_ticks(self.judged.len(), distances_m, Option::is_some);
+        let estimators = self.predictions.estimators.iter();
+        let figures = estimators.map(|predicted| {
+            let outcomes = self.outcomes(predicted);
+            let figures = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), self.rules);
+            (predicted.name.clone(), figures)
+        });
+        let is_hidden = |sample: &&&Sample| self.rules.is_hidden(sample);
+        let seen = |seen: &Vec<usize>| seen.iter().filter(|&&views| views > 0).count();
+        TableMetrics {
+            rules: self.rules.clone(),
+            judged,
+            split: TableSplit {
+                by: "trajectory".into(),
+                test: TableFlights {
+                    scenarios: self.samples.scenario_count(Side::Test),
+                    trajectories: self.samples.flights(Side::Test).len(),
+                },
+            },
+            ticks: TableTicks {
+                there: self.judged.len(),
+                hidden_by_fog: self.judged.iter().filter(is_hidden).count(),
+                seen: self.predictions.detections.as_ref().map(seen),
+                common: common.iter().filter(|&&common| common).count(),
+            },
+            weather_at_aircraft: marked_scenarios::reported_on_test_side(self.samples),
+            estimators: figures.collect(),
+        }
+    }
+
+    /// `predictions.parquet`: the judged ticks with truth and predictions.
+    fn table(&self) -> TableWriter {
+        let samples = || self.judged.iter();
+        let scenario = |sample: &&Sample| &self.samples.scenarios[sample.scenario].id;
+        let mut table = TableWriter::new()
+            .text("scenario", samples().map(scenario))
+            .u32("tick", samples().map(|sample| sample.tick));
+        if let Some(detections) = &self.predictions.detections {
+            table = table.u32("detections", detections.iter().map(|&views| views as u32));
+        }
+        table = table
+            .bool(
+                "hidden_by_fog",
+                samples().map(|sample| self.rules.is_hidden(sample)),
+            )
+            .f64("dtd_m", samples().map(|sample| sample.dtd_m));
+        for predicted in &self.predictions.estimators {
+            let column = format!("{}_dtd_m", predicted.name);
+            table = table.optional_f64(&column, predicted.distances_m.iter().copied());
+            for (end, suffix) in ["_from", "_to"].into_iter().enumerate() {
+                if let Some(intervals_m) = &predicted.intervals_m {
+                    let ends = intervals_m
+                        .iter()
+                        .map(|interval_m| Some((*interval_m)?[end]));
+                    table = table.optional_f64(&format!("{column}{suffix}"), ends);
+                }
+            }
+        }
+        table
+    }
+}

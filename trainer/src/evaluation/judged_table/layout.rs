@@ -1,0 +1,213 @@
+//! The columns of a table of predictions: `scenario`, `tick`, optionally `detections`, and per estimator `NAME_dtd_m`, optionally with the
+//! ends of its 90 % interval.
+
+use std::collections::BTreeSet;
+
+use crate::error::PredictionsFault;
+
+pub(super) const SCENARIO: &str = "scenario";
+pub(super) const TICK: &str = "tick";
+/// Number of views that saw the aircraft, as `dtd predict` writes it.
+pub(super) const DETECTIONS: &str = "detections";
+const DISTANCE: &str = "_dtd_m";
+/// Endings of the columns with the ends of an interval, as `dtd predict` writes them, and shorter ones.
+const INTERVALS: [[&str; 2]; 2] = [["_dtd_m_from", "_dtd_m_to"], ["_from_m", "_to_m"]];
+/// Maximum length of an estimator's name.
+const MOST_NAME_BYTES: usize = 64;
+/// Maximum number of columns named in a message.
+const NAMED: usize = 12;
+
+/// Columns of one estimator.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct EstimatorColumns {
+    /// Name of the estimator.
+    pub name: String,
+    /// Column of its distances.
+    pub distance: String,
+    /// Columns of the ends of its intervals, if it states any.
+    pub interval: Option<[String; 2]>,
+}
+
+/// Columns of a table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Layout {
+    /// True if the table has the number of views that saw the aircraft.
+    pub has_detections: bool,
+    /// Estimators, in the order of their columns; one at least.
+    pub estimators: Vec<EstimatorColumns>,
+    /// Columns without a meaning here.
+    pub ignored: Vec<String>,
+}
+
+impl Layout {
+    /// The layout of a table with columns of these names.
+    pub(super) fn of(names: &[&str]) -> Result<Self, PredictionsFault> {
+        let mut there = BTreeSet::new();
+        for &name in names {
+            if !there.insert(name) {
+                return Err(PredictionsFault::ColumnTwice(name.to_owned()));
+            }
+        }
+        for column in [SCENARIO, TICK] {
+            if !there.contains(column) {
+                let found = listed(names);
+                return Err(PredictionsFault::NoColumn { column, found });
+            }
+        }
+        let mut used: BTreeSet<String> = [SCENARIO, TICK, DETECTIONS].map(str::to_owned).into();
+        let mut estimators = Vec::new();
+        for &column in names {
+            let Some(name) = column.strip_suffix(DISTANCE) else {
+                continue;
+            };
+            check_name(name, column)?;
+            let interval = interval(name, &there)?;
+            used.insert(column.to_owned());
+            used.extend(interval.iter().flatten().cloned());
+            estimators.push(EstimatorColumns {
+                name: name.to_owned(),
+                distance: column.to_owned(),
+                interval,
+            });
+        }
+        if estimators.is_empty() {
+            let found = listed(names);
+            return Err(PredictionsFault::NoEstimator { found });
+        }
+        let ignored = names.iter().filter(|name| !used.contains(**name));
+        Ok(Self {
+            has_detections: there.contains(DETECTIONS),
+            estimators,
+            ignored: ignored.map(|&name| name.to_owned()).collect(),
+        })
+    }
+
+    /// Names of the columns with numbers that are read: the tick, the detections if there are any, and those of each estimator in turn.
+    pub(super) fn numbers(&self) -> Vec<&str> {
+        let detections = self.has_detections.then_some(DETECTIONS);
+        let of_estimators = self.estimators.iter().flat_map(|columns| {
+            let ends = columns.interval.iter().flatten();
+            [&columns.distance].into_iter().chain(ends)
+        });
+        let first = [TICK].into_iter().chain(detections);
+        first.chain(of_estimators.map(String::as_str)).collect()
+    }
+}
+
+fn check_name(name: &str, column: &str) -> Result<(), PredictionsFault> {
+    let is_usual = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    if (1..=MOST_NAME_BYTES).contains(&name.len()) && name.chars().all(is_usual) {
+        return Ok(());
+    }
+    Err(PredictionsFault::EstimatorName {
+        column: column.chars().take(2 * MOST_NAME_BYTES).collect(),
+        most: MOST_NAME_BYTES,
+    })
+}
+
+/// The columns of an estimator's intervals, if there are any.
+fn interval(name: &str, there: &BTreeSet<&str>) -> Result<Option<[String; 2]>, PredictionsFault> {
+    for ends in INTERVALS {
+        let [from, to] = ends.map(|end| format!("{name}{end}"));
+        match [&from, &to].map(|column| there.contains(column.as_str())) {
+            [true, true] => return Ok(Some([from, to])),
+            [false, false] => {}
+            [has_from, _] => {
+                let (there, missing) = if has_from { (from, to) } else { (to, from) };
+                return Err(PredictionsFault::HalfInterval { there, missing });
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// The first of some names, and how many more there are.
+pub(super) fn listed(names: &[impl AsRef<str>]) -> String {
+    let first = names.iter().take(NAMED);
+    let first: Vec<String> = first
+        .map(|name| name.as_ref().escape_debug().to_string())
+        .collect();
+    match names.len().saturating_sub(NAMED) {
+        0 if names.is_empty() => "none".into(),
+        0 => first.join(", "),
+        more => format!("{} and {more} more", first.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn estimators_are_found_by_the_ends_of_their_columns_and_other_columns_are_ignored() {
+        let layout = Layout::of(&[
+            "scenario",
+            "tick",
+            "time_ns",
+            "dtd_m",
+            "mine_dtd_m",
+            "mine_dtd_m_sd",
+            "mine_dtd_m_from",
+            "mine_dtd_m_to",
+            "other_to_m",
+            "other_from_m",
+            "other_dtd_m",
+            "plain_dtd_m",
+        ])
+        .unwrap();
+        let names = |of: &[EstimatorColumns]| -> Vec<String> {
+            of.iter().map(|columns| columns.name.clone()).collect()
+        };
+        assert_eq!(names(&layout.estimators), ["mine", "other", "plain"]);
+        assert_eq!(layout.ignored, ["time_ns", "dtd_m", "mine_dtd_m_sd"]);
+        assert!(!layout.has_detections);
+        assert_eq!(
+            layout.numbers(),
+            [
+                "tick",
+                "mine_dtd_m",
+                "mine_dtd_m_from",
+                "mine_dtd_m_to",
+                "other_dtd_m",
+                "other_from_m",
+                "other_to_m",
+                "plain_dtd_m"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_layout_that_cannot_be_judged_is_refused_with_the_columns_that_are_there() {
+        let refused = |names: &[&str]| Layout::of(names).unwrap_err().to_string();
+        for (names, expected) in [
+            (
+                &["tick", "mine_dtd_m"][..],
+                "no column scenario; its columns are tick, mine_dtd_m",
+            ),
+            (
+                &["scenario", "tick", "dtd_m"],
+                "no column whose name ends in _dtd_m; its columns are scenario, tick, dtd_m",
+            ),
+            (
+                &["scenario", "tick", "a_dtd_m", "a_dtd_m"],
+                "two columns named a_dtd_m",
+            ),
+            (
+                &["scenario", "tick", "a_dtd_m", "a_dtd_m_to"],
+                "column a_dtd_m_to but no column a_dtd_m_from",
+            ),
+            (
+                &["scenario", "tick", "a_dtd_m", "a_from_m"],
+                "column a_from_m but no column a_to_m",
+            ),
+            (
+                &["scenario", "tick", "_dtd_m"],
+                "expected a name of an estimator",
+            ),
+            (&["scenario", "tick", "a\u{1b}[31m_dtd_m"], "\\u{1b}"),
+        ] {
+            let message = refused(names);
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! `report.html` of a table of predictions: the charts and tables of a run's report that need no run.
+
+use dataset::files::json_file::write_unsynced;
+use minijinja::context;
+use report_page::page::{drawn, render, value};
+
+use super::{TableEvaluation, TableMetrics};
+use crate::error::Result;
+use crate::evaluation::report::{CHARTED, legend, plots, tables};
+use crate::run::folder::RunFolder;
+
+const TEMPLATE: &str = concat!(
+    include_str!("../report/macros.html"),
+    include_str!("report.html")
+);
+
+/// Writes the report of an evaluation.
+pub(super) fn write(
+    folder: &RunFolder,
+    evaluation: &TableEvaluation,
+    metrics: &TableMetrics,
+) -> Result<()> {
+    let TableMetrics {
+        rules,
+        judged,
+        split,
+        ticks,
+        weather_at_aircraft,
+        estimators,
+    } = metrics;
+    let names = tables::names(estimators);
+    let best = tables::best(estimators, CHARTED);
+    let bins: Vec<_> = best
+        .iter()
+        .map(|&number| (number, &estimators[names[number]].by_distance_nm[..]))
+        .collect();
+    let outcomes = best.iter().filter_map(|&number| {
+        let mut predicted = evaluation.predictions.estimators.iter();
+        let predicted = predicted.find(|predicted| predicted.name == names[number])?;
+        Some((number, evaluation.outcomes(predicted)))
+    });
+    let headline = tables::headline(estimators);
+    let page = render(
+        TEMPLATE,
+        context! {
+            best => value(best.first().map(|&number| &headline[number])),
+            headline => value(&headline),
+            has_dual => ticks.seen.is_some(),
+            legend => value(legend(&names, &best)),
+            best_plot => drawn(plots::best_by_distance(&bins)?),
+            boxes_plot => drawn(plots::errors_by_distance(outcomes, rules.distance_bin_nm)?),
+            by_weather => value(tables::by_weather(estimators)),
+            by_time => value(tables::by_time(estimators)),
+            weather_at_aircraft => value(tables::weather_at_aircraft(weather_at_aircraft)),
+            flights => value(tables::flights(estimators)),
+            split => value(split),
+            judged => value(judged),
+            rules => value(rules),
+            ticks => value(ticks),
+            version => env!("CARGO_PKG_VERSION"),
+        },
+    )?;
+    Ok(write_unsynced(&folder.report_path(), page.as_bytes())?)
+}
