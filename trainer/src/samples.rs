@@ -5,6 +5,7 @@
 //! highest score counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed
 //! scenario that is missing from the split is an error.
 
+pub(crate) mod camera_adjustment;
 pub(crate) mod flight_parts;
 pub(crate) mod json_differences;
 pub(crate) mod lateral_spread;
@@ -12,6 +13,7 @@ pub(crate) mod leave_out;
 pub(crate) mod marked_scenarios;
 pub(crate) mod rig;
 mod sample;
+pub(crate) mod training_cameras;
 pub(crate) mod trusted_boxes;
 pub(crate) mod view_shift;
 
@@ -37,7 +39,7 @@ use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::rig::Rig;
-use crate::samples::trusted_boxes::{holds_aircraft, is_whole};
+use crate::samples::trusted_boxes::is_whole;
 use crate::samples::view_shift::ViewShift;
 
 pub(crate) use sample::{Observation, Sample};
@@ -414,27 +416,6 @@ impl Samples {
     pub(crate) fn flights_of_side(&self, side: Side) -> impl Iterator<Item = &[Sample]> {
         let flights = self.samples.chunk_by(|a, b| a.scenario == b.scenario);
         flights.filter(move |flight| self.scenarios[flight[0].scenario].side == side)
-    }
-
-    /// The samples of one side with only those boxes that contain the aircraft. This uses the truth, so it is for training;
-    /// evaluation uses the boxes as they are.
-    pub(crate) fn with_true_boxes(&self, side: Side) -> Vec<Sample> {
-        self.of_side(side)
-            .into_iter()
-            .filter_map(|sample| {
-                let cameras = &self.scenarios[sample.scenario].cameras;
-                let boxes: Vec<_> = sample
-                    .boxes
-                    .iter()
-                    .zip(cameras)
-                    .map(|(seen, camera)| {
-                        seen.filter(|seen| holds_aircraft(seen, camera, sample.position))
-                    })
-                    .collect();
-                let any = boxes.iter().any(Option::is_some);
-                any.then(|| sample.with(sample.observed.with_boxes(boxes)))
-            })
-            .collect()
     }
 
     /// BLAKE3 over the scenarios of these sides, what the cameras saw in them, the truth, and the cameras as planned.
