@@ -1,8 +1,8 @@
 //! Cameras that decide which boxes of the training side contain the aircraft: those that most boxes agree on.
 //!
-//! The truth gives the aircraft's position at each tick, not in an image. The calibration of a real camera is wrong by more than a box, so it
-//! is a start and no more: the camera of each view is fitted to the boxes of all training flights at once ([`camera_fit`]). Most boxes
-//! must contain the aircraft, and the fitted camera must differ from the stated one by a few degrees at most.
+//! The truth gives the aircraft's position at each tick, not in an image. The calibration of a real camera may be wrong by more than a box,
+//! so it is only where the fit starts: the camera of each view is fitted to the boxes of all training flights at once ([`camera_fit`]).
+//! Most boxes must contain the aircraft, and the fitted camera must differ from the stated one by a few degrees at most.
 //!
 //! The fit needs the truth, so it is made of the training side alone and applies to it alone.
 

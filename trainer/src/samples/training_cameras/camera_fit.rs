@@ -88,8 +88,8 @@ pub(super) struct CameraFit {
 impl CameraFit {
     /// Fits the boxes of a view; no difference without any.
     pub(super) fn of(seen: &[Seen]) -> Self {
-        let mut starts = vec![Adjustment::default(), turned_by_median(seen)];
-        let fits = starts.drain(..).map(|start| {
+        let starts = [Adjustment::default(), turned_by_median(seen)];
+        let fits = starts.map(|start| {
             let mut fit = Self {
                 adjustment: start,
                 ..Self::default()
@@ -100,6 +100,7 @@ impl CameraFit {
             }
             fit
         });
+        let fits = fits.into_iter();
         let best = fits.min_by(|a, b| f64::total_cmp(&a.cost(seen), &b.cost(seen)));
         let mut best = best.unwrap_or_default();
         best.sd = best.deviations(seen).unwrap_or_default();

@@ -32,7 +32,7 @@ fn add_lamps(samples: &mut Samples) -> usize {
     let mut replaced = 0;
     for (at, sample) in samples.samples.iter_mut().enumerate() {
         for (view, seen) in sample.observed.boxes.iter_mut().enumerate() {
-            if (at + view) % 3 == 0 && seen.is_some() {
+            if (at + view).is_multiple_of(3) && seen.is_some() {
                 *seen = Some(PixelBox {
                     cx_px: 700.0,
                     cy_px: 900.0,
@@ -182,14 +182,14 @@ fn boxes_of_other_objects_are_counted_and_do_not_look_like_a_moved_camera() {
 fn a_lamp_that_outnumbers_the_aircraft_in_one_flight_moves_no_camera() {
     let mut samples = tiny();
     let truly = kept(&samples);
-    let mut of_flight = 0;
+    let mut of_flight = 0_usize;
     for sample in samples
         .samples
         .iter_mut()
         .filter(|s| s.observed.scenario == 0)
     {
         of_flight += 1;
-        if of_flight % 5 > 0
+        if !of_flight.is_multiple_of(5)
             && let Some(seen) = &mut sample.observed.boxes[0]
         {
             (seen.cx_px, seen.cy_px) = (300.0, 1_000.0);
