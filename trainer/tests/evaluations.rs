@@ -374,7 +374,7 @@ fn a_calibration_that_is_wrong_by_half_a_degree_changes_neither_the_boxes_that_c
     let run = train(&wrong, &out, &hardly_trained(), &said).unwrap().run;
     let said = said.0.into_inner().unwrap().join("\n");
     assert!(
-        said.contains("calibration.json contradicts the boxes of view left"),
+        said.contains("calibration.json contradicts the boxes: by these, view left"),
         "{said}"
     );
     let config = EvaluationConfig::default();

@@ -19,6 +19,7 @@ use crate::samples::trusted_boxes::{centre_and_size, is_at};
 use crate::samples::{Sample, Samples};
 
 use camera_fit::{CameraFit, Seen};
+use contradiction::contradictions_line;
 use dropped_boxes::Droppings;
 pub(crate) use dropped_boxes::{DroppedBoxes, DroppedByView};
 
@@ -81,8 +82,9 @@ impl TrainingCameras {
         if dropped.are_unusual() {
             watch.warn(&dropped.to_string());
         }
-        for contradiction in self.contradictions(&samples.views) {
-            watch.warn(&contradiction.to_string());
+        let contradictions = self.contradictions(&samples.views);
+        if !contradictions.is_empty() {
+            watch.warn(&contradictions_line(&contradictions));
         }
         dropped.by_view
     }

@@ -26,8 +26,8 @@ const POINT_SD_M: f64 = 3.0;
 const NEAREST_M: f64 = 100.0;
 /// Residuals beyond this many deviations hardly count.
 const GATE: f64 = 3.0;
-/// The gate shrinks by this factor per step.
-const SHRINKS_BY: f64 = 0.7;
+/// The gate shrinks by this factor per step: faster, it would close before the few near boxes have turned the camera their way.
+const SHRINKS_BY: f64 = 0.85;
 const MOST_STEPS: usize = 60;
 /// A step is the last one if it is shorter than this part of the prior standard deviation.
 const SETTLED: f64 = 1e-4;
@@ -142,7 +142,7 @@ impl CameraFit {
         let mut x = self.adjustment;
         let mut gate = f64::INFINITY;
         for _ in 0..MOST_STEPS {
-            let least = GATE * self.spread(seen, &x).max(f64::EPSILON);
+            let least = GATE * self.spread(seen, &x).max(1.0);
             let shrunk = (gate * SHRINKS_BY).max(least);
             gate = if gate.is_finite() {
                 shrunk
@@ -211,7 +211,7 @@ impl CameraFit {
         let scenarios = seen.chunk_by(|a, b| a.scenario == b.scenario).count();
         let alike = seen.len() as f64 / (BOXES_OF_A_FLIGHT * scenarios as f64);
         let variance = spread.powi(2) * alike.max(1.0);
-        let gate = GATE * spread;
+        let gate = GATE * spread.max(1.0);
         let covariance = self
             .normal(seen, &self.adjustment, gate, variance, None)
             .inverse()?;

@@ -22,14 +22,18 @@ pub(super) struct Contradiction {
 
 impl fmt::Display for Contradiction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "calibration.json contradicts the boxes of view {}: by these, the camera {}. Which boxes count does not depend on the stated \
-             camera, but `triangulation` and the registration of the views do; correct it if they matter",
-            self.view,
-            self.differences.join(", ")
-        )
+        write!(f, "view {} {}", self.view, self.differences.join(", "))
     }
+}
+
+/// Message of a training about these views.
+pub(super) fn contradictions_line(found: &[Contradiction]) -> String {
+    let found: Vec<String> = found.iter().map(Contradiction::to_string).collect();
+    format!(
+        "calibration.json contradicts the boxes: by these, {}. Which boxes count does not depend on calibration.json, but `triangulation` and \
+         the registration of the views do",
+        found.join("; ")
+    )
 }
 
 impl TrainingCameras {
