@@ -116,7 +116,8 @@ def main():
     baselines = json.loads((run / "baselines.json").read_text())
     config = json.loads((run / "config.json").read_text())
     views, fits = baselines["views"], baselines["inverse_range"]["fits"]
-    assert json.loads((run / "run.json").read_text())["false_training_boxes"] == 0
+    dropped = json.loads((run / "run.json").read_text())["dropped_training_boxes"]
+    assert all(view["dropped"] == 0 for view in dropped.values())
     farthest = config["max_dtd_nm"] or np.inf
     all_ticks = list(ticks(corpus, views))
     training = [

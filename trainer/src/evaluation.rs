@@ -163,6 +163,7 @@ pub fn evaluate(
             common: common.iter().filter(|&&common| common).count(),
         },
         disbelieved_boxes: found - all.boxes(),
+        dropped_training_boxes: trained.summary.dropped_training_boxes.clone(),
         deviations_from_paper: trained.deviations_from_paper(),
         cut_off_boxes: judged_ticks().map(|sample| sample.cut_off).sum(),
         estimators: of_estimators

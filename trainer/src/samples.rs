@@ -6,6 +6,7 @@
 //! gets is decided for whole flights ([`crate::samples::paired_views`]). Ticks past the touchdown target are ignored, because the distance
 //! to touchdown grows again there. A committed scenario that is missing from the split is an error.
 
+pub(crate) mod camera_adjustment;
 pub(crate) mod camera_health;
 pub(crate) mod flight_parts;
 pub(crate) mod json_differences;
@@ -16,6 +17,7 @@ pub(crate) mod other_boxes;
 pub(crate) mod paired_views;
 pub(crate) mod rig;
 mod sample;
+pub(crate) mod training_cameras;
 pub(crate) mod trusted_boxes;
 pub(crate) mod truth;
 pub(crate) mod view_shift;
@@ -44,7 +46,7 @@ use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::other_boxes::{OtherBoxes, Registered};
 use crate::samples::rig::Rig;
-use crate::samples::trusted_boxes::{holds_aircraft, is_whole};
+use crate::samples::trusted_boxes::is_whole;
 use crate::samples::view_shift::ViewShift;
 
 pub(crate) use sample::{Observation, Sample};
@@ -448,27 +450,6 @@ impl Samples {
     pub(crate) fn flights_of_side(&self, side: Side) -> impl Iterator<Item = &[Sample]> {
         let flights = self.samples.chunk_by(|a, b| a.scenario == b.scenario);
         flights.filter(move |flight| self.scenarios[flight[0].scenario].side == side)
-    }
-
-    /// The samples of one side with only those boxes that contain the aircraft. This uses the truth, so it is for training;
-    /// evaluation uses the boxes as they are.
-    pub(crate) fn with_true_boxes(&self, side: Side) -> Vec<Sample> {
-        self.of_side(side)
-            .into_iter()
-            .filter_map(|sample| {
-                let cameras = &self.scenarios[sample.scenario].cameras;
-                let boxes: Vec<_> = sample
-                    .boxes
-                    .iter()
-                    .zip(cameras)
-                    .map(|(seen, camera)| {
-                        seen.filter(|seen| holds_aircraft(seen, camera, sample.position))
-                    })
-                    .collect();
-                let any = boxes.iter().any(Option::is_some);
-                any.then(|| sample.with(sample.observed.with_boxes(boxes)))
-            })
-            .collect()
     }
 
     /// BLAKE3 over the scenarios of these sides, what the cameras saw in them, the truth, and the cameras as planned.

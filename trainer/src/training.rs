@@ -100,8 +100,7 @@ pub(crate) fn train_unless(
     let self_calibrated = SelfCalibrated::fit(
         &samples.rig.nominal,
         &samples.scenarios,
-        // As recorded: which boxes hold the aircraft is what the calibration would say.
-        &samples.of_side(Side::Train),
+        &flights.with_true_boxes(),
         &config.self_calibration,
     );
     let normalisation = Normalisation::fit(&samples.views, &training, &flights.with_true_boxes());
@@ -156,7 +155,7 @@ pub(crate) fn train_unless(
             validation_scenarios: samples.scenario_count(Side::Validation),
             samples_blake3,
             training_samples: training.len(),
-            false_training_boxes: flights.false_training_boxes(),
+            dropped_training_boxes: flights.dropped_boxes.clone(),
             validation_samples: validation.len(),
             validation_mape_pct: learned.validation_mape_pct,
             training_s: checkpoints.spent_s(),

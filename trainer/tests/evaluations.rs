@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::seal;
 use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
-use dataset::work::watch::Silent;
+use dataset::work::watch::{Silent, Watch};
 use tempfile::TempDir;
+use testkit::miscalibrated::Miscalibration;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{
     Error, EvaluationConfig, JudgedSide, Metrics, RunFolder, TrainConfig, evaluate, predict, train,
@@ -347,4 +349,57 @@ fn a_training_into_the_folder_of_a_judged_run_leaves_none_of_its_results() {
     trained
         .evaluate(&corpus, &EvaluationConfig::default())
         .unwrap();
+}
+
+#[test]
+fn a_calibration_that_is_wrong_by_half_a_degree_changes_neither_the_boxes_that_count_nor_the_errors()
+ {
+    let corpus = || SyntheticCorpus {
+        shift_noise_px: Some(0.05),
+        ..SyntheticCorpus::tiny()
+    };
+    let truly = Trained::on(corpus());
+    let folder = tempfile::tempdir().unwrap();
+    let wrong = corpus_in(&folder.path().join("corpus"), corpus());
+    let error = Miscalibration {
+        yaw_deg: 0.5,
+        pitch_deg: 0.2,
+        roll_deg: 1.0,
+        focal_pct: 3.0,
+        north_m: 5.0,
+    };
+    error.apply(&wrong).unwrap();
+    let out = folder.path().join("run");
+    let said = Sayings::default();
+    let run = train(&wrong, &out, &hardly_trained(), &said).unwrap().run;
+    let said = said.0.into_inner().unwrap().join("\n");
+    assert!(
+        said.contains("calibration.json contradicts the boxes: by these, view left"),
+        "{said}"
+    );
+    let config = EvaluationConfig::default();
+    let [before, after] = [
+        truly.evaluate(&truly.corpus(), &config).unwrap(),
+        evaluate(&run, &wrong, &config, &Silent).unwrap(),
+    ];
+    assert_eq!(before.dropped_training_boxes, after.dropped_training_boxes);
+    for (view, boxes) in &after.dropped_training_boxes {
+        assert!(boxes.share.unwrap() < 0.02, "{view}: {boxes:?}");
+    }
+    let figures = |metrics: &Metrics| metrics.estimators["inverse_range"].overall.all;
+    let [before, after] = [before, after].map(|metrics| figures(&metrics));
+    let [before_pct, after_pct] = [before, after].map(|figures| figures.mape_pct.unwrap());
+    println!("{before_pct} % with the true calibration, {after_pct} % with the wrong one");
+    assert!(after_pct < 1.2 * before_pct);
+    assert!((before.coverage.unwrap() - after.coverage.unwrap()).abs() < 0.02);
+}
+
+/// Keeps the lines of a training.
+#[derive(Default)]
+struct Sayings(Mutex<Vec<String>>);
+
+impl Watch for Sayings {
+    fn say(&self, line: &str) {
+        self.0.lock().unwrap().push(line.to_owned());
+    }
 }

@@ -12,6 +12,7 @@ mod chromium;
 pub mod command;
 pub mod files;
 mod free_port;
+pub mod miscalibrated;
 pub mod peak;
 pub mod pictures;
 pub mod processor_time;

@@ -18,6 +18,7 @@ use crate::config::PaperDeviation;
 use crate::evaluation::judged::Judged;
 use crate::evaluation::rules::EvaluationRules;
 use crate::samples::ScenarioSummary;
+use crate::samples::training_cameras::DroppedBoxes;
 
 pub(crate) use bootstrap::Intervals;
 pub(crate) use figures::ErrorFigures;
@@ -152,6 +153,9 @@ pub struct Metrics {
     /// Boxes at these ticks, one per view, that were ignored because the training side has none at such a position or of such a size, or
     /// because they are not of the aircraft that is followed.
     pub disbelieved_boxes: usize,
+    /// By view, boxes of the training side that do not contain the aircraft; missing in earlier evaluations.
+    #[serde(default)]
+    pub dropped_training_boxes: BTreeMap<String, DroppedBoxes>,
     /// Pictures of these ticks in which the detector found only boxes that the picture's edge cuts off, which are ignored.
     pub cut_off_boxes: usize,
     /// Deviations of the training of `paper_lstm` from the paper, by its settings.

@@ -34,6 +34,7 @@ use crate::run::sealed::SealedRun;
 use crate::samples::ScenarioSummary;
 use crate::samples::paired_views::PairedViews;
 use crate::samples::rig::{Cameras, Rig};
+use crate::samples::training_cameras::DroppedByView;
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
 pub(crate) const RUN_FORMAT: u32 = 7;
@@ -81,9 +82,9 @@ pub(crate) struct RunSummary {
     pub validation_scenarios: usize,
     /// Samples on the training side that the networks learned from, as recorded.
     pub training_samples: usize,
-    /// Boxes of the training side that do not contain the aircraft. Formulas are fitted without them; networks learn from them unless the
-    /// settings remove them.
-    pub false_training_boxes: usize,
+    /// By view, boxes of the training side that do not contain the aircraft. Formulas are fitted without them; networks learn from them
+    /// unless the settings remove them.
+    pub dropped_training_boxes: DroppedByView,
     /// Samples on the validation side.
     pub validation_samples: usize,
     /// BLAKE3 of all that networks and formulas learned from and were judged by.

@@ -48,7 +48,7 @@ fn a_box_that_the_picture_s_edge_cuts_off_does_not_count_however_high_its_score(
 fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
     let folder = tempfile::tempdir().unwrap();
     let mut samples = read(folder.path(), &SyntheticCorpus::tiny());
-    let undisturbed = samples.with_true_boxes(Side::Train);
+    let undisturbed = samples.with_true_boxes();
     let recorded: Vec<_> = samples.of_side(Side::Train).into_iter().cloned().collect();
     assert_eq!(undisturbed, recorded, "nothing to leave out yet");
     // Empty views now contain a box of something else.
@@ -65,7 +65,7 @@ fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
         }
     }
     assert!(added > 10, "{added}");
-    assert_eq!(samples.with_true_boxes(Side::Train), undisturbed);
+    assert_eq!(samples.with_true_boxes(), undisturbed);
 }
 
 #[test]

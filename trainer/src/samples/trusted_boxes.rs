@@ -8,12 +8,12 @@
 //!   centre nor its size is the aircraft's.
 //! - **Contains the aircraft** needs the truth, so it applies to the training side only, and there to the formulas and to the ranges of
 //!   [`crate::networks::normalisation`]; to the networks only if the settings ask for it, because the paper's networks learn from all
-//!   detections.
+//!   detections. The boxes of all training flights decide where the aircraft is in an image ([`crate::samples::training_cameras`]), not
+//!   `calibration.json`.
 //!
 //! A tick without any box left gets no answer.
 
 use dataset::geometry::camera::Camera;
-use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
@@ -30,12 +30,10 @@ pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
         && bottom < f64::from(camera.height_px) - 0.5 - EDGE_PX
 }
 
-/// True if a box contains the aircraft at `position`: its centre is within its own size of the projected position.
-pub(crate) fn holds_aircraft(seen: &PixelBox, camera: &Camera, position: Geodetic) -> bool {
+/// True if a box contains the aircraft, which is at `place_px` in the image: its centre is within its own size of that place.
+pub(crate) fn is_at(seen: &PixelBox, place_px: DVec2) -> bool {
     let (centre, size) = centre_and_size(seen);
-    camera
-        .project(position.to_ecef())
-        .is_some_and(|truth| (truth - centre).abs().cmple(size).all())
+    (place_px - centre).abs().cmple(size).all()
 }
 
 /// Centre and size of a box, pixels.
@@ -84,12 +82,13 @@ mod tests {
             let cameras = &samples.scenarios[sample.scenario].cameras;
             for (seen, camera) in sample.boxes.iter().zip(cameras) {
                 let Some(seen) = seen else { continue };
-                assert!(holds_aircraft(seen, camera, sample.position), "{seen:?}");
+                let place_px = camera.project(sample.position.to_ecef()).unwrap();
+                assert!(is_at(seen, place_px), "{seen:?}");
                 let elsewhere = PixelBox {
                     cy_px: seen.cy_px + 1.5 * seen.height_px,
                     ..*seen
                 };
-                assert!(!holds_aircraft(&elsewhere, camera, sample.position));
+                assert!(!is_at(&elsewhere, place_px));
             }
         }
     }

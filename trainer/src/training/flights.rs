@@ -11,6 +11,7 @@ use crate::evaluation::split_again;
 use crate::networks::normalisation::Normalisation;
 use crate::samples::marked_scenarios;
 use crate::samples::paired_views::PairedViews;
+use crate::samples::training_cameras::{DroppedByView, TrainingCameras};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
 /// The samples of all corpora, and which boxes of the training side are true.
@@ -21,6 +22,8 @@ pub(crate) struct Flights {
     pub(crate) backgrounds: Option<Backgrounds>,
     /// The training side with its true boxes alone.
     pub(crate) true_boxes: Vec<Sample>,
+    /// The other boxes of the training side, by view.
+    pub(crate) dropped_boxes: DroppedByView,
     /// Relations of the views, learned from these.
     pub(crate) paired_views: PairedViews,
 }
@@ -54,18 +57,21 @@ impl Flights {
         } else {
             None
         };
-        let recorded = side_with_samples(corpus, &samples, Side::Train)?.len();
-        let true_boxes = samples.with_true_boxes(Side::Train);
+        let recorded = side_with_samples(corpus, &samples, Side::Train)?;
+        let cameras = TrainingCameras::of(&samples, &recorded);
+        let true_boxes = cameras.true_boxes(&recorded);
         if true_boxes.is_empty() {
-            let fault = CorpusFault::NoTrueBoxes { samples: recorded };
+            let samples = recorded.len();
+            let fault = CorpusFault::NoTrueBoxes { samples };
             return Err(Error::corpus(corpus.root(), fault));
         }
         let paired_views =
             PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
         Ok(Self {
+            true_boxes,
+            dropped_boxes: cameras.report(&samples, &recorded, watch),
             samples,
             backgrounds,
-            true_boxes,
             paired_views,
         })
     }
@@ -82,12 +88,6 @@ impl Flights {
         } else {
             self.samples.of_side(Side::Train)
         }
-    }
-
-    /// Boxes of the training side that do not hold the aircraft.
-    pub(crate) fn false_training_boxes(&self) -> usize {
-        let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
-        boxes(&self.samples.of_side(Side::Train)) - boxes(&self.with_true_boxes())
     }
 
     /// The validation side as an estimator sees it; samples without a trusted box are left out.

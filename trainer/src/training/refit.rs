@@ -19,14 +19,13 @@ use burn::tensor::Device;
 use dataset::corpus::Corpus;
 use dataset::corpus::seal;
 use dataset::corpus::splits::Side;
-use dataset::geometry::camera::Camera;
 use dataset::work::watch::Watch;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
 use crate::config::TrainConfig;
 use crate::error::{CorpusFault, Error, Result, RunFault};
-use crate::estimators::geometry::self_calibration::LEAST_TICKS;
+use crate::estimators::geometry::self_calibration::{LEAST_TICKS, SelfCalibrated};
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::mono::pinhole::Pinhole;
 use crate::evaluation::split_again;
@@ -40,7 +39,7 @@ use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 use crate::samples::flight_parts::FlightParts;
 use crate::samples::rig::{Cameras, are_same, form};
-use crate::samples::trusted_boxes::holds_aircraft;
+use crate::samples::training_cameras::TrainingCameras;
 use crate::samples::{DistanceRange, Sample, Samples};
 
 use network_refit::{RefitSamples, refit_network};
@@ -212,6 +211,10 @@ fn fit_formulas(
 ) -> Result<()> {
     let refused = |fault| Error::corpus(corpus.root(), fault);
     let recorded: Vec<&Sample> = of_scenarios(samples, approaches).collect();
+    let cameras = TrainingCameras::of(samples, &recorded);
+    cameras.report(samples, &recorded, watch);
+    let trusted = cameras.true_boxes(&recorded);
+    let trusted: Vec<&Sample> = trusted.iter().collect();
     let baselines = &mut run.baselines;
     let settings = &run.config.self_calibration;
     let name = &run.normalisation.views[view];
@@ -219,24 +222,13 @@ fn fit_formulas(
     let old = baselines.self_calibrated.take();
     let new = old
         .as_ref()
-        .and_then(|old| old.refitted(view, planned, &samples.scenarios, &recorded, settings));
+        .and_then(|old| old.refitted(view, planned, &samples.scenarios, &trusted, settings));
     if old.is_some() && new.is_none() {
         return Err(refused(CorpusFault::NoFittedCamera { view: name.clone() }));
     }
-    let cameras = new.as_ref().map(|new| new.cameras());
-    let camera_pair = old
-        .and_then(|old| old.cameras()[view])
-        .zip(cameras.as_ref().and_then(|cameras| cameras[view]));
+    let camera = |fitted: &SelfCalibrated| fitted.cameras()[view];
+    let camera_pair = (old.as_ref().and_then(camera)).zip(new.as_ref().and_then(camera));
     baselines.self_calibrated = new;
-    let trusted: Vec<Sample> = recorded
-        .iter()
-        .map(|sample| match &cameras {
-            None => (*sample).clone(),
-            Some(cameras) => with_boxes_of_aircraft(sample, cameras),
-        })
-        .filter(|sample| sample.detections() > 0)
-        .collect();
-    let trusted: Vec<&Sample> = trusted.iter().collect();
     baselines.pinholes[view] = Pinhole::fit(view, &trusted);
     baselines.centre_offsets[view] = CentreOffset::fit(view, &samples.scenarios, &trusted);
     let views = samples.views.len();
@@ -279,16 +271,6 @@ fn fit_formulas(
 /// Random numbers for the batches of a network.
 fn random(config: &TrainConfig) -> ChaCha12Rng {
     ChaCha12Rng::seed_from_u64(config.seed)
-}
-
-/// The sample with only those boxes in which fitted cameras see the aircraft.
-fn with_boxes_of_aircraft(sample: &Sample, cameras: &[Option<Camera>]) -> Sample {
-    let boxes = sample.boxes.iter().zip(cameras);
-    let boxes = boxes.map(|(seen, camera)| match camera {
-        None => *seen,
-        Some(camera) => seen.filter(|seen| holds_aircraft(seen, camera, sample.position)),
-    });
-    sample.with(sample.with_boxes(boxes.collect()))
 }
 
 /// Trains the calibration network of the view.

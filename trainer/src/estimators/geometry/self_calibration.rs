@@ -24,8 +24,9 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::config::SelfCalibrationConfig;
-use crate::estimators::geometry::fitted_camera::{Adjustment, FittedCamera, UNKNOWNS};
+use crate::estimators::geometry::fitted_camera::FittedCamera;
 use crate::estimators::geometry::triangulation::of_one_aircraft;
+use crate::samples::camera_adjustment::{Adjustment, UNKNOWNS};
 use crate::samples::rig::Cameras;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{FARTHEST_M, Observation, Sample, ScenarioSummary};

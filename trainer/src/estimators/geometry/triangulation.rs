@@ -272,7 +272,7 @@ mod tests {
         };
         let mut samples = Samples::read(&corpus, None, range).unwrap();
         let fit = |samples: &Samples| -> Vec<CentreOffset> {
-            let training = samples.with_true_boxes(Side::Train);
+            let training = samples.with_true_boxes();
             let training: Vec<_> = training.iter().collect();
             (0..samples.views.len())
                 .map(|view| CentreOffset::fit(view, &samples.scenarios, &training))

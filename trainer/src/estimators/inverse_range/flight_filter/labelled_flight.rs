@@ -202,7 +202,7 @@ mod tests {
             samples.scenarios[1].trajectory,
             samples.scenarios[0].trajectory
         );
-        let true_boxes = samples.with_true_boxes(Side::Train);
+        let true_boxes = samples.with_true_boxes();
         let training: Vec<&Sample> = true_boxes.iter().collect();
         let fits = CrossFitted::fit(&samples, &training);
         let flights = LabelledFlight::held_out(&fits, &samples, Clone::clone);

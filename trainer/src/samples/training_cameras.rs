@@ -1,0 +1,121 @@
+//! Cameras that decide which boxes of the training side contain the aircraft: those that most boxes agree on.
+//!
+//! The truth gives the aircraft's position at each tick, not in an image. The calibration of a real camera may be wrong by more than a box,
+//! so it is only where the fit starts: the camera of each view is fitted to the boxes of all training flights at once ([`camera_fit`]).
+//! Most boxes must contain the aircraft, and the fitted camera must differ from the stated one by a few degrees at most.
+//!
+//! The fit needs the truth, so it is made of the training side alone and applies to it alone.
+
+mod camera_fit;
+mod contradiction;
+mod dropped_boxes;
+
+use dataset::geometry::camera::Camera;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::work::watch::Watch;
+use glam::DVec2;
+
+use crate::samples::trusted_boxes::{centre_and_size, is_at};
+use crate::samples::{Sample, Samples};
+
+use camera_fit::{CameraFit, Seen};
+use contradiction::contradictions_line;
+use dropped_boxes::Droppings;
+pub(crate) use dropped_boxes::{DroppedBoxes, DroppedByView};
+
+/// Boxes per view that a camera is fitted to; more hardly change it.
+const MOST_BOXES: usize = 2_000;
+
+/// The fitted camera of each view.
+#[derive(Debug, Clone)]
+pub(crate) struct TrainingCameras {
+    fits: Vec<CameraFit>,
+    /// Stated cameras by scenario and view.
+    stated: Vec<Vec<Camera>>,
+}
+
+impl TrainingCameras {
+    /// Fits the cameras to these ticks, whose truth they use.
+    pub(crate) fn of(samples: &Samples, training: &[&Sample]) -> Self {
+        let stated: Vec<Vec<Camera>> = (samples.scenarios.iter())
+            .map(|scenario| scenario.cameras.clone())
+            .collect();
+        let fit = |view: usize| {
+            let boxes = training.iter().filter_map(|sample| {
+                let (centre_px, _) = centre_and_size(sample.boxes[view].as_ref()?);
+                Some((sample, centre_px))
+            });
+            let step = boxes.clone().count().div_ceil(MOST_BOXES).max(1);
+            let seen: Vec<Seen> = (boxes.step_by(step))
+                .map(|(sample, centre_px)| {
+                    let camera = stated[sample.scenario][view];
+                    Seen::new(
+                        sample.scenario,
+                        camera,
+                        sample.position.to_ecef(),
+                        centre_px,
+                    )
+                })
+                .collect();
+            CameraFit::of(&seen)
+        };
+        Self {
+            fits: (0..samples.views.len()).map(fit).collect(),
+            stated,
+        }
+    }
+
+    /// The samples with only those boxes that contain the aircraft; samples without any are left out.
+    pub(crate) fn true_boxes(&self, training: &[&Sample]) -> Vec<Sample> {
+        let samples = training.iter().map(|sample| self.with_true_boxes(sample));
+        samples.filter(|sample| sample.detections() > 0).collect()
+    }
+
+    /// Warns of many boxes that do not contain the aircraft, and of stated cameras that the boxes contradict; returns how many are dropped.
+    pub(crate) fn report(
+        &self,
+        samples: &Samples,
+        training: &[&Sample],
+        watch: &dyn Watch,
+    ) -> DroppedByView {
+        let dropped = Droppings::of(self, samples, training);
+        if dropped.are_unusual() {
+            watch.warn(&dropped.to_string());
+        }
+        let contradictions = self.contradictions(&samples.views);
+        if !contradictions.is_empty() {
+            watch.warn(&contradictions_line(&contradictions));
+        }
+        dropped.by_view
+    }
+
+    /// The sample with only those boxes that contain the aircraft.
+    fn with_true_boxes(&self, sample: &Sample) -> Sample {
+        let boxes = sample.boxes.iter().enumerate();
+        let boxes = boxes.map(|(view, seen)| seen.filter(|seen| self.is_true(view, sample, seen)));
+        sample.with(sample.with_boxes(boxes.collect()))
+    }
+
+    fn is_true(&self, view: usize, sample: &Sample, seen: &PixelBox) -> bool {
+        let place = self.place_px(view, sample);
+        place.is_some_and(|place_px| is_at(seen, place_px))
+    }
+
+    /// Expected place of the aircraft in the image of a view, pixels.
+    fn place_px(&self, view: usize, sample: &Sample) -> Option<DVec2> {
+        let camera = &self.stated[sample.scenario][view];
+        self.fits[view].place_px(sample.scenario, camera, sample.position.to_ecef())
+    }
+}
+
+#[cfg(test)]
+impl Samples {
+    /// The training side with only those boxes that contain the aircraft.
+    pub(crate) fn with_true_boxes(&self) -> Vec<Sample> {
+        let training = self.of_side(dataset::corpus::splits::Side::Train);
+        TrainingCameras::of(self, &training).true_boxes(&training)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,164 @@
+//! Boxes of the training side that do not contain the aircraft: how many, where, and the likely cause.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use dataset::numbers::spread::median;
+use dataset::tables::pixel_box::PixelBox;
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::TrainingCameras;
+use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::{Sample, Samples};
+
+/// Share of a view's boxes up to which false boxes are usual.
+const USUAL_SHARE: f64 = 0.02;
+/// Scenarios that a message names.
+const NAMED: usize = 3;
+/// A camera looked elsewhere in a scenario if at least this share of its boxes is dropped, and this share of them is off alike.
+const MOVED_SHARE: f64 = 0.3;
+const ALIKE_SHARE: f64 = 0.7;
+
+/// Dropped boxes of a view.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DroppedBoxes {
+    /// Boxes that do not contain the aircraft.
+    pub dropped: usize,
+    /// All boxes of the training side.
+    pub of: usize,
+    /// The first divided by the second; `None` for a view without boxes.
+    pub share: Option<f64>,
+}
+
+/// By view.
+pub(crate) type DroppedByView = BTreeMap<String, DroppedBoxes>;
+
+/// Dropped boxes of one scenario in one view.
+#[derive(Debug, Clone, PartialEq)]
+struct OfScenario {
+    scenario: String,
+    view: String,
+    dropped: usize,
+    of: usize,
+    /// Offset that most of the dropped boxes share, pixels.
+    alike_px: Option<DVec2>,
+}
+
+/// All dropped boxes of a training.
+#[derive(Debug, Clone)]
+pub(super) struct Droppings {
+    pub(super) by_view: DroppedByView,
+    /// Those with dropped boxes, most first.
+    scenarios: Vec<OfScenario>,
+}
+
+impl Droppings {
+    /// Compares the training side as recorded with its true boxes.
+    pub(super) fn of(cameras: &TrainingCameras, samples: &Samples, training: &[&Sample]) -> Self {
+        let mut by_view = DroppedByView::new();
+        let mut scenarios = Vec::new();
+        for (view, name) in samples.views.iter().enumerate() {
+            let mut of_view = [0, 0];
+            for flight in training.chunk_by(|a, b| a.scenario == b.scenario) {
+                let mut off = Vec::new();
+                let mut of = 0;
+                for sample in flight {
+                    let Some(seen) = &sample.boxes[view] else {
+                        continue;
+                    };
+                    of += 1;
+                    if !cameras.is_true(view, sample, seen) {
+                        off.push((cameras.place_px(view, sample), *seen));
+                    }
+                }
+                of_view = [of_view[0] + off.len(), of_view[1] + of];
+                if !off.is_empty() {
+                    scenarios.push(OfScenario {
+                        scenario: samples.scenarios[flight[0].scenario].id.clone(),
+                        view: name.clone(),
+                        dropped: off.len(),
+                        of,
+                        alike_px: alike_px(&off, of),
+                    });
+                }
+            }
+            let [dropped, of] = of_view;
+            let share = (of > 0).then(|| dropped as f64 / of as f64);
+            by_view.insert(name.clone(), DroppedBoxes { dropped, of, share });
+        }
+        scenarios.sort_by_key(|scenario| std::cmp::Reverse(scenario.dropped));
+        Self { by_view, scenarios }
+    }
+
+    /// True if a view has more false boxes than usual.
+    pub(super) fn are_unusual(&self) -> bool {
+        let mut shares = self.by_view.values().filter_map(|view| view.share);
+        shares.any(|share| share > USUAL_SHARE)
+    }
+}
+
+/// The offset from the aircraft that most of the dropped boxes share, if they are many.
+fn alike_px(dropped: &[(Option<DVec2>, PixelBox)], of: usize) -> Option<DVec2> {
+    if (dropped.len() as f64) < MOVED_SHARE * of as f64 {
+        return None;
+    }
+    let off = dropped.iter().filter_map(|(place_px, seen)| {
+        let (centre, size) = centre_and_size(seen);
+        Some((centre - (*place_px)?, size))
+    });
+    let off: Vec<(DVec2, DVec2)> = off.collect();
+    if off.is_empty() {
+        return None;
+    }
+    let middle =
+        |axis: usize| median(&mut off.iter().map(|(off, _)| off[axis]).collect::<Vec<_>>());
+    let middle = DVec2::new(middle(0), middle(1));
+    let is_alike = |(off, size): &&(DVec2, DVec2)| (*off - middle).abs().cmple(*size).all();
+    let alike = off.iter().filter(is_alike).count();
+    (alike as f64 >= ALIKE_SHARE * dropped.len() as f64).then_some(middle)
+}
+
+impl fmt::Display for Droppings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let views = self.by_view.values();
+        let [dropped, of] = views.fold([0, 0], |[dropped, of], view| {
+            [dropped + view.dropped, of + view.of]
+        });
+        let of_view = |(view, boxes): (&String, &DroppedBoxes)| {
+            format!("{view} {} of {}", boxes.dropped, boxes.of)
+        };
+        let by_view: Vec<String> = self.by_view.iter().map(of_view).collect();
+        let scenarios = || self.scenarios.iter();
+        let named: Vec<String> = (scenarios().take(NAMED))
+            .map(|s| format!("{} ({} {} of {})", s.scenario, s.view, s.dropped, s.of))
+            .collect();
+        write!(
+            f,
+            "dropped {dropped} of {of} training boxes, which do not contain the aircraft ({}); most in {}",
+            by_view.join(", "),
+            named.join(", ")
+        )?;
+        let moved: Vec<String> = scenarios()
+            .filter_map(|s| {
+                let DVec2 { x, y } = s.alike_px?;
+                let [right, down] = [x, y].map(|off_px| off_px.round() as i64);
+                Some(format!("{} ({} {right} px, {down} px)", s.scenario, s.view))
+            })
+            .take(NAMED)
+            .collect();
+        if moved.is_empty() {
+            write!(
+                f,
+                ". They are off in different ways: the detector probably reports other objects; `dtd view` shows its boxes"
+            )
+        } else {
+            write!(
+                f,
+                ". The same offset (right, down) of most of them in {} probably means that the camera looked elsewhere there; \
+                 `align_backgrounds = true` corrects that",
+                moved.join(", ")
+            )
+        }
+    }
+}

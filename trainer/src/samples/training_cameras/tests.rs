@@ -1,0 +1,234 @@
+//! Cameras that the boxes of training flights agree on, started from calibrations that are wrong.
+
+use dataset::corpus::splits::Side;
+use testkit::synthetic::SyntheticCorpus;
+
+use super::*;
+use crate::samples::DistanceRange;
+use crate::samples::camera_adjustment::Adjustment;
+
+fn read(corpus: &SyntheticCorpus) -> Samples {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = corpus.write(folder.path()).unwrap();
+    Samples::read(&corpus, None, DistanceRange::ALL).unwrap()
+}
+
+fn tiny() -> Samples {
+    read(&SyntheticCorpus::tiny())
+}
+
+/// The stated camera of every scenario is wrong by this in both views, with the opposite sign in the second.
+fn state_wrongly(samples: &mut Samples, error: Adjustment) {
+    let opposite = Adjustment::from_array(error.to_array().map(|number| -number));
+    for scenario in &mut samples.scenarios {
+        for (camera, error) in scenario.cameras.iter_mut().zip([error, opposite]) {
+            *camera = error.applied_to(camera);
+        }
+    }
+}
+
+/// Boxes in which the detector took a lamp for the aircraft: every third of a view.
+fn add_lamps(samples: &mut Samples) -> usize {
+    let mut replaced = 0;
+    for (at, sample) in samples.samples.iter_mut().enumerate() {
+        for (view, seen) in sample.observed.boxes.iter_mut().enumerate() {
+            if (at + view).is_multiple_of(3) && seen.is_some() {
+                *seen = Some(PixelBox {
+                    cx_px: 700.0,
+                    cy_px: 900.0,
+                    width_px: 12.0,
+                    height_px: 12.0,
+                });
+                replaced += 1;
+            }
+        }
+    }
+    replaced
+}
+
+/// The training side with its true boxes.
+fn kept(samples: &Samples) -> Vec<Sample> {
+    samples.with_true_boxes()
+}
+
+fn boxes(samples: &[Sample]) -> usize {
+    samples.iter().map(|sample| sample.detections()).sum()
+}
+
+/// Yaw, pitch, roll, focal length and place at once, and each far off.
+fn errors() -> [Adjustment; 5] {
+    let none = Adjustment::default();
+    [
+        Adjustment {
+            pan_deg: 0.2,
+            ..none
+        },
+        Adjustment {
+            tilt_deg: 0.1,
+            ..none
+        },
+        Adjustment {
+            pan_deg: 0.5,
+            tilt_deg: 0.2,
+            roll_deg: 1.0,
+            focal_pct: 3.0,
+            east_m: 5.0,
+            ..none
+        },
+        Adjustment {
+            pan_deg: -2.0,
+            tilt_deg: 2.0,
+            roll_deg: 2.0,
+            focal_pct: 10.0,
+            ..none
+        },
+        Adjustment {
+            north_m: 20.0,
+            east_m: -20.0,
+            up_m: 10.0,
+            focal_pct: -10.0,
+            ..none
+        },
+    ]
+}
+
+#[test]
+fn the_same_boxes_contain_the_aircraft_whatever_the_calibration_says() {
+    for has_lamps in [false, true] {
+        let mut samples = tiny();
+        let without_lamps = boxes(&kept(&samples));
+        if has_lamps {
+            assert!(add_lamps(&mut samples) > 50);
+        }
+        let truly = kept(&samples);
+        let least = if has_lamps { 0.6 } else { 1.0 };
+        assert!(boxes(&truly) as f64 >= least * without_lamps as f64);
+        for error in errors() {
+            let mut wrong = samples.clone();
+            state_wrongly(&mut wrong, error);
+            let found = kept(&wrong);
+            let [found_count, true_count] = [&found, &truly].map(|samples| boxes(samples));
+            assert!(
+                found == truly,
+                "{found_count} instead of {true_count}, lamps: {has_lamps}, {error:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn cameras_that_look_elsewhere_in_each_scenario_need_no_calibration_that_says_so() {
+    let mut samples = read(&SyntheticCorpus {
+        train: 6,
+        turned_deg: 0.3,
+        ..SyntheticCorpus::tiny()
+    });
+    let truly = kept(&samples);
+    assert_eq!(boxes(&truly), {
+        let recorded = samples.of_side(Side::Train);
+        recorded.iter().map(|s| s.detections()).sum::<usize>()
+    });
+    let stated = samples.scenarios[0].cameras.clone();
+    for scenario in &mut samples.scenarios {
+        scenario.cameras.clone_from(&stated);
+    }
+    assert_eq!(kept(&samples), truly);
+}
+
+fn droppings(samples: &Samples) -> (TrainingCameras, Droppings) {
+    let training = samples.of_side(Side::Train);
+    let cameras = TrainingCameras::of(samples, &training);
+    let droppings = Droppings::of(&cameras, samples, &training);
+    (cameras, droppings)
+}
+
+#[test]
+fn a_camera_that_was_moved_in_one_flight_is_named_with_its_offset() {
+    let mut samples = tiny();
+    assert!(!droppings(&samples).1.are_unusual());
+    let moved = samples.scenarios[1].id.clone();
+    for sample in samples
+        .samples
+        .iter_mut()
+        .filter(|s| s.observed.scenario == 1)
+    {
+        if let Some(seen) = &mut sample.observed.boxes[0] {
+            seen.cx_px -= 250.0;
+        }
+    }
+    let (_, droppings) = droppings(&samples);
+    assert!(droppings.are_unusual());
+    let said = droppings.to_string();
+    assert!(
+        said.contains(&format!("{moved} (left -250 px, 0 px)")),
+        "{said}"
+    );
+    let left = droppings.by_view["left"];
+    let share = left.share.unwrap();
+    assert!((0.2..0.3).contains(&share), "{share}: one of four flights");
+    assert_eq!(droppings.by_view["right"].dropped, 0);
+}
+
+#[test]
+fn boxes_of_other_objects_are_counted_and_do_not_look_like_a_moved_camera() {
+    let mut samples = tiny();
+    add_lamps(&mut samples);
+    let (_, droppings) = droppings(&samples);
+    let said = droppings.to_string();
+    assert!(
+        said.contains("the detector probably reports other objects"),
+        "{said}"
+    );
+    let share = droppings.by_view["left"].share.unwrap();
+    assert!((0.25..0.4).contains(&share), "{share}");
+}
+
+#[test]
+fn a_lamp_that_outnumbers_the_aircraft_in_one_flight_moves_no_camera() {
+    let mut samples = tiny();
+    let truly = kept(&samples);
+    let mut of_flight = 0_usize;
+    for sample in samples
+        .samples
+        .iter_mut()
+        .filter(|s| s.observed.scenario == 0)
+    {
+        of_flight += 1;
+        if !of_flight.is_multiple_of(5)
+            && let Some(seen) = &mut sample.observed.boxes[0]
+        {
+            (seen.cx_px, seen.cy_px) = (300.0, 1_000.0);
+        }
+    }
+    let others = |samples: Vec<Sample>| -> Vec<Sample> {
+        let others = samples.into_iter().filter(|s| s.scenario != 0);
+        others.collect()
+    };
+    let found = kept(&samples);
+    let mut of_lamp = found.iter().filter(|s| s.scenario == 0);
+    assert!(of_lamp.all(|s| s.boxes[0].is_none_or(|seen| seen.cx_px != 300.0)));
+    assert_eq!(others(found), others(truly));
+}
+
+#[test]
+fn a_wrong_calibration_is_named_and_a_true_one_is_not() {
+    let mut samples = tiny();
+    let views = samples.views.clone();
+    let found = droppings(&samples).0.contradictions(&views);
+    assert!(found.is_empty(), "{found:?}");
+    let error = Adjustment {
+        pan_deg: 0.5,
+        ..Adjustment::default()
+    };
+    state_wrongly(&mut samples, error);
+    let found = droppings(&samples).0.contradictions(&views);
+    let [left, right] = [0, 1].map(|view: usize| found[view].to_string());
+    assert!(
+        left.contains("view left is turned 0.5") && left.contains("degrees left"),
+        "{left}"
+    );
+    assert!(
+        right.contains("view right is turned 0.5") && right.contains("degrees right"),
+        "{right}"
+    );
+}
