@@ -15,8 +15,8 @@
 use crate::estimators::inverse_range::Measurement;
 
 use super::gaussian::{Gaussian, Step};
-use super::hypothesis::{Decision, Hypothesis, Model, step};
-use super::mixture::Mixture;
+use super::hypothesis::{Decision, Hypothesis, Levelled, Model, step};
+use super::mixture::{State, mixed};
 
 /// Chances at a usual tick: that an outlier follows something else, that it follows an outlier, and that what was known is of something
 /// else.
@@ -28,7 +28,7 @@ const LEVEL_CHANGE: f64 = 0.003;
 /// New errors up to this many times the usual deviation: a camera that shakes by two pixels makes them 65 times as large.
 const LARGEST_ERROR: f64 = 100.0;
 /// Hypotheses at most, and the weight beside the heaviest, at a usual tick, below which one ends.
-const MOST_HYPOTHESES: usize = 6;
+const MOST_HYPOTHESES: usize = 10;
 const LEAST_WEIGHT: f64 = 1e-3;
 /// A former answer that a beginning displaced has at least this weight ...
 const DISPLACED: f64 = 1e-3;
@@ -80,7 +80,7 @@ pub(super) fn fits_of(ticks: &[Tick]) -> Vec<usize> {
 pub(super) struct Filtered {
     /// What is known of the motion after each tick; `None` before the first measurement.
     pub(super) known: Vec<Option<Gaussian>>,
-    /// Decision at each tick of the hypothesis that is the heaviest at the end.
+    /// Decision at each tick of the hypothesis that is the likeliest by all ticks.
     pub(super) decisions: Vec<Decision>,
 }
 
@@ -121,6 +121,8 @@ struct Weighed {
     hypothesis: Hypothesis,
     /// Logarithm of the weight beside the heaviest.
     log_weight: f64,
+    /// Logarithm of the weight by all ticks, also of a former answer whose weight was raised.
+    log_whole: f64,
     /// Number of the tick at which it began.
     began: usize,
     /// True if the heaviest hypothesis once began there.
@@ -144,6 +146,8 @@ struct Way {
     of: usize,
     decision: Decision,
     log_weight: f64,
+    /// What this tick adds to it.
+    log_change: f64,
     is_displaced: bool,
 }
 
@@ -191,11 +195,16 @@ impl Filter<'_> {
         self.merge();
         let is_measured = tick.best().is_some();
         let states = self.hypotheses.iter().map(|of| {
-            let is_taken = is_measured && !of.hypothesis.is_outlier;
-            let inflation = of.hypothesis.inflation(is_taken, count);
-            (of.log_weight.exp(), &of.hypothesis.known, inflation)
+            let is_outlier = of.hypothesis.is_outlier;
+            let is_taken = is_measured && !is_outlier;
+            State {
+                weight: of.log_weight.exp(),
+                known: &of.hypothesis.known,
+                inflation: of.hypothesis.inflation(is_taken, count),
+                is_outlier,
+            }
         });
-        Mixture::of(states).map(|mixture| mixture.gaussian())
+        mixed(&states.collect::<Vec<_>>(), is_measured)
     }
 
     fn decide(&mut self, decision: Decision, tick: usize, before: Option<usize>) -> usize {
@@ -226,6 +235,7 @@ impl Filter<'_> {
                 hypothesis: Hypothesis::begun(self.model, &self.fits, best, level),
                 // Each level is half as likely as the one below.
                 log_weight: -f64::from(level) * std::f64::consts::LN_2,
+                log_whole: -f64::from(level) * std::f64::consts::LN_2,
                 began: number,
                 was_answer: true,
                 taken_s: self.time_s,
@@ -248,6 +258,7 @@ impl Filter<'_> {
         for way in ways {
             let mut next = before[way.of].clone();
             next.log_weight = way.log_weight;
+            next.log_whole += way.log_change;
             next.decided = self.decide(way.decision, number, Some(next.decided));
             match way.decision {
                 Decision::Unmeasured => {}
@@ -268,13 +279,7 @@ impl Filter<'_> {
     }
 
     /// The ways in which a hypothesis continues.
-    fn ways(
-        &self,
-        of: usize,
-        reading: &super::hypothesis::Levelled,
-        count: f64,
-        ways: &mut Vec<Way>,
-    ) {
+    fn ways(&self, of: usize, reading: &Levelled, count: f64, ways: &mut Vec<Way>) {
         let Weighed {
             hypothesis,
             log_weight,
@@ -294,10 +299,12 @@ impl Filter<'_> {
             OUTLIER * count
         };
         let mut way = |decision, chance: f64, log_likelihood: f64| {
+            let log_change = count * log_likelihood + chance.ln();
             ways.push(Way {
                 of,
                 decision,
-                log_weight: log_weight + count * log_likelihood + chance.ln(),
+                log_weight: log_weight + log_change,
+                log_change,
                 is_displaced: is_displaced && !matches!(decision, Decision::Begun { .. }),
             });
         };
@@ -359,8 +366,11 @@ impl Filter<'_> {
                 .find(|heavier| heavier.hypothesis.is_like(&of.hypothesis))
             {
                 Some(heavier) => {
-                    let both = (of.log_weight - heavier.log_weight).exp().ln_1p();
-                    heavier.log_weight += both;
+                    if of.log_whole > heavier.log_whole {
+                        heavier.decided = of.decided;
+                    }
+                    heavier.log_weight = log_sum(heavier.log_weight, of.log_weight);
+                    heavier.log_whole = log_sum(heavier.log_whole, of.log_whole);
                 }
                 None => merged.push(of),
             }
@@ -379,10 +389,12 @@ impl Filter<'_> {
         self.hypotheses = merged;
     }
 
-    /// The decisions of the heaviest hypothesis.
+    /// The decisions of the hypothesis that is the likeliest by all ticks.
     fn decisions(&self, ticks: usize) -> Vec<Decision> {
         let mut decisions = vec![Decision::Unmeasured; ticks];
-        let mut next = self.hypotheses.first().map(|of| of.decided);
+        let by_all_ticks = |a: &&Weighed, b: &&Weighed| a.log_whole.total_cmp(&b.log_whole);
+        let likeliest = self.hypotheses.iter().max_by(by_all_ticks);
+        let mut next = likeliest.map(|of| of.decided);
         while let Some(Decided {
             decision,
             tick,
@@ -394,4 +406,9 @@ impl Filter<'_> {
         }
         decisions
     }
+}
+
+/// Logarithm of the sum of two numbers, by their logarithms.
+fn log_sum(a: f64, b: f64) -> f64 {
+    a.max(b) + (-(a - b).abs()).exp().ln_1p()
 }

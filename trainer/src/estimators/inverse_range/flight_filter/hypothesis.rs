@@ -211,17 +211,17 @@ pub(super) struct Levelled {
 }
 
 impl Levelled {
-    fn new(&self, level: u8) -> f64 {
+    fn new_variance(&self, level: u8) -> f64 {
         self.usual * 4.0_f64.powi(i32::from(level))
     }
 
     fn variance(&self, level: u8) -> f64 {
-        self.of_state + self.new(level)
+        self.of_state + self.new_variance(level)
     }
 
     fn at(&self, level: u8, count: f64) -> Reading {
         Reading {
-            variance: self.new(level) / count,
+            variance: self.new_variance(level) / count,
             ..self.reading
         }
     }
