@@ -6,18 +6,22 @@
 //! that are there corrects the distance, and without any the aircraft flies on. The calibration counts as little as for those fits.
 //!
 //! Input: the observations of one flight in the order of time. Output: per tick distance, ground speed and time to touchdown, each with
-//! a standard deviation and a 90 % interval. Variances grow with the misfits of the flight itself ([`forward`]); the widths of the
-//! intervals are such that they hold 90 % ([`held_share`]) of the labels of flights that the fits did not see ([`labelled_flight`]).
+//! a standard deviation and a 90 % interval. The misfits of the flight itself show outliers and the size of its errors ([`forward`]); the
+//! widths of the intervals are such that they hold 90 % ([`held_share`]) of the labels of flights that the fits did not see
+//! ([`labelled_flight`]).
 //!
 //! The measurements are distances, because the formula of a fit inverts exactly: the filter is linear.
 
+mod backward;
 mod correlated_error;
 mod estimate;
 mod forward;
 mod gaussian;
 mod held_share;
+mod hypothesis;
 mod labelled_flight;
 mod matrix;
+mod mixture;
 mod motion;
 
 use std::borrow::Borrow;
@@ -30,12 +34,13 @@ use crate::networks::normalisation::Normalisation;
 use crate::samples::flight_parts::MOST_PARTS;
 use crate::samples::{Observation, Sample, Samples};
 
+use backward::smooth;
 use correlated_error::CorrelatedError;
 use estimate::HalfWidths;
 pub(crate) use estimate::{Estimate, Estimated};
-use forward::{Model, Moment, Tick, filter};
-#[cfg(test)]
+use forward::{Tick, filter};
 use gaussian::Gaussian;
+use hypothesis::Model;
 use labelled_flight::LabelledFlight;
 use motion::Motion;
 
@@ -166,19 +171,15 @@ impl FlightFilter {
             errors: &self.errors,
             tick_s: self.tick_s,
         };
-        let mut moments = filter(model, ticks);
-        let widths = match knowing {
-            Knowing::Past => &self.filtered,
-            Knowing::All => {
-                smooth(&mut moments);
-                &self.smoothed
-            }
+        let filtered = filter(model, ticks);
+        let (widths, known) = match knowing {
+            Knowing::Past => (&self.filtered, filtered.known),
+            Knowing::All => (&self.smoothed, smooth(model, ticks, &filtered.decisions)),
         };
-        let estimate =
-            |moment: &Moment| widths.estimate(&self.motion, &moment.known, moment.inflation);
-        moments
+        let estimate = |known: &Gaussian| widths.estimate(&self.motion, known);
+        known
             .iter()
-            .map(|moment| moment.as_ref().and_then(estimate))
+            .map(|known| known.as_ref().and_then(estimate))
             .collect()
     }
 
@@ -237,23 +238,6 @@ fn ticks<O: Borrow<Observation>>(
         measurements: fits.measurements(observed.borrow()),
     };
     flight.into_iter().map(tick).collect()
-}
-
-/// Replaces what is known at each moment from the ticks so far by what is known from all, backwards from the last one.
-fn smooth(moments: &mut [Option<Moment>]) {
-    let inflation = moments
-        .last()
-        .and_then(|last| Some(last.as_ref()?.inflation));
-    for next in (0..moments.len()).rev() {
-        let (before, after) = moments.split_at_mut(next);
-        let Some(after) = &mut after[0] else { break };
-        after.inflation = inflation.unwrap_or(after.inflation);
-        if let (Some(Some(before)), Some(step)) = (before.last_mut(), &after.step)
-            && let Some(known) = before.known.smoothed(step, &after.expected, &after.known)
-        {
-            before.known = known;
-        }
-    }
 }
 
 #[cfg(test)]

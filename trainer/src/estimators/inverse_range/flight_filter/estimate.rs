@@ -68,15 +68,9 @@ impl HalfWidths {
         [self.distance, self.ground_speed, self.time_to_touchdown]
     }
 
-    /// The answer that follows from what is known; variances are this much larger than stated. `None` if it is too vague, or no
-    /// distance.
-    pub(super) fn estimate(
-        &self,
-        motion: &Motion,
-        known: &Gaussian,
-        inflation: f64,
-    ) -> Option<Estimate> {
-        let sd = |unknown: usize| (inflation * known.covariance[(unknown, unknown)]).sqrt();
+    /// The answer that follows from what is known of the motion. `None` if it is too vague, or no distance.
+    pub(super) fn estimate(&self, motion: &Motion, known: &Gaussian) -> Option<Estimate> {
+        let sd = |unknown: usize| known.covariance[(unknown, unknown)].sqrt();
         let distance_m = known.mean[0];
         let estimate = Estimate {
             distance_m: estimated(distance_m, sd(0), self.distance),
@@ -85,7 +79,7 @@ impl HalfWidths {
                 sd(1),
                 self.ground_speed,
             ),
-            time_to_touchdown_s: time_to_touchdown_s(motion, known, inflation)
+            time_to_touchdown_s: time_to_touchdown_s(motion, known)
                 .map(|(time_s, sd_s)| estimated(time_s, sd_s, self.time_to_touchdown)),
         };
         // NaN is not below.
@@ -106,16 +100,11 @@ fn estimated(value: f64, sd: f64, half_width: f64) -> Estimated {
 }
 
 /// Expected time until the distance is 0, and its standard deviation: the deviation of the position at that time, over the speed.
-fn time_to_touchdown_s(motion: &Motion, known: &Gaussian, inflation: f64) -> Option<(f64, f64)> {
-    let mut moving = Gaussian::independent(known.mean[..Motion::UNKNOWNS].to_vec(), &[]);
-    for i in 0..Motion::UNKNOWNS {
-        for j in 0..Motion::UNKNOWNS {
-            moving.covariance[(i, j)] = inflation * known.covariance[(i, j)];
-        }
-    }
+fn time_to_touchdown_s(motion: &Motion, known: &Gaussian) -> Option<(f64, f64)> {
+    let mut moving = known.clone();
     let after = |seconds: f64| {
         let step = Step::of_block(&motion.step(seconds));
-        let mean = step.transition.times_vector(&moving.mean);
+        let mean = step.moved(&moving.mean);
         let speed_mps = motion.mean_speed_mps + mean[1];
         (mean[0] - motion.mean_speed_mps * seconds, speed_mps)
     };

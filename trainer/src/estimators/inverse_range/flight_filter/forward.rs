@@ -1,28 +1,42 @@
-//! Forward filter of a flight: the state after each tick, given the ticks so far.
+//! Forward filter of a flight: what is known after each tick, given the ticks so far.
 //!
 //! The most precise measurement of a tick corrects the aircraft's motion. Single views, which are far less precise, only learn their own
 //! errors from it, so that they are of use when the others are missing.
 //!
+//! Which measurements are outliers, and how large the other errors of this flight are, is not known: the answer is of the likeliest of some
+//! hypotheses (a Gaussian sum: Alspach and Sorenson 1972). At each tick every hypothesis continues in several ways, weighed by
+//! likelihood: the measurement is taken, with new errors as large as before or half or twice as large; it is an outlier; or it is a
+//! beginning, what was known being of something else. Outliers come in groups. Hypotheses that have become alike are one again, and of the
+//! rest the heaviest stay.
+//!
 //! The part of an error that is new at each tick of the training is not new thirty times per second: video compression, pixel phase and the
 //! air change more slowly. So if ticks follow each other faster, each counts for proportionally less.
 
-use crate::estimators::inverse_range::{Measurement, scale_m};
+use crate::estimators::inverse_range::Measurement;
 
-use super::correlated_error::CorrelatedError;
-use super::gaussian::{Gaussian, Reading, Step};
-use super::motion::Motion;
+use super::gaussian::{Gaussian, Step};
+use super::hypothesis::{Decision, Hypothesis, Levelled, Model, step};
+use super::mixture::{State, mixed};
 
-/// Relative standard deviation of the distance before the first measurement.
-const FIRST_DEVIATION: f64 = 0.3;
-/// A measurement that is off by more standard deviations is of something else.
-const LARGEST_MISFIT: f64 = 5.0;
-/// So many of them in a row, and the filter is off.
-const MOST_REFUSED: f64 = 3.0;
-/// Smallest weight of a tick, and the weight below which ticks are faster than usual.
+/// Chances at a usual tick: that an outlier follows something else, that it follows an outlier, and that what was known is of something
+/// else.
+const OUTLIER: f64 = 0.01;
+const NEXT_OUTLIER: f64 = 0.7;
+const BEGINNING: f64 = 1e-4;
+/// Chance that errors are half as large from now on, or twice.
+const LEVEL_CHANGE: f64 = 0.003;
+/// New errors up to this many times the usual deviation: a camera that shakes by two pixels makes them 65 times as large.
+const LARGEST_ERROR: f64 = 100.0;
+/// Hypotheses at most, and the weight beside the heaviest, at a usual tick, below which one ends.
+const MOST_HYPOTHESES: usize = 10;
+const LEAST_WEIGHT: f64 = 1e-3;
+/// A former answer that a beginning displaced has at least this weight ...
+const DISPLACED: f64 = 1e-3;
+/// ... until it was without a measurement for so long, seconds or usual ticks: false boxes rarely last longer.
+const DISPLACED_S: f64 = 20.0;
+const DISPLACED_TICKS: f64 = 8.0;
+/// Smallest weight of a tick.
 const LEAST_COUNT: f64 = 1e-3;
-const FASTER_COUNT: f64 = 0.75;
-/// Weight, in ticks, of the usual size of errors when the size of a flight's errors is estimated.
-const USUAL_TICKS: f64 = 10.0;
 
 /// Measurements of a tick, the most precise first.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,199 +46,369 @@ pub(super) struct Tick {
 }
 
 impl Tick {
-    /// The measurements that count: the most precise one, and all of single views.
-    fn used(&self) -> impl Iterator<Item = (bool, &Measurement)> {
-        let numbered = self.measurements.iter().enumerate();
-        numbered
-            .map(|(number, measurement)| (number == 0, measurement))
-            .filter(|(is_best, measurement)| *is_best || measurement.of_one_view)
+    /// The most precise measurement.
+    pub(super) fn best(&self) -> Option<&Measurement> {
+        let best = self.measurements.first()?;
+        best.distance_m.is_finite().then_some(best)
+    }
+
+    /// The other measurements of single views.
+    pub(super) fn others(&self) -> impl Iterator<Item = &Measurement> {
+        let others = self.measurements.iter().skip(1);
+        others.filter(|measurement| measurement.of_one_view)
+    }
+
+    /// How much of a usual tick one is that follows after some seconds.
+    pub(super) fn count(model: Model, seconds: f64) -> f64 {
+        (seconds / model.tick_s).clamp(LEAST_COUNT, 1.0)
     }
 }
 
-/// State after a tick.
-#[derive(Debug, Clone)]
-pub(super) struct Moment {
-    /// Transition since the previous tick; `None` where the filter started.
-    pub(super) step: Option<Step>,
-    /// State predicted from the previous ticks.
-    pub(super) expected: Gaussian,
-    /// What is known with this tick: motion first, then the smooth errors of the fits.
-    pub(super) known: Gaussian,
-    /// Variances of this flight over the usual ones, by the misfits so far.
-    pub(super) inflation: f64,
-}
-
-/// The usual motion and the usual errors.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Model<'a> {
-    pub(super) motion: &'a Motion,
-    /// By number of the fit.
-    pub(super) errors: &'a [CorrelatedError],
-    /// Time between ticks whose errors are as new as `errors` has them, seconds.
-    pub(super) tick_s: f64,
-}
-
-/// State after each tick; `None` before the first measurement.
-pub(super) fn filter(model: Model, ticks: &[Tick]) -> Vec<Option<Moment>> {
-    let mut fits: Vec<usize> = ticks
-        .iter()
-        .flat_map(Tick::used)
-        .map(|(_, measurement)| measurement.fit)
-        .collect();
+/// The fits whose errors are unknowns of a flight, ascending.
+pub(super) fn fits_of(ticks: &[Tick]) -> Vec<usize> {
+    let used = |tick: &Tick| -> Vec<usize> {
+        let used = tick.best().into_iter().chain(tick.others());
+        used.map(|measurement| measurement.fit).collect()
+    };
+    let mut fits: Vec<usize> = ticks.iter().flat_map(used).collect();
     fits.sort_unstable();
     fits.dedup();
+    fits
+}
+
+/// A flight by its ticks so far and by all of them.
+pub(super) struct Filtered {
+    /// What is known of the motion after each tick; `None` before the first measurement.
+    pub(super) known: Vec<Option<Gaussian>>,
+    /// Decision at each tick of the hypothesis that is the likeliest by all ticks.
+    pub(super) decisions: Vec<Decision>,
+}
+
+/// Filters a flight.
+pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
+    let fits = fits_of(ticks);
     let mut filter = Filter {
+        levels: levels(model, &fits),
         model,
         fits,
-        last: None,
-        refused: 0.0,
-        refused_fit: usize::MAX,
-        squares: USUAL_TICKS,
-        ticks: USUAL_TICKS,
+        time_s: 0.0,
+        step: None,
+        hypotheses: Vec::new(),
+        decided: Vec::new(),
     };
-    ticks
-        .iter()
-        .map(|tick| {
-            filter.take(tick);
-            filter.last.as_ref().map(|(_, moment)| moment.clone())
-        })
-        .collect()
+    let known = ticks.iter().enumerate();
+    let known = known
+        .map(|(number, tick)| filter.take(number, tick))
+        .collect();
+    Filtered {
+        known,
+        decisions: filter.decisions(ticks.len()),
+    }
+}
+
+/// Levels of new errors, up to the largest ones of the most precise fit.
+fn levels(model: Model, fits: &[usize]) -> u8 {
+    let new_share = fits.first().map_or(1.0, |&fit| model.errors[fit].new_share);
+    (LARGEST_ERROR / new_share.sqrt())
+        .log2()
+        .ceil()
+        .clamp(0.0, 10.0) as u8
+}
+
+/// A hypothesis among others.
+#[derive(Clone)]
+struct Weighed {
+    hypothesis: Hypothesis,
+    /// Logarithm of the weight beside the heaviest.
+    log_weight: f64,
+    /// Logarithm of the weight by all ticks, also of a former answer whose weight was raised.
+    log_whole: f64,
+    /// Number of the tick at which it began.
+    began: usize,
+    /// True if the heaviest hypothesis once began there.
+    was_answer: bool,
+    /// Time of the last measurement that was taken, seconds.
+    taken_s: f64,
+    /// Its last entry in [`Filter::decided`].
+    decided: usize,
+}
+
+/// A decision of a hypothesis, and the entry before it.
+struct Decided {
+    decision: Decision,
+    tick: usize,
+    before: Option<usize>,
+}
+
+/// One way in which a hypothesis continues.
+struct Way {
+    /// Number of the hypothesis.
+    of: usize,
+    decision: Decision,
+    log_weight: f64,
+    /// What this tick adds to it.
+    log_change: f64,
+    is_displaced: bool,
 }
 
 struct Filter<'a> {
     model: Model<'a>,
-    /// Fits whose errors are unknowns, in the order of these.
     fits: Vec<usize>,
-    /// Time of the last tick, and what is known after it.
-    last: Option<(f64, Moment)>,
-    /// Best measurements that were refused in a row, in usual ticks.
-    refused: f64,
-    /// The most precise fit of them. An accepted measurement of a single view does not clear a refusal of both views together.
-    refused_fit: usize,
-    /// Squared misfits in their variances, and the number of usual ticks that they are from.
-    squares: f64,
-    ticks: f64,
+    /// Highest level of new errors.
+    levels: u8,
+    /// Time of the last tick, seconds.
+    time_s: f64,
+    /// The last step, and its seconds: ticks are equally far apart, but for rounding.
+    step: Option<(f64, Step)>,
+    /// The heaviest first.
+    hypotheses: Vec<Weighed>,
+    decided: Vec<Decided>,
 }
 
 impl Filter<'_> {
-    fn take(&mut self, tick: &Tick) {
-        let is_lost = self.refused >= MOST_REFUSED;
-        let first = match self.last {
-            Some(_) if !is_lost => None,
-            _ => self.first(tick),
+    fn take(&mut self, number: usize, tick: &Tick) -> Option<Gaussian> {
+        let seconds = (tick.time_s - self.time_s).max(0.0);
+        let count = if self.hypotheses.is_empty() {
+            1.0
+        } else {
+            self.advance(seconds);
+            Tick::count(self.model, seconds)
         };
-        let mut count = 1.0;
-        let expected = || {
-            let (last_s, last) = self.last.as_ref()?;
-            let seconds = (tick.time_s - last_s).max(0.0);
-            count = (seconds / self.model.tick_s).clamp(LEAST_COUNT, 1.0);
-            Some(self.advanced(&last.known, seconds))
-        };
-        let Some(mut moment) = first.or_else(expected) else {
-            return;
-        };
-        for (is_best, measurement) in tick.used() {
-            self.correct(&mut moment.known, is_best, measurement, count);
+        self.time_s = tick.time_s;
+        match tick.best() {
+            None => {
+                for number_of in 0..self.hypotheses.len() {
+                    let before = Some(self.hypotheses[number_of].decided);
+                    let decided = self.decide(Decision::Unmeasured, number, before);
+                    self.hypotheses[number_of].decided = decided;
+                }
+            }
+            Some(best) if self.hypotheses.is_empty() => self.begin(number, best),
+            Some(best) => self.branch(number, best, count),
         }
-        moment.inflation = self.squares / self.ticks;
-        if count < FASTER_COUNT {
-            // The misfits of ticks that share their errors are smaller than these errors.
-            moment.inflation = moment.inflation.max(1.0);
-        }
-        self.last = Some((tick.time_s, moment));
-    }
-
-    /// A beginning at the best measurement of a tick, with all errors unknown.
-    fn first(&mut self, tick: &Tick) -> Option<Moment> {
-        let distance_m = tick.measurements.first()?.distance_m;
-        self.forget_refused();
-        let mut variances = self.model.motion.variances().to_vec();
-        variances[0] = (FIRST_DEVIATION * scale_m(distance_m)).powi(2);
-        for &fit in &self.fits {
-            variances.extend(self.model.errors[fit].variances());
-        }
-        let mut mean = vec![0.0; variances.len()];
-        mean[0] = distance_m;
-        let known = Gaussian::independent(mean, &variances);
-        Some(Moment {
-            step: None,
-            expected: known.clone(),
-            known,
-            inflation: 1.0,
-        })
-    }
-
-    fn forget_refused(&mut self) {
-        self.refused = 0.0;
-        self.refused_fit = usize::MAX;
-    }
-
-    fn advanced(&self, known: &Gaussian, seconds: f64) -> Moment {
-        let mut step = Step::zero(known.mean.len());
-        step.set_block(0, &self.model.motion.step(seconds));
-        for (number, &fit) in self.fits.iter().enumerate() {
-            step.set_block(place(number), &self.model.errors[fit].step(seconds));
-        }
-        let mut expected = known.advanced(&step);
-        expected.mean[0] -= self.model.motion.mean_speed_mps * seconds;
-        Moment {
-            step: Some(step),
-            known: expected.clone(),
-            expected,
-            inflation: 1.0,
-        }
-    }
-
-    /// `count`: how much of a usual tick this one is.
-    fn correct(
-        &mut self,
-        known: &mut Gaussian,
-        is_best: bool,
-        measurement: &Measurement,
-        count: f64,
-    ) {
-        let error = &self.model.errors[measurement.fit];
-        let Ok(number) = self.fits.binary_search(&measurement.fit) else {
-            return;
-        };
-        let place = place(number);
-        let scale_m = scale_m(known.mean[0]);
-        let sd_m = error.deviation_at(known.mean[0]) * scale_m / measurement.precision;
-        let mut row = vec![0.0; known.mean.len()];
-        row[0] = 1.0;
-        row[place] = sd_m * (1.0 - error.new_share).sqrt();
-        let mut reading = Reading {
-            misfit: measurement.distance_m - known.mean[0] - row[place] * known.mean[place],
-            row,
-            variance: sd_m.powi(2) * error.new_share,
-        };
-        let square = reading.misfit.powi(2) / known.variance_of(&reading);
-        // NaN is not below.
-        let is_taken = square <= LARGEST_MISFIT.powi(2) * self.squares / self.ticks;
-        if is_best {
-            if !is_taken {
-                self.refused += count;
-                self.refused_fit = self.refused_fit.min(measurement.fit);
-            } else if measurement.fit <= self.refused_fit {
-                self.forget_refused();
+        for measurement in tick.others() {
+            for of in &mut self.hypotheses {
+                of.hypothesis
+                    .learn(self.model, &self.fits, measurement, count);
             }
         }
-        if !is_taken {
-            return;
+        self.merge();
+        let is_measured = tick.best().is_some();
+        let states = self.hypotheses.iter().map(|of| {
+            let is_outlier = of.hypothesis.is_outlier;
+            let is_taken = is_measured && !is_outlier;
+            State {
+                weight: of.log_weight.exp(),
+                known: &of.hypothesis.known,
+                inflation: of.hypothesis.inflation(is_taken, count),
+                is_outlier,
+            }
+        });
+        mixed(&states.collect::<Vec<_>>(), is_measured)
+    }
+
+    fn decide(&mut self, decision: Decision, tick: usize, before: Option<usize>) -> usize {
+        self.decided.push(Decided {
+            decision,
+            tick,
+            before,
+        });
+        self.decided.len() - 1
+    }
+
+    fn advance(&mut self, seconds: f64) {
+        let is_of = |(of_s, _): &(f64, Step)| (of_s - seconds).abs() < 1e-6;
+        if !self.step.as_ref().is_some_and(is_of) {
+            self.step = Some((seconds, step(self.model, &self.fits, seconds)));
         }
-        reading.variance /= count;
-        if is_best {
-            self.squares += count * square;
-            self.ticks += count;
-            known.correct(&reading, |_| true);
+        let Some((_, step)) = &self.step else { return };
+        for of in &mut self.hypotheses {
+            of.hypothesis.advance(self.model, step, seconds);
+        }
+    }
+
+    /// The first measurement, with new errors of any size.
+    fn begin(&mut self, number: usize, best: &Measurement) {
+        for level in 0..=self.levels {
+            let decided = self.decide(Decision::Begun { level }, number, None);
+            self.hypotheses.push(Weighed {
+                hypothesis: Hypothesis::begun(self.model, &self.fits, best, level),
+                // Each level is half as likely as the one below.
+                log_weight: -f64::from(level) * std::f64::consts::LN_2,
+                log_whole: -f64::from(level) * std::f64::consts::LN_2,
+                began: number,
+                was_answer: true,
+                taken_s: self.time_s,
+                decided,
+            });
+        }
+    }
+
+    fn branch(&mut self, number: usize, best: &Measurement, count: f64) {
+        let mut readings = Vec::with_capacity(self.hypotheses.len());
+        let mut ways = Vec::new();
+        for (of, weighed) in self.hypotheses.iter().enumerate() {
+            let reading = weighed.hypothesis.reading(self.model, &self.fits, best);
+            let Some(reading) = reading else { return };
+            readings.push(reading);
+            self.ways(of, &readings[of], count, &mut ways);
+        }
+        let ways = Self::heaviest(ways, count);
+        let before = std::mem::take(&mut self.hypotheses);
+        for way in ways {
+            let mut next = before[way.of].clone();
+            next.log_weight = way.log_weight;
+            next.log_whole += way.log_change;
+            next.decided = self.decide(way.decision, number, Some(next.decided));
+            match way.decision {
+                Decision::Unmeasured => {}
+                Decision::Taken { level } => {
+                    next.hypothesis.take(&readings[way.of], level, count);
+                    next.taken_s = self.time_s;
+                }
+                Decision::Outlier => next.hypothesis.is_outlier = true,
+                Decision::Begun { level } => {
+                    next.hypothesis = Hypothesis::begun(self.model, &self.fits, best, level);
+                    next.began = number;
+                    next.was_answer = false;
+                    next.taken_s = self.time_s;
+                }
+            }
+            self.hypotheses.push(next);
+        }
+    }
+
+    /// The ways in which a hypothesis continues.
+    fn ways(&self, of: usize, reading: &Levelled, count: f64, ways: &mut Vec<Way>) {
+        let Weighed {
+            hypothesis,
+            log_weight,
+            was_answer,
+            began,
+            taken_s,
+            ..
+        } = &self.hypotheses[of];
+        let longest_s = DISPLACED_S.max(DISPLACED_TICKS * self.model.tick_s);
+        let heaviest = &self.hypotheses[0];
+        let is_displaced =
+            *was_answer && *began != heaviest.began && self.time_s - taken_s <= longest_s;
+        // Chances are per usual tick.
+        let outlier = if hypothesis.is_outlier {
+            1.0 - (1.0 - NEXT_OUTLIER) * count
         } else {
-            let own = place..place + CorrelatedError::UNKNOWNS;
-            known.correct(&reading, |unknown| own.contains(&unknown));
+            OUTLIER * count
+        };
+        let mut way = |decision, chance: f64, log_likelihood: f64| {
+            let log_change = count * log_likelihood + chance.ln();
+            ways.push(Way {
+                of,
+                decision,
+                log_weight: log_weight + log_change,
+                log_change,
+                is_displaced: is_displaced && !matches!(decision, Decision::Begun { .. }),
+            });
+        };
+        let level = hypothesis.level;
+        let change = LEVEL_CHANGE * count;
+        for (next, chance) in [
+            (level.checked_sub(1), change),
+            (Some(level), 1.0 - 2.0 * change),
+            ((level < self.levels).then_some(level + 1), change),
+        ] {
+            if let Some(level) = next {
+                let likelihood = hypothesis.log_taken(reading, level);
+                way(
+                    Decision::Taken { level },
+                    (1.0 - outlier) * chance,
+                    likelihood,
+                );
+            }
         }
+        let likelihood = hypothesis.log_outlier(reading);
+        way(Decision::Outlier, outlier, likelihood);
+        if of == 0 {
+            way(Decision::Begun { level }, BEGINNING * count, likelihood);
+        }
+    }
+
+    /// The heaviest ways, and the heaviest one of a former answer; weights are beside the heaviest.
+    fn heaviest(mut ways: Vec<Way>, count: f64) -> Vec<Way> {
+        ways.retain(|way| !way.log_weight.is_nan());
+        ways.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
+        let Some(highest) = ways.first().map(|way| way.log_weight) else {
+            return ways;
+        };
+        let least = highest + (LEAST_WEIGHT * count).ln();
+        let within = ways.partition_point(|way| way.log_weight >= least);
+        let mut others = ways.split_off(within.min(MOST_HYPOTHESES));
+        if !ways.iter().any(|way| way.is_displaced)
+            && let Some(displaced) = others.iter().position(|way| way.is_displaced)
+        {
+            ways.push(others.swap_remove(displaced));
+        }
+        for way in &mut ways {
+            way.log_weight -= highest;
+        }
+        if let Some(displaced) = ways.iter_mut().find(|way| way.is_displaced) {
+            displaced.log_weight = displaced.log_weight.max(DISPLACED.ln());
+        }
+        ways
+    }
+
+    /// Makes hypotheses that have become alike one, and sorts them.
+    fn merge(&mut self) {
+        let mut merged: Vec<Weighed> = Vec::with_capacity(self.hypotheses.len());
+        self.hypotheses
+            .sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
+        for of in self.hypotheses.drain(..) {
+            match merged
+                .iter_mut()
+                .find(|heavier| heavier.hypothesis.is_like(&of.hypothesis))
+            {
+                Some(heavier) => {
+                    if of.log_whole > heavier.log_whole {
+                        heavier.decided = of.decided;
+                    }
+                    heavier.log_weight = log_sum(heavier.log_weight, of.log_weight);
+                    heavier.log_whole = log_sum(heavier.log_whole, of.log_whole);
+                }
+                None => merged.push(of),
+            }
+        }
+        merged.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
+        if let Some(Weighed {
+            log_weight, began, ..
+        }) = merged.first()
+        {
+            let (highest, began) = (*log_weight, *began);
+            for of in &mut merged {
+                of.log_weight -= highest;
+                of.was_answer |= of.began == began;
+            }
+        }
+        self.hypotheses = merged;
+    }
+
+    /// The decisions of the hypothesis that is the likeliest by all ticks.
+    fn decisions(&self, ticks: usize) -> Vec<Decision> {
+        let mut decisions = vec![Decision::Unmeasured; ticks];
+        let by_all_ticks = |a: &&Weighed, b: &&Weighed| a.log_whole.total_cmp(&b.log_whole);
+        let likeliest = self.hypotheses.iter().max_by(by_all_ticks);
+        let mut next = likeliest.map(|of| of.decided);
+        while let Some(Decided {
+            decision,
+            tick,
+            before,
+        }) = next.and_then(|number| self.decided.get(number))
+        {
+            decisions[*tick] = *decision;
+            next = *before;
+        }
+        decisions
     }
 }
 
-/// Index of a fit's error among the unknowns.
-fn place(number: usize) -> usize {
-    Motion::UNKNOWNS + CorrelatedError::UNKNOWNS * number
+/// Logarithm of the sum of two numbers, by their logarithms.
+fn log_sum(a: f64, b: f64) -> f64 {
+    a.max(b) + (-(a - b).abs()).exp().ln_1p()
 }

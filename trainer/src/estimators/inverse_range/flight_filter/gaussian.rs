@@ -15,12 +15,14 @@ pub(super) struct Gaussian {
     pub(super) covariance: Matrix,
 }
 
-/// Transition of the unknowns over a time step.
+/// Transition of the unknowns over a time step: blocks on the diagonal.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Step {
-    pub(super) transition: Matrix,
+    transition: Matrix,
     /// Covariance that is added.
-    pub(super) noise: Matrix,
+    noise: Matrix,
+    /// First unknown of each block, and the one after its last.
+    blocks: Vec<(usize, usize)>,
 }
 
 impl Step {
@@ -35,23 +37,65 @@ impl Step {
         Self {
             transition: Matrix::zero(size),
             noise: Matrix::zero(size),
+            blocks: Vec::new(),
         }
     }
 
     pub(super) fn set_block<const N: usize>(&mut self, at: usize, (transition, noise): &Block<N>) {
         self.transition.set_block(at, transition);
         self.noise.set_block(at, noise);
+        self.blocks.push((at, at + N));
+    }
+
+    /// The unknowns after the step, without noise.
+    pub(super) fn moved(&self, unknowns: &[f64]) -> Vec<f64> {
+        self.transition.times_vector(unknowns)
+    }
+
+    /// Transition times a covariance. Only the blocks count: most elements of a transition are 0.
+    fn times(&self, covariance: &Matrix) -> Matrix {
+        let size = covariance.size;
+        let mut product = Matrix::zero(size);
+        for &(from, to) in &self.blocks {
+            for i in from..to {
+                let sums = &mut product.values[i * size..(i + 1) * size];
+                for k in from..to {
+                    let factor = self.transition[(i, k)];
+                    let row = &covariance.values[k * size..(k + 1) * size];
+                    for (sum, value) in sums.iter_mut().zip(row) {
+                        *sum += factor * value;
+                    }
+                }
+            }
+        }
+        product
+    }
+
+    /// Transition times a covariance times the transposed transition, plus the noise.
+    fn advanced(&self, covariance: &Matrix) -> Matrix {
+        let moved = self.times(covariance);
+        let mut advanced = self.noise.clone();
+        let rows = advanced.values.chunks_exact_mut(covariance.size);
+        for (row, moved) in rows.zip(moved.rows()) {
+            for &(from, to) in &self.blocks {
+                for j in from..to {
+                    let transition = &self.transition.values[j * covariance.size..];
+                    row[j] += dot(&moved[from..to], &transition[from..to]);
+                }
+            }
+        }
+        advanced
     }
 }
 
 /// Transition and noise of unknowns that time does not mix with others.
 pub(super) type Block<const N: usize> = ([[f64; N]; N], [[f64; N]; N]);
 
-/// A number that is a linear function of the unknowns, with an error.
-#[derive(Debug, Clone, PartialEq)]
+/// A number that is a linear function of two unknowns, with an error.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Reading {
-    /// Contribution of each unknown to it.
-    pub(super) row: Vec<f64>,
+    /// The unknowns and their contributions to it.
+    pub(super) parts: [(usize, f64); 2],
     /// The number minus its expectation.
     pub(super) misfit: f64,
     /// Variance of its error.
@@ -68,44 +112,55 @@ impl Gaussian {
         Self { mean, covariance }
     }
 
+    /// Of the first unknowns alone, their covariance multiplied by a factor.
+    pub(super) fn first(&self, unknowns: usize, factor: f64) -> Self {
+        let mut first = Self::independent(self.mean[..unknowns].to_vec(), &[]);
+        for i in 0..unknowns {
+            for j in 0..unknowns {
+                first.covariance[(i, j)] = factor * self.covariance[(i, j)];
+            }
+        }
+        first
+    }
+
     /// After a step.
     pub(super) fn advanced(&self, step: &Step) -> Self {
-        let Step { transition, noise } = step;
-        let moved = transition.times(&self.covariance);
         Self {
-            mean: transition.times_vector(&self.mean),
-            covariance: moved.times(&transition.transposed()).plus(1.0, noise),
+            mean: step.moved(&self.mean),
+            covariance: step.advanced(&self.covariance),
         }
     }
 
     /// Variance of the misfit of a reading.
     pub(super) fn variance_of(&self, reading: &Reading) -> f64 {
-        let spread = self.covariance.times_vector(&reading.row);
-        dot(&reading.row, &spread) + reading.variance
+        let [(a, from_a), (b, from_b)] = reading.parts;
+        let of = |i, j| self.covariance[(i, j)];
+        let shared = 2.0 * from_a * from_b * of(a, b);
+        from_a * from_a * of(a, a) + shared + from_b * from_b * of(b, b) + reading.variance
     }
 
     /// Takes a reading that only moves some of the unknowns (Schmidt 1966): the others are considered, with their errors, and stay.
     /// The covariance is Joseph's form, which is true for any gain.
     pub(super) fn correct(&mut self, reading: &Reading, moves: impl Fn(usize) -> bool) {
-        let Reading {
-            row,
-            misfit,
-            variance,
-        } = reading;
         let size = self.mean.len();
-        let spread = self.covariance.times_vector(row);
-        let total = dot(row, &spread) + variance;
+        let total = self.variance_of(reading);
+        let [(a, from_a), (b, from_b)] = reading.parts;
+        // The covariance is symmetric.
+        let spread: Vec<f64> = (self.covariance.row(a).iter().zip(self.covariance.row(b)))
+            .map(|(a, b)| from_a * a + from_b * b)
+            .collect();
         let gain: Vec<f64> = (0..size)
             .map(|i| if moves(i) { spread[i] / total } else { 0.0 })
             .collect();
         for (mean, gain) in self.mean.iter_mut().zip(&gain) {
-            *mean += gain * misfit;
+            *mean += gain * reading.misfit;
         }
         // (I - K h) P (I - K h)^T + K r K^T, multiplied out: P is symmetric, and h P h^T + r is the total.
-        for i in 0..size {
-            for j in 0..size {
-                self.covariance[(i, j)] +=
-                    gain[i] * total * gain[j] - gain[i] * spread[j] - spread[i] * gain[j];
+        let rows = self.covariance.values.chunks_exact_mut(size);
+        for (i, row) in rows.enumerate() {
+            let of_gain = gain[i] * total - spread[i];
+            for ((value, gain_j), spread_j) in row.iter_mut().zip(&gain).zip(&spread) {
+                *value += of_gain * gain_j - gain[i] * spread_j;
             }
         }
     }
@@ -116,7 +171,7 @@ impl Gaussian {
         let size = self.mean.len();
         let factor = CholeskyFactor::of(predicted.covariance.values.clone(), size)?;
         // Row by row: the gain P F^T A^-1 is the transpose of the solution of A X = F P.
-        let cross = self.covariance.times(&step.transition.transposed());
+        let cross = step.times(&self.covariance).transposed();
         let mut gain = Matrix::zero(size);
         for (row, values) in cross.rows().zip(gain.values.chunks_exact_mut(size)) {
             values.copy_from_slice(&factor.solve(row.to_vec())?);
@@ -146,8 +201,6 @@ pub(super) fn log_likelihood(
         return 0.0;
     };
     let mut known = start.clone();
-    let mut row = vec![0.0; start.mean.len()];
-    row[0] = 1.0;
     let mut sum = 0.0;
     for &(time_s, number) in sequence {
         if time_s > last_s {
@@ -156,7 +209,7 @@ pub(super) fn log_likelihood(
         }
         let reading = Reading {
             misfit: number - known.mean[0],
-            row: row.clone(),
+            parts: [(0, 1.0), (0, 0.0)],
             variance,
         };
         let total = known.variance_of(&reading);

@@ -29,6 +29,10 @@ impl Matrix {
         self.values.chunks_exact(self.size)
     }
 
+    pub(super) fn row(&self, number: usize) -> &[f64] {
+        &self.values[number * self.size..(number + 1) * self.size]
+    }
+
     pub(super) fn times_vector(&self, vector: &[f64]) -> Vec<f64> {
         self.rows().map(|row| dot(row, vector)).collect()
     }
@@ -37,11 +41,8 @@ impl Matrix {
         let mut product = Self::zero(self.size);
         for (row, sums) in self.rows().zip(product.values.chunks_exact_mut(other.size)) {
             for (&factor, other_row) in row.iter().zip(other.rows()) {
-                // Most elements of a transition are 0.
-                if factor != 0.0 {
-                    for (sum, value) in sums.iter_mut().zip(other_row) {
-                        *sum += factor * value;
-                    }
+                for (sum, value) in sums.iter_mut().zip(other_row) {
+                    *sum += factor * value;
                 }
             }
         }

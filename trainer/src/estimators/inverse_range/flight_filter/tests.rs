@@ -3,6 +3,8 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
+mod disturbed;
+
 use super::*;
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
