@@ -26,8 +26,10 @@ const ABOVE_HORIZON_RAD: f64 = 0.006;
 const FEWEST_TILES: usize = 8;
 /// A tile further from the common turn, in its standard deviations, counts less than half.
 const TOLERATED: f64 = 3.0;
-/// With fewer agreeing tiles than this part of the usual number, the reference is replaced.
+/// With agreeing tiles that tell less than this part of the usual about one of the axes, the reference is replaced, and with less than
+/// this part, they do not show the direction: in haze, what is left of a ground may look alike wherever the camera looks.
 const FADED: f64 = 0.6;
+const GONE: f64 = 0.3;
 /// No standard deviation is below this, pixels: interpolation and compression.
 const LEAST_SD_PX: f64 = 0.02;
 /// A turn with a larger standard deviation counts as not measured, pixels.
@@ -36,6 +38,8 @@ const MOST_SD_PX: f64 = 1.0;
 const ROLL_SD_PX: f64 = 20.0;
 /// Steps of the iteration: one without an end does not fit.
 const MOST_STEPS: u32 = 12;
+/// A shift found in shrunk images is right to this, pixels.
+const COARSE_PX: f64 = 4.0;
 /// A step below this ends the iteration, pixels.
 const SMALL_STEP_PX: f64 = 0.02;
 /// After failures, at most this many images pass without a search.
@@ -89,15 +93,16 @@ struct Reference {
     sd_px: f64,
     tiles: Vec<Tile>,
     coarse: Coarse,
-    /// The most tiles that have agreed so far.
-    usual: usize,
+    /// The most that agreeing tiles have told so far, about both axes.
+    usual: DVec2,
 }
 
 /// The turn from the reference.
 struct Fit {
     turn: Turn,
     sd_px: f64,
-    agreeing: usize,
+    /// What its agreeing tiles tell about both axes.
+    tells: DVec2,
 }
 
 impl CameraMotion {
@@ -143,7 +148,7 @@ impl CameraMotion {
         }
         let fit = self.fit(image)?;
         let reference = self.reference.as_mut()?;
-        reference.usual = reference.usual.max(fit.agreeing);
+        reference.usual = reference.usual.max(fit.tells);
         let faded = reference.is_faded_in(&fit);
         let turn = after(fit.turn, reference.turn);
         let sd_px = fit.sd_px.hypot(reference.sd_px);
@@ -164,7 +169,7 @@ impl CameraMotion {
                 turn,
                 sd_px,
                 coarse: Coarse::of(image, self.top),
-                usual: tiles.len() / 2,
+                usual: tiles.iter().map(|tile| tile.tells).sum::<DVec2>() / 2.0,
                 tiles,
             });
         }
@@ -182,20 +187,23 @@ impl CameraMotion {
             return near;
         }
         if self.pauses() {
-            return near;
+            return None;
         }
         let reference = self.reference.as_ref()?;
         let moved = reference
             .coarse
             .shift_to(&Coarse::of(image, self.top), begin.shift_px);
-        let fit = moved.and_then(|shift_px| {
+        let is_near =
+            |fit: &Fit| moved.is_some_and(|moved| moved.distance(fit.turn.shift_px) <= COARSE_PX);
+        let share = |fit: &Fit| reference.share(fit);
+        let far = moved.and_then(|shift_px| {
             let roll_rad = begin.roll_rad;
             reference.fit(image, &camera, Turn { shift_px, roll_rad })
         });
-        let agreeing = |fit: &Option<Fit>| fit.as_ref().map_or(0, |fit| fit.agreeing);
-        let found = agreeing(&fit) > agreeing(&near);
-        self.searched(found);
-        if found { fit } else { near }
+        let fits = [near, far].into_iter().flatten().filter(is_near);
+        let fit = fits.max_by(|a, b| share(a).total_cmp(&share(b)));
+        self.searched(fit.is_some());
+        fit
     }
 
     /// True while searches are left out after failures.
@@ -231,9 +239,14 @@ fn before(whole: Turn, first: Turn) -> Turn {
 }
 
 impl Reference {
-    /// True if few tiles agree.
+    /// What the agreeing tiles tell, as a part of the usual, about the axis that lost more.
+    fn share(&self, fit: &Fit) -> f64 {
+        (fit.tells / self.usual.max(DVec2::splat(1e-9))).min_element()
+    }
+
+    /// True if too little of it agrees.
     fn is_faded_in(&self, fit: &Fit) -> bool {
-        (fit.agreeing as f64) < FADED * self.usual as f64
+        self.share(fit) < FADED
     }
 
     /// Refines a turn; `None` if the tiles do not agree there.
@@ -274,19 +287,22 @@ impl Reference {
                 let spread = (squares / weights).max(1.0);
                 sd_px = (inverse[0][0].max(inverse[1][1]) * spread).sqrt();
             }
-            let agreeing = misfits.iter().filter(|misfit| **misfit < TOLERATED).count();
+            let agreeing = told.iter().zip(&misfits);
+            let agreeing = agreeing.filter(|(_, misfit)| **misfit < TOLERATED);
+            let tells: DVec2 = agreeing.clone().map(|((tile, _), _)| tile.tells).sum();
             let longest = step.iter().fold(0.0_f64, |most, step| most.max(step.abs()));
             for (number, step) in numbers.iter_mut().zip(step) {
                 // Slopes hold for some pixels only.
                 *number += step.clamp(-3.0, 3.0);
             }
             if longest < SMALL_STEP_PX {
-                let least = FEWEST_TILES.max(self.usual / 4).max(told.len() / 2);
-                return (agreeing >= least).then(|| Fit {
+                let fit = Fit {
                     turn: Turn::from_array(numbers, camera),
                     sd_px: sd_px.max(LEAST_SD_PX),
-                    agreeing,
-                });
+                    tells,
+                };
+                let enough = agreeing.count() >= FEWEST_TILES.max(told.len() / 2);
+                return (enough && self.share(&fit) >= GONE).then_some(fit);
             }
         }
         None

@@ -78,7 +78,11 @@ pub(crate) fn judge(
     let states: Vec<Option<HealthState>> = (0..looks.len())
         .map(|tick| direction_at(tick, looks, &off))
         .collect();
-    let known = |tick: usize| states[tick].unwrap_or_else(|| gap_at(tick, looks, &states));
+    let known = |tick: usize| match states[tick] {
+        None => gap_at(tick, looks, &states),
+        Some(HealthState::Steady) if shakes_around(tick, looks, &states) => HealthState::Shaking,
+        Some(state) => state,
+    };
     (0..looks.len())
         .map(|tick| {
             let turn = off[tick].as_ref().map(Off::turn);
@@ -217,12 +221,16 @@ fn direction_at(tick: usize, looks: &[Look], off: &[Option<Off>]) -> Option<Heal
     })
 }
 
+/// True if most measured ticks around a tick shake: in haze some of them are measured too badly to tell.
+fn shakes_around(tick: usize, looks: &[Look], states: &[Option<HealthState>]) -> bool {
+    let near = states[around(tick, looks)].iter().flatten();
+    let shaking = near.clone().filter(|state| **state == HealthState::Shaking);
+    shaking.count() * 2 > near.count()
+}
+
 /// State of a tick that was not measured: it may be off if its neighbours are.
 fn gap_at(tick: usize, looks: &[Look], states: &[Option<HealthState>]) -> HealthState {
-    let around = around(tick, looks);
-    let is_shaking = |state: &&HealthState| **state == HealthState::Shaking;
-    let near = states[around].iter().flatten();
-    if near.clone().filter(is_shaking).count() * 2 > near.count() {
+    if shakes_around(tick, looks, states) {
         return HealthState::Shaking;
     }
     let before = states[..tick].iter().rev().flatten().next();

@@ -16,8 +16,10 @@ const BANDS: usize = 8;
 /// Tiles of a band with the most structure across, and down.
 const BEST_ACROSS: usize = 8;
 const BEST_DOWN: usize = 5;
-/// Least sum of the squares of a tile's slopes: with a noise of two grey levels it shows a shift to a fifth of a pixel.
-const LEAST_STRUCTURE: f64 = 400.0;
+/// Least sum of the squares of a tile's slopes: with a noise of two grey levels it shows a shift to a quarter of a pixel.
+const LEAST_STRUCTURE: f64 = 200.0;
+/// With less along one of its axes, a tile says nothing about that axis: noise and compression have such slopes too.
+const LEAST_ALONG: f64 = 100.0;
 /// A tile whose image resembles the reference less is covered or changed.
 const LEAST_CORRELATION: f64 = 0.6;
 /// Least noise of a pixel, grey levels.
@@ -43,6 +45,8 @@ pub(super) struct Tile {
     power: f64,
     /// Sums of the products of its slopes.
     structure: [f64; 3],
+    /// What it can tell about a shift to the right and down in an image with little noise, 1 / square pixels.
+    pub(super) tells: DVec2,
 }
 
 /// Where a tile wants to be.
@@ -152,6 +156,16 @@ impl Tile {
             }
         }
         let structure = [(1, 1), (1, 2), (2, 2)].map(|(i, k)| product(&light, i, k));
+        let tells = |structure: f64| {
+            let variance = NOISE_LEVELS * NOISE_LEVELS * SHARED / structure;
+            let certainty = (variance + LEAST_SD_PX * LEAST_SD_PX).recip();
+            if structure < LEAST_ALONG {
+                0.0
+            } else {
+                certainty
+            }
+        };
+        let tells = DVec2::new(tells(structure[0]), tells(structure[2]));
         let middle_px = DVec2::new(left as f64, top as f64)
             + DVec2::new(WIDTH as f64 - 1.0, HEIGHT as f64 - 1.0) / 2.0;
         let direction = camera.image_of(middle_px).extend(1.0);
@@ -176,6 +190,7 @@ impl Tile {
             light,
             power,
             structure,
+            tells,
         })
     }
 
@@ -216,7 +231,10 @@ impl Tile {
         let axes = [axis, axis.perp()].map(|axis| {
             let structure =
                 axis.x * axis.x * xx + 2.0 * axis.x * axis.y * xy + axis.y * axis.y * yy;
-            let variance = variance / structure.max(1e-9) + LEAST_SD_PX * LEAST_SD_PX;
+            if structure < LEAST_ALONG {
+                return (axis, 0.0);
+            }
+            let variance = variance / structure + LEAST_SD_PX * LEAST_SD_PX;
             (axis, variance.recip())
         });
         Some(Told { best_px, axes })
