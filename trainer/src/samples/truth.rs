@@ -55,6 +55,8 @@ impl Truth {
                 time_ns: row.time_ns,
                 boxes: Vec::new(),
                 shifts: Vec::new(),
+                tracks: Vec::new(),
+                others: None,
                 cut_off: 0,
             };
             let observations = frames.rows.iter().map(unobserved).collect();

@@ -18,7 +18,7 @@ fn learned(corpus: &SyntheticCorpus) -> (PairedViews, Vec<Vec<Observation>>) {
         max_nm: None,
     };
     let samples = Samples::read(&corpus, None, range).unwrap();
-    let true_boxes = samples.with_true_boxes(Side::Train);
+    let true_boxes = samples.with_true_boxes();
     let paired = PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
     let flights = samples.flights_of_side(Side::Test);
     let observed = |flight: &[Sample]| flight.iter().map(|s| s.observed.clone()).collect();
