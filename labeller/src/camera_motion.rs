@@ -121,11 +121,6 @@ impl CameraMotion {
         }
     }
 
-    /// First row of the ground.
-    pub(crate) fn top(&self) -> usize {
-        self.top
-    }
-
     /// The turn of the next image from the first one.
     pub(crate) fn next(&mut self, image: &Luma<'_>) -> Option<Measured> {
         let size_px = [

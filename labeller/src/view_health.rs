@@ -78,10 +78,17 @@ pub(crate) fn judge(
     let states: Vec<Option<HealthState>> = (0..looks.len())
         .map(|tick| direction_at(tick, looks, &off))
         .collect();
+    let [before, after] = nearest(&states);
     let known = |tick: usize| match states[tick] {
-        None => gap_at(tick, looks, &states),
-        Some(HealthState::Steady) if shakes_around(tick, looks, &states) => HealthState::Shaking,
+        None | Some(HealthState::Steady) if shakes_around(tick, looks, &states) => {
+            HealthState::Shaking
+        }
         Some(state) => state,
+        // It may be off if its neighbours are.
+        None if [before[tick], after[tick]].contains(&Some(HealthState::Moved)) => {
+            HealthState::Moved
+        }
+        None => HealthState::Unknown,
     };
     (0..looks.len())
         .map(|tick| {
@@ -228,17 +235,16 @@ fn shakes_around(tick: usize, looks: &[Look], states: &[Option<HealthState>]) ->
     shaking.count() * 2 > near.count()
 }
 
-/// State of a tick that was not measured: it may be off if its neighbours are.
-fn gap_at(tick: usize, looks: &[Look], states: &[Option<HealthState>]) -> HealthState {
-    if shakes_around(tick, looks, states) {
-        return HealthState::Shaking;
-    }
-    let before = states[..tick].iter().rev().flatten().next();
-    let after = states[tick..].iter().flatten().next();
-    if before == Some(&HealthState::Moved) || after == Some(&HealthState::Moved) {
-        return HealthState::Moved;
-    }
-    HealthState::Unknown
+/// The last known state up to each tick, and the next one from it on.
+fn nearest(states: &[Option<HealthState>]) -> [Vec<Option<HealthState>>; 2] {
+    let latest = |last: &mut Option<HealthState>, state: &Option<HealthState>| {
+        *last = state.or(*last);
+        Some(*last)
+    };
+    let before = states.iter().scan(None, latest).collect();
+    let mut after: Vec<_> = states.iter().rev().scan(None, latest).collect();
+    after.reverse();
+    [before, after]
 }
 
 /// Median of each axis; zero without any.
