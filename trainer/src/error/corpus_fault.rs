@@ -162,8 +162,8 @@ pub enum CorpusFault {
     NoTestSamples { min_dtd_nm: f64, max_dtd_nm: f64 },
     /// Training samples, but no box of them contains the aircraft.
     #[error(
-        "has {samples} samples on the {:?} side, but no box of theirs holds the aircraft where frames.parquet and calibration.json have \
-         it; label and detect again, or check the calibration with `dtd verify`",
+        "has {samples} samples on the {:?} side, but no box of theirs is where a camera near that of calibration.json sees the aircraft of \
+         frames.parquet; label and detect again, or check the calibration with `dtd verify`",
         Side::Train
     )]
     NoTrueBoxes { samples: usize },
