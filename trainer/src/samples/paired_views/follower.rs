@@ -7,7 +7,7 @@
 
 use dataset::tables::pixel_box::PixelBox;
 
-use super::aircraft::{Aircraft, LEAST_MOTION_S};
+use super::aircraft::Aircraft;
 use super::path::Path;
 use super::relation::Relation;
 use crate::samples::Observation;
@@ -269,14 +269,17 @@ impl<'a> Follower<'a> {
                     })
                 })
         };
-        let is_on_path = |(view, seen): (usize, &PixelBox)| {
-            let path = self.paths.iter().find(|path| path.view == view);
-            path.is_none_or(|path| path.holds(seen))
+        let path = |view: usize| self.paths.iter().find(|path| path.view == view);
+        let is_on_path =
+            |(view, seen): (usize, &PixelBox)| path(view).is_none_or(|path| path.holds(seen));
+        let follows_path = |(view, boxes): (usize, [&PixelBox; 2])| {
+            path(view).is_none_or(|path| path.leads(boxes))
         };
         chosen.paired_s > 0.0
-            // Between ticks that are farther apart, waiting for another one would cost more than lamps do.
-            || (chosen.is_moving().unwrap_or(step_s >= LEAST_MOTION_S)
+            // Between ticks that are as far apart as this, waiting for another one would cost more than lamps do.
+            || (chosen.is_moving().unwrap_or(step_s >= LONGEST_STEP_S)
                 && chosen.last_boxes().all(is_on_path)
+                && chosen.motions().all(follows_path)
                 && !self.aircraft.iter().any(|other| is_rival(&other)))
     }
 }
