@@ -8,6 +8,7 @@
 use dataset::tables::pixel_box::PixelBox;
 
 use super::aircraft::Aircraft;
+use super::is_related;
 use super::path::Path;
 use super::relation::Relation;
 use crate::samples::Observation;
@@ -70,8 +71,8 @@ impl<'a> Follower<'a> {
         let views = 0..observed.boxes.len();
         let boxes: Vec<Vec<Candidate>> = views
             .map(|view| {
-                let is_related = self.relations.iter().any(|r| r.views.contains(&view));
-                let most = if is_related { MOST_BOXES } else { 0 };
+                let is_followed = is_related(self.relations, view);
+                let most = if is_followed { MOST_BOXES } else { 0 };
                 observed.candidates(view).take(most).collect()
             })
             .collect();
