@@ -3,7 +3,8 @@
 //! A detector's best box of a view may be a lamp, a bird or a second arrival, whatever the other views see. Here the views have to agree: a
 //! [`Relation`] of each two views, learned from the training's boxes, says which boxes can be one aircraft, and a [`Follower`] keeps to one
 //! aircraft for a flight. Where views contradict each other, the boxes of the aircraft that was followed before are kept, or none. What one
-//! view sees while the others see nothing counts if its size suits its place ([`Path`]), until views have agreed on something else.
+//! view sees while the others see nothing counts if it comes along the paths of the training ([`Path`]), until views have agreed on
+//! something else.
 
 mod aircraft;
 mod follower;
@@ -81,9 +82,9 @@ impl PairedViews {
             chosen.extend(flight.iter().map(|observed| {
                 let of_one = follower.step(observed);
                 let kept = of_one.iter().enumerate().map(|(view, index)| {
-                    let is_related = self.relations.iter().any(|r| r.views.contains(&view));
-                    let any = observed.boxes[view].map(|_| 0);
-                    let index = if is_related { *index } else { any };
+                    let best = observed.boxes[view].map(|_| 0);
+                    let is_followed = is_related(&self.relations, view);
+                    let index = if is_followed { *index } else { best };
                     index.into_iter().collect()
                 });
                 observed.with_candidates(&kept.collect::<Vec<_>>())
@@ -111,6 +112,12 @@ impl PairedViews {
         let relations = self.relations.iter().flat_map(Relation::constants);
         relations.chain(self.paths.iter().flat_map(Path::constants))
     }
+}
+
+/// True if there is a relation between a view and another one.
+fn is_related(relations: &[Relation], view: usize) -> bool {
+    let mut relations = relations.iter();
+    relations.any(|relation| relation.views.contains(&view))
 }
 
 fn fitted(views: [usize; 2], true_boxes: &[&Sample]) -> Option<Relation> {

@@ -12,7 +12,7 @@ use crate::samples::trusted_boxes::centre_and_size;
 const MOTION_S: f64 = 10.0;
 const MOTION_STEP_S: f64 = 1.0;
 /// A shorter time gives no motion, seconds.
-pub(super) const LEAST_MOTION_S: f64 = 2.0;
+const LEAST_MOTION_S: f64 = 2.0;
 /// Objects that move less, pixels per second, and grow less, in parts of the width over the time that gives the motion, stand still: at
 /// 10 NM, an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows twice as much.
 const STILL_PX_S: f64 = 0.1;
@@ -72,20 +72,24 @@ impl Trace {
         self.track = seen.track;
     }
 
+    /// The sighting that its motion begins at; `None` if it was seen for too short a time.
+    fn first(&self) -> Option<&Sighting> {
+        let first = self.earlier.front();
+        first.filter(|first| self.last.time_s - first.time_s >= LEAST_MOTION_S)
+    }
+
     /// Motion in the image, pixels per second; `None` if it was seen for too short a time.
     fn motion_px_s(&self) -> Option<DVec2> {
-        let oldest = self.earlier.front()?;
-        let time_s = self.last.time_s - oldest.time_s;
-        let moved_px =
-            centre_and_size(&self.last.pixel_box).0 - centre_and_size(&oldest.pixel_box).0;
-        (time_s >= LEAST_MOTION_S).then(|| moved_px / time_s)
+        let first = self.first()?;
+        let [last_px, first_px] =
+            [&self.last, first].map(|seen| centre_and_size(&seen.pixel_box).0);
+        Some((last_px - first_px) / (self.last.time_s - first.time_s))
     }
 
     /// True if it moves or grows; `None` if it was seen for too short a time.
     fn is_moving(&self) -> Option<bool> {
         let motion_px_s = self.motion_px_s()?;
-        let oldest = self.earlier.front()?;
-        let grown = self.last.pixel_box.width_px / oldest.pixel_box.width_px - 1.0;
+        let grown = self.last.pixel_box.width_px / self.first()?.pixel_box.width_px - 1.0;
         Some(motion_px_s.length() >= STILL_PX_S || grown >= STILL_GROWTH)
     }
 
@@ -171,6 +175,15 @@ impl Aircraft {
     /// view has not seen it.
     pub(super) fn distance_to(&self, time_s: f64, view: usize, seen: Candidate) -> Option<f64> {
         self.traces[view].as_ref()?.distance_to(time_s, seen)
+    }
+
+    /// The first and the last box of the motion in each view that has seen one.
+    pub(super) fn motions(&self) -> impl Iterator<Item = (usize, [&PixelBox; 2])> {
+        let traces = self.traces.iter().enumerate();
+        traces.filter_map(|(view, trace)| {
+            let trace = trace.as_ref()?;
+            Some((view, [&trace.first()?.pixel_box, &trace.last.pixel_box]))
+        })
     }
 
     /// True if a view sees it move or grow: an approach does, lamps and masts do not. `None` if it was seen for too short a time.

@@ -7,7 +7,8 @@
 
 use dataset::tables::pixel_box::PixelBox;
 
-use super::aircraft::{Aircraft, LEAST_MOTION_S};
+use super::aircraft::Aircraft;
+use super::is_related;
 use super::path::Path;
 use super::relation::Relation;
 use crate::samples::Observation;
@@ -70,8 +71,8 @@ impl<'a> Follower<'a> {
         let views = 0..observed.boxes.len();
         let boxes: Vec<Vec<Candidate>> = views
             .map(|view| {
-                let is_related = self.relations.iter().any(|r| r.views.contains(&view));
-                let most = if is_related { MOST_BOXES } else { 0 };
+                let is_followed = is_related(self.relations, view);
+                let most = if is_followed { MOST_BOXES } else { 0 };
                 observed.candidates(view).take(most).collect()
             })
             .collect();
@@ -269,14 +270,17 @@ impl<'a> Follower<'a> {
                     })
                 })
         };
-        let is_on_path = |(view, seen): (usize, &PixelBox)| {
-            let path = self.paths.iter().find(|path| path.view == view);
-            path.is_none_or(|path| path.holds(seen))
+        let path = |view: usize| self.paths.iter().find(|path| path.view == view);
+        let is_on_path =
+            |(view, seen): (usize, &PixelBox)| path(view).is_none_or(|path| path.holds(seen));
+        let follows_path = |(view, boxes): (usize, [&PixelBox; 2])| {
+            path(view).is_none_or(|path| path.leads(boxes))
         };
         chosen.paired_s > 0.0
-            // Between ticks that are farther apart, waiting for another one would cost more than lamps do.
-            || (chosen.is_moving().unwrap_or(step_s >= LEAST_MOTION_S)
+            // Between ticks that are as far apart as this, waiting for another one would cost more than lamps do.
+            || (chosen.is_moving().unwrap_or(step_s >= LONGEST_STEP_S)
                 && chosen.last_boxes().all(is_on_path)
+                && chosen.motions().all(follows_path)
                 && !self.aircraft.iter().any(|other| is_rival(&other)))
     }
 }

@@ -21,6 +21,10 @@ const MOST_DEVIATIONS: f64 = 6.0;
 const LEAST_SD: f64 = 0.12;
 /// ... and of the row, pixels: flights at another height, or level before the glide path.
 const LEAST_ROW_SD_PX: f64 = 25.0;
+/// Within seconds, the logarithm of the width that places say may shrink by this, for errors of the boxes, ...
+const LEAST_APPROACH: f64 = 0.02;
+/// ... and the width itself may differ from it by this: boxes of far aircraft err by a pixel of twenty.
+const MOST_OTHER_GROWTH: f64 = 0.2;
 
 /// Rows and widths of boxes in one view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -69,12 +73,16 @@ impl Path {
         Some(path)
     }
 
+    /// Width that the place of a box says, pixels; 0 where no aircraft is.
+    fn width_px(&self, seen: &PixelBox) -> f64 {
+        let [constant, of_x, of_y] = self.width;
+        (constant + of_x * seen.cx_px + of_y * seen.cy_px).max(0.0)
+    }
+
     /// Differences of the logarithm of the width, and of the row, from what the place says, in standard deviations; the first is not finite
     /// where no aircraft is.
     fn residuals(&self, seen: &PixelBox) -> [f64; 2] {
-        let [constant, of_x, of_y] = self.width;
-        let expected_px = constant + of_x * seen.cx_px + of_y * seen.cy_px;
-        let width = (seen.width_px / expected_px.max(0.0)).ln() / self.width_sd;
+        let width = (seen.width_px / self.width_px(seen)).ln() / self.width_sd;
         let [constant, of_x] = self.row;
         let row = (seen.cy_px - constant - of_x * seen.cx_px) / self.row_sd_px;
         [width, row]
@@ -87,6 +95,15 @@ impl Path {
         self.residuals(seen).into_iter().all(is_within)
     }
 
+    /// True if an aircraft on such a path may have had the first of two boxes, and some seconds later the second: it approaches, and grows
+    /// as its place says.
+    pub(super) fn leads(&self, boxes: [&PixelBox; 2]) -> bool {
+        let [from, to] = boxes.map(|seen| self.width_px(seen));
+        let [first, second] = boxes.map(|seen| seen.width_px);
+        let [expected, grown] = [to / from, second / first].map(f64::ln);
+        expected >= -LEAST_APPROACH && (grown - expected).abs() <= MOST_OTHER_GROWTH
+    }
+
     /// All of its numbers.
     pub(super) fn constants(&self) -> impl Iterator<Item = f64> {
         let widths = self.width.into_iter().chain([self.width_sd]);
@@ -96,5 +113,55 @@ impl Path {
     /// True if its standard deviations are positive.
     pub(super) fn is_possible(&self) -> bool {
         self.width_sd > 0.0 && self.row_sd_px > 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box on the path of the training, where an aircraft is this wide.
+    fn on_path(width_px: f64) -> PixelBox {
+        PixelBox {
+            cx_px: 1_900.0 - 8.0 * width_px,
+            cy_px: 430.0 + 2.0 * width_px,
+            width_px,
+            height_px: 0.35 * width_px,
+        }
+    }
+
+    fn path() -> Path {
+        let boxes: Vec<PixelBox> = (20..120).map(|width| on_path(f64::from(width))).collect();
+        Path::fit(0, &boxes.iter().collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn a_box_of_another_size_or_in_another_row_is_not_on_the_path() {
+        let path = path();
+        let usual = on_path(60.0);
+        assert!(path.holds(&usual));
+        let small = PixelBox {
+            width_px: 25.0,
+            ..usual
+        };
+        let low = PixelBox {
+            cy_px: usual.cy_px + 200.0,
+            ..usual
+        };
+        assert!(!path.holds(&small) && !path.holds(&low));
+    }
+
+    #[test]
+    fn an_aircraft_comes_along_the_path_and_grows_with_it() {
+        let path = path();
+        let [far, near] = [40.0, 60.0].map(on_path);
+        assert!(path.leads([&far, &near]));
+        assert!(!path.leads([&near, &far]), "it goes away");
+        let as_small = PixelBox {
+            width_px: far.width_px,
+            ..near
+        };
+        assert!(!path.leads([&far, &as_small]), "it does not grow");
+        assert!(path.leads([&far, &far]), "too short a time to tell");
     }
 }
