@@ -66,10 +66,32 @@ pub(super) fn has_stood_still(boxes: &[TimedBox], seconds: f64) -> bool {
     lasted_s(boxes) >= seconds && !has_moved(&ends(boxes))
 }
 
-/// True for objects such as masts, which stood still for a minute. An object that is found only now and then has several tracks at its
-/// place. Boxes by time.
+/// True for objects such as masts, which stood still for a minute, also after a hop: with two seconds between the images, a young track
+/// may go from one lamp of a row to the next. An object that is found only now and then has several tracks at its place. Boxes by time.
 pub(super) fn stands_still(boxes: &[TimedBox]) -> bool {
-    lasted_s(boxes) >= LONGEST_STILL_S && place_if_still(boxes).is_some()
+    let is_long = |boxes: &[TimedBox]| lasted_s(boxes) >= LONGEST_STILL_S;
+    is_long(boxes)
+        && (place_if_still(boxes).is_some()
+            || between_hops(boxes)
+                .into_iter()
+                .any(|stay| is_long(stay) && keeps_its_place(stay)))
+}
+
+/// The parts of a track between its hops. A single box off the place is no hop.
+fn between_hops(boxes: &[TimedBox]) -> Vec<&[TimedBox]> {
+    let mut stays = Vec::new();
+    let mut begin = 0;
+    for at in 1..boxes.len() {
+        let recent = at.saturating_sub(LEAST_BOXES_OF_A_PLACE).max(begin);
+        let place = Middle::of(&boxes[recent..at]);
+        let is_off = |(_, seen): &TimedBox| place.distance_px(seen) > LEAST_HOP_PX;
+        if is_off(&boxes[at]) && boxes.get(at + 1).is_none_or(is_off) {
+            stays.push(&boxes[begin..at]);
+            begin = at;
+        }
+    }
+    stays.push(&boxes[begin..]);
+    stays
 }
 
 /// Its mean box, if it stayed at one place, or neither moved nor grew. Boxes by time.
@@ -102,8 +124,8 @@ pub(super) fn hops(boxes: &[TimedBox], to: &PixelBox) -> bool {
         return false;
     }
     let [_, place] = Middle::of_thirds(recent);
-    let distance_px = (to.cx_px - place.cx_px).hypot(to.cy_px - place.cy_px);
-    distance_px > LEAST_HOP_PX.max(SURE_HOP * place.deviation_px) && keeps_its_place(recent)
+    place.distance_px(to) > LEAST_HOP_PX.max(SURE_HOP * place.deviation_px)
+        && keeps_its_place(recent)
 }
 
 /// True if the place of a track is the same in the first and the last third of its time, within about a pixel.
@@ -130,19 +152,26 @@ struct Middle {
 impl Middle {
     /// Of the first and the last third of a track that has boxes.
     fn of_thirds(boxes: &[TimedBox]) -> [Self; 2] {
-        thirds(boxes).map(|third| {
-            let [right, down]: [fn(&PixelBox) -> f64; 2] = [|seen| seen.cx_px, |seen| seen.cy_px];
-            let [right, down] = [right, down].map(|centre| {
-                let centres = third.iter().map(|(_, seen)| centre(seen)).collect();
-                Spread::of(centres).map_or([0.0; 2], |spread| [spread.median, spread.deviation])
-            });
-            Self {
-                cx_px: right[0],
-                cy_px: down[0],
-                deviation_px: right[1].max(down[1]),
-                boxes: third.len().max(1) as f64,
-            }
-        })
+        thirds(boxes).map(Self::of)
+    }
+
+    /// Of at least one box.
+    fn of(boxes: &[TimedBox]) -> Self {
+        let axes: [fn(&PixelBox) -> f64; 2] = [|seen| seen.cx_px, |seen| seen.cy_px];
+        let [right, down] = axes.map(|centre| {
+            let centres = boxes.iter().map(|(_, seen)| centre(seen)).collect();
+            Spread::of(centres).map_or([0.0; 2], |spread| [spread.median, spread.deviation])
+        });
+        Self {
+            cx_px: right[0],
+            cy_px: down[0],
+            deviation_px: right[1].max(down[1]),
+            boxes: boxes.len().max(1) as f64,
+        }
+    }
+
+    fn distance_px(&self, seen: &PixelBox) -> f64 {
+        (seen.cx_px - self.cx_px).hypot(seen.cy_px - self.cy_px)
     }
 }
 

@@ -139,6 +139,19 @@ fn the_edge_of_a_cloud_at_four_places_in_turn_is_no_aircraft_at_any_picture_rate
 }
 
 #[test]
+fn a_track_that_goes_from_one_lamp_to_the_next_and_stays_there_is_no_aircraft() {
+    let pictures: Vec<_> = (0..90)
+        .map(|step| {
+            let x_px = if step < 3 { 214.0 } else { 254.0 };
+            let length_px = 22.0 + f64::from(step) / 10.0;
+            vec![shaken(at(x_px, 1_008.0, length_px), 2, step)]
+        })
+        .collect();
+    let (_, counts) = track(2.0, &pictures);
+    assert!(!counts.contains(&true), "{counts:?}");
+}
+
+#[test]
 fn a_box_off_its_place_does_not_end_the_track_of_a_far_arrival() {
     let pictures: Vec<_> = (0..90)
         .map(|step| {
