@@ -122,7 +122,7 @@ impl Hypothesis {
         })
     }
 
-    /// Logarithms of the likelihoods of the best measurement if it is taken, errors being as large as at this level.
+    /// Logarithm of the likelihood of the best measurement if it is taken, errors being as large as at this level.
     pub(super) fn log_taken(&self, read: &Levelled, level: u8) -> f64 {
         let variance = self.factor() * read.variance(level);
         let square = read.reading.misfit.powi(2) / variance;
