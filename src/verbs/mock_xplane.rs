@@ -73,6 +73,12 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
 }
 
 fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
+    if (args.no_plugin || args.plugin.is_some()) && !args.faults.cameras.is_empty() {
+        return Err(Failure::bad_input_message(format!(
+            "--faults {}: only the built-in capture link has faults of cameras; leave out --plugin and --no-plugin",
+            args.faults
+        )));
+    }
     if args.no_plugin {
         return Ok(LinkServer::Nobody);
     }
