@@ -570,7 +570,8 @@ pub(crate) struct MockXplaneArgs {
     pub(crate) tape: Option<PathBuf>,
     /// Faults, e.g. loss=0.1,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
     ///
-    /// WHEN of freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N.
+    /// WHEN of freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N. Cameras, VIEW from 0:
+    /// late=VIEW:MS, shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S.
     #[arg(
         long,
         value_name = "FAULTS",

@@ -72,7 +72,14 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
 }
 
 fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
-    if args.state.contains(&MockState::NoPlugin) {
+    let has_no_plugin = args.state.contains(&MockState::NoPlugin);
+    if (has_no_plugin || args.plugin.is_some()) && !args.faults.cameras.is_empty() {
+        return Err(Failure::bad_input_message(format!(
+            "--faults {}: only the built-in capture link has faults of cameras; leave out --plugin and --state no-plugin",
+            args.faults
+        )));
+    }
+    if has_no_plugin {
         return Ok(LinkServer::Nobody);
     }
     let WindowSize {

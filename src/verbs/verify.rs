@@ -153,6 +153,9 @@ fn print_proof(report: &VerifyReport) {
             listed(ids)
         ),
     }
+    for check in &report.not_checked {
+        println!("not checked: {check}");
+    }
 }
 
 /// The clear boxes without any contrast, by view.

@@ -34,7 +34,7 @@ use crate::numbers::limits::FieldOutOfLimits;
 use crate::plain::one_line;
 use crate::tables::columns::ColumnOutOfLimits;
 use crate::work::watch::{Silent, Stopped, Watch};
-use pixels::ViewProof;
+use pixels::{PairProof, ViewProof};
 
 /// Maximum number of listed rows per kind of fault; the others are counted.
 const ROWS_LISTED: usize = 3;
@@ -101,6 +101,8 @@ pub struct VerifyReport {
     pub scenarios: usize,
     /// Planned scenarios that do not exist (yet).
     pub missing: Vec<String>,
+    /// Checks for which the corpus has no file, with that file.
+    pub not_checked: Vec<String>,
     /// Ticks of all of them.
     pub ticks: u64,
     /// Pictures decoded.
@@ -109,6 +111,8 @@ pub struct VerifyReport {
     pub labelled: usize,
     /// The evidence from the pictures, per scenario and view.
     pub views: Vec<ViewProof>,
+    /// How far views lag behind each other, per scenario and two views.
+    pub pairs: Vec<PairProof>,
     /// By name of the planned weather, what was reported at the aircraft. A marked scenario is no fault: its record says what was drawn.
     pub weather: BTreeMap<String, ReportedWeather>,
     /// All faults; empty if the corpus is valid.
@@ -229,7 +233,8 @@ impl<'w> Verification<'w> {
             records: &self.records,
             calibrations: &self.calibrations,
         };
-        self.report.missing = corpus_files::check(corpus, &found, self.options, &mut self.faults);
+        let (options, report) = (self.options, &mut self.report);
+        corpus_files::check(corpus, &found, options, report, &mut self.faults);
         self.report.findings.extend(self.faults.into_findings());
         self.report
     }
@@ -298,10 +303,10 @@ fn verify_scenario(
             frames: frames.as_ref(),
             boxes: boxes.as_deref().unwrap_or_default(),
         };
-        let (pictures, proofs) =
-            videos::check(folder, &scenario, calibration.as_ref(), faults, watch);
-        report.pictures += pictures;
-        report.views.extend(proofs);
+        let proofs = videos::check(folder, &scenario, calibration.as_ref(), faults, watch);
+        report.pictures += proofs.pictures;
+        report.views.extend(proofs.views);
+        report.pairs.extend(proofs.pairs);
     }
     Some((record, calibration))
 }

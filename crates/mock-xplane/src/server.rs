@@ -34,7 +34,7 @@ use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_tape::TapeError;
 
 pub use engine::{BuiltIn, Engine, NotFlown, SceneRenderer};
-pub use faults::{Faults, FaultsError, Moment, Outage, OutageKind};
+pub use faults::{CameraFault, CameraFaultKind, Faults, FaultsError, Moment, Outage, OutageKind};
 pub use plugin_host::{FramesDrawn, PluginOptions, SceneBehind, WindowCovers, WindowForm};
 pub use seat::LinkPatience;
 
@@ -42,6 +42,7 @@ use crate::quirks::Quirks;
 use crate::window::DisplayWindow;
 pub use tape::serve_tape;
 
+use faults::cameras::FaultyCameras;
 use faults::outages::Outages;
 
 /// X-Plane's UDP port.
@@ -430,6 +431,7 @@ impl Server {
                         patience: options.patience,
                     },
                     options.stage.clone(),
+                    FaultyCameras::new(&options.faults),
                 ));
             }
             LinkServer::Nobody => {}

@@ -5,7 +5,7 @@ use std::fs;
 
 use super::plan_as_written::{PlanAsWritten, ScenarioAsWritten, Written};
 use super::planned_cameras::PlannedCameras;
-use super::{Faults, VerifyOptions};
+use super::{Faults, VerifyOptions, VerifyReport};
 use crate::corpus::calibration::Calibration;
 use crate::corpus::scenario::ScenarioRecord;
 use crate::corpus::seal;
@@ -25,23 +25,39 @@ pub(super) struct Found<'a> {
     pub(super) calibrations: &'a BTreeMap<String, Calibration>,
 }
 
-/// Checks the corpus's own files; returns the planned scenarios that are missing.
+/// Checks the corpus's own files; adds the planned scenarios that are missing, and what could not be checked, to the report.
+///
+/// A corpus that was made elsewhere has neither plan nor sweep, and need not have a split. That is no fault: the report names what was
+/// not checked. A corpus with a plan or a sweep was generated, and so has all three.
 pub(super) fn check(
     corpus: &Corpus,
     found: &Found<'_>,
     options: VerifyOptions,
+    report: &mut VerifyReport,
     faults: &mut Faults,
-) -> Vec<String> {
-    let plan = faults.keep(PLAN, read_json(&corpus.plan_path(), "plan"));
-    let missing = plan.map_or_else(Vec::new, |plan| check_plan(&plan, found, faults));
+) {
+    let is_imported = !corpus.plan_path().exists() && !corpus.sweep_path().exists();
+    if is_imported && !options.complete {
+        report.not_checked.push(format!(
+            "whether the scenarios are complete and as planned: there is no {PLAN}"
+        ));
+    } else {
+        let plan = faults.keep(PLAN, read_json(&corpus.plan_path(), "plan"));
+        report.missing = plan.map_or_else(Vec::new, |plan| check_plan(&plan, found, faults));
+    }
     if options.complete {
-        for id in &missing {
+        for id in &report.missing {
             faults.of(id, PLAN, "planned, but not in the corpus");
         }
     }
-    check_splits(corpus, found.records, faults);
+    if is_imported && !corpus.splits_path().exists() {
+        report.not_checked.push(format!(
+            "whether a trajectory is on two sides of the split: there is no {SPLITS}"
+        ));
+    } else {
+        check_splits(corpus, found.records, faults);
+    }
     check_strangers(corpus, found.scenarios, faults);
-    missing
 }
 
 /// Checks the plan, and that every scenario matches it; returns the planned scenarios that are missing.

@@ -1,12 +1,12 @@
 //! Compares the true boxes with the pixels: does every picture show the aircraft where and when the tables say?
 //!
 //! Input: the decoded pictures of a view, one by one, and the true boxes of the scenario. Each box that is clear enough is examined
-//! ([`sight`]). Then all of them are judged together ([`timing`]):
+//! ([`sight`]). Then all of them are judged together:
 //!
 //! - **Filled**: something stands out from the sky in the box. If most boxes of a view are empty, its pictures belong to another
 //!   view or flight; if single ones are, those pictures are wrong.
-//! - **In step**: what stands out is in the centre of the box, except for an offset proportional to its size. A part of the offset
-//!   that is proportional to the speed in the picture is a time shift: pictures of other ticks.
+//! - **In step**: what stands out is in the centre of the box. A part of the offset that is proportional to the speed in the picture is a
+//!   time shift: a late view, which the outline of the aircraft shows ([`lag`]), or pictures of other ticks ([`timing`]).
 //! - **Moving**: a picture that equals an earlier one is frozen if the aircraft moved by a pixel in between.
 //! - **Not elsewhere**: a picture with an empty box that shows the aircraft where another tick or view has it is of that one
 //!   ([`elsewhere`]).
@@ -18,6 +18,8 @@
 //! report lists it.
 
 mod elsewhere;
+mod lag;
+mod outline;
 mod repeated;
 mod scene;
 mod sight;
@@ -30,6 +32,9 @@ use crate::corpus::scenario::ScenarioRecord;
 use crate::tables::frames::Frames;
 use crate::tables::pixel_box::{PixelBox, TruthBox};
 use elsewhere::{Other, Suspect};
+pub use lag::PairProof;
+pub(super) use lag::judge_lags;
+use lag::{Lag, MeasuredView, Offset};
 use repeated::Reference;
 use scene::CoarsePicture;
 use sight::{DecodedPicture, Sight, look};
@@ -79,10 +84,10 @@ pub struct ViewProof {
     pub not_filled: Vec<u32>,
     /// Median distance between the centre of what stands out and the centre of the box, pixels.
     pub offset_px: Option<f64>,
-    /// Ticks by which the pictures lag the tables.
-    pub lag_ticks: Option<f64>,
-    /// Standard error of the lag, ticks.
-    pub lag_error_ticks: Option<f64>,
+    /// Time by which the pictures show an earlier aircraft than the tables, milliseconds.
+    pub lag_ms: Option<f64>,
+    /// Standard error of the lag, milliseconds.
+    pub lag_error_ms: Option<f64>,
 }
 
 /// Examines the pictures of one view as they are decoded.
@@ -228,8 +233,12 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Judges all pictures together. `file`: the video.
-    pub(super) fn judge(self, file: &str, faults: &mut Faults) -> ViewProof {
+    /// Judges all pictures together; returns the lag as well if it could be measured. `file`: the video.
+    pub(super) fn judge(
+        self,
+        file: &str,
+        faults: &mut Faults,
+    ) -> (ViewProof, Option<MeasuredView<'a>>) {
         let (clear, rough) = self.boxes_before_the_sky();
         let filled: Vec<&ClearBox> = clear.iter().filter(|b| b.sight.is_filled()).collect();
         let mut proof = ViewProof {
@@ -255,7 +264,7 @@ impl<'a> Watcher<'a> {
                 self.hint()
             );
             faults.view(file, self.view, message);
-            return proof;
+            return (proof, None);
         }
         let elsewhere: Vec<usize> = (self.suspects.iter())
             .filter(|suspect| suspect.judge(file, self.view, faults))
@@ -271,11 +280,23 @@ impl<'a> Watcher<'a> {
             .iter()
             .filter_map(|found| self.point(found))
             .collect();
-        let timing = timing::judge(&points, file, self.view, faults);
-        proof.offset_px = timing.offset_px;
-        proof.lag_ticks = timing.lag_ticks;
-        proof.lag_error_ticks = timing.lag_error_ticks;
-        proof
+        let period_s = self.scenario.record.frame_rate.period_s();
+        timing::check(&points, period_s, file, self.view, faults);
+        proof.offset_px = timing::median(points.iter().map(|point| point.offset_px.length()));
+        let offsets: Vec<Offset> = (filled.iter())
+            .filter_map(|found| self.offsets(found, period_s))
+            .flatten()
+            .collect();
+        let measured = Lag::of(&offsets).map(|lag| {
+            proof.lag_ms = Some(lag.lag_s * 1e3);
+            proof.lag_error_ms = Some(lag.error_s * 1e3);
+            MeasuredView {
+                view: self.view,
+                file: file.to_owned(),
+                lag,
+            }
+        });
+        (proof, measured)
     }
 
     /// Whether the box of a tick is complete, and neither air nor clouds hide the aircraft.
@@ -392,6 +413,20 @@ impl<'a> Watcher<'a> {
         }
     }
 
+    /// The offsets of the outline along both axes.
+    fn offsets(&self, found: &ClearBox, period_s: f64) -> Option<[Offset; 2]> {
+        let point = self.point(found)?;
+        let outline = found.sight.outline?;
+        Some([0, 1].map(|axis| Offset {
+            time_s: point.tick as f64 * period_s,
+            offset_px: outline.offset_px[axis],
+            motion_px_s: point.per_tick_px[axis] / period_s,
+            size_px: point.size_px[axis],
+            outline_px: outline.size_px[axis],
+            speed_mps: point.speed_mps,
+        }))
+    }
+
     /// What a filled box implies about time; missing at the ends of a flight.
     fn point(&self, found: &ClearBox) -> Option<timing::Point> {
         let at = |tick: usize| {
@@ -400,6 +435,8 @@ impl<'a> Watcher<'a> {
         };
         let (before, after) = (at(found.tick.checked_sub(1)?)?, at(found.tick + 1)?);
         let own = found.truth.pixel_box;
+        let row = self.scenario.frames?.rows.get(found.tick)?;
+        let [north_mps, east_mps, _] = row.velocity_ned_mps;
         Some(timing::Point {
             tick: found.tick,
             offset_px: found.sight.offset_px,
@@ -408,6 +445,7 @@ impl<'a> Watcher<'a> {
                 (after.cy_px - before.cy_px) / 2.0,
             ),
             size_px: glam::DVec2::new(own.width_px, own.height_px),
+            speed_mps: north_mps.hypot(east_mps),
         })
     }
 }

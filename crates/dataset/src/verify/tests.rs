@@ -1182,6 +1182,42 @@ fn a_planned_scenario_that_is_missing_is_a_fault_only_if_the_corpus_should_be_co
 }
 
 #[test]
+fn a_corpus_without_a_plan_has_no_fault_and_what_needs_the_plan_is_named() {
+    let example = Example::new();
+    let not_checked = |options| {
+        let report = verify_with(&example.corpus, options, &Silent).unwrap();
+        (report.not_checked, report.findings)
+    };
+    let quick = VerifyOptions {
+        decode: false,
+        complete: false,
+    };
+    fs::remove_file(example.corpus.plan_path()).unwrap();
+    let (named, findings) = not_checked(quick);
+    assert_eq!(findings, []);
+    assert!(
+        named.len() == 1 && named[0].contains("no plan.json"),
+        "{named:?}"
+    );
+    fs::remove_file(example.corpus.splits_path()).unwrap();
+    let (named, findings) = not_checked(quick);
+    assert_eq!(findings, []);
+    assert!(
+        named.len() == 2 && named[1].contains("no splits.json"),
+        "{named:?}"
+    );
+    // Whether a corpus is complete depends on its plan, and a corpus with a sweep was generated together with a plan.
+    let complete = VerifyOptions {
+        complete: true,
+        ..quick
+    };
+    assert_eq!(not_checked(complete).1.len(), 1);
+    fs::write(example.corpus.sweep_path(), "").unwrap();
+    let (named, findings) = not_checked(quick);
+    assert_eq!((named, findings.len()), (vec![], 2));
+}
+
+#[test]
 fn a_changed_plan_does_not_have_its_hash_any_more() {
     let example = Example::new();
     let plan = fs::read_to_string(example.corpus.plan_path()).unwrap();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 
 use super::Faults;
-use super::pixels::{Scenario, ViewProof, Watcher};
+use super::pixels::{PairProof, Scenario, ViewProof, Watcher, judge_lags};
 use crate::corpus::ScenarioFolder;
 use crate::corpus::calibration::Calibration;
 use crate::corpus::scenario::ScenarioRecord;
@@ -12,14 +12,23 @@ use crate::corpus::sealed::Sealed;
 use crate::video::{TimeBase, VideoReader};
 use crate::work::watch::Watch;
 
-/// Checks all videos of a scenario, in parallel; returns how many pictures were decoded, and the evidence.
+/// What the videos of a scenario prove.
+#[derive(Default)]
+pub(super) struct Proofs {
+    /// Pictures decoded.
+    pub(super) pictures: u64,
+    pub(super) views: Vec<ViewProof>,
+    pub(super) pairs: Vec<PairProof>,
+}
+
+/// Checks all videos of a scenario, in parallel.
 pub(super) fn check(
     folder: &ScenarioFolder,
     scenario: &Scenario,
     calibration: Option<&Calibration>,
     faults: &mut Faults,
     watch: &dyn Watch,
-) -> (u64, Vec<ViewProof>) {
+) -> Proofs {
     let sealed = Sealed::read(folder.root()).ok().flatten();
     let read: Vec<(&String, PathBuf, Decoded)> = thread::scope(|scope| {
         let threads: Vec<_> = scenario
@@ -50,22 +59,25 @@ pub(super) fn check(
             })
             .collect()
     });
-    let mut pictures = 0;
-    let mut proofs = Vec::new();
+    let mut proofs = Proofs::default();
+    let mut measured = Vec::new();
     for (view, path, mut decoded) in read {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let file = format!("views/{name}");
-        pictures += decoded.pts.len() as u64;
+        proofs.pictures += decoded.pts.len() as u64;
         let watcher = decoded.watcher.take();
         judge(view, &file, &decoded, scenario.record, calibration, faults);
         if let Some(watcher) = watcher.filter(Watcher::is_needed) {
-            proofs.push(ViewProof {
+            let (proof, lag) = watcher.judge(&file, faults);
+            measured.extend(lag);
+            proofs.views.push(ViewProof {
                 scenario: folder.id(),
-                ..watcher.judge(&file, faults)
+                ..proof
             });
         }
     }
-    (pictures, proofs)
+    proofs.pairs = judge_lags(scenario, &measured, faults);
+    proofs
 }
 
 /// The content of a video file.

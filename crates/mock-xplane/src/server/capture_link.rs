@@ -27,6 +27,7 @@ use xplane_bridge::link::{
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 
 use super::engine::Engine;
+use super::faults::cameras::FaultyCameras;
 use super::faults::outages::Outages;
 use super::scenes::{SceneKey, Scenes};
 use super::seat::{Activity, LinkPatience, Seat};
@@ -61,6 +62,7 @@ pub(super) async fn run(
     outages: Arc<Outages>,
     admission: Admission,
     stage: Option<Arc<dyn DisplayWindow>>,
+    cameras: FaultyCameras,
 ) -> Result<(), MockError> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let service = Arc::new(CaptureService {
@@ -69,6 +71,7 @@ pub(super) async fn run(
         outages,
         admission,
         stage,
+        cameras: Mutex::new(cameras),
         scenes: Scenes::default(),
         painters: Arc::new(Semaphore::new(cores)),
         buffers: Mutex::default(),
@@ -115,6 +118,8 @@ struct CaptureService {
     admission: Admission,
     /// The window that shows what is drawn, if there is one.
     stage: Option<Arc<dyn DisplayWindow>>,
+    /// They decide what an image shows.
+    cameras: Mutex<FaultyCameras>,
     scenes: Scenes,
     painters: Arc<Semaphore>,
     /// Buffers of sent pictures, for reuse.
@@ -313,6 +318,7 @@ impl CaptureService {
                 if let Some(text) = faulty {
                     return refusal(text);
                 }
+                self.lock_cameras().begin_flight();
                 let mut world = self.world.lock();
                 world.freeze(runway);
                 world.set_imaging(imaging);
@@ -415,6 +421,7 @@ impl CaptureService {
             }
             (Deliver::Picture | Deliver::Drawn, _) => None,
         };
+        let drawn = self.lock_cameras().drawn_for(&request);
         let (key, frame) = {
             let mut world = self.world.lock();
             let Some(runway) = world.frozen_runway().cloned() else {
@@ -432,7 +439,7 @@ impl CaptureService {
                 return refusal(format!("view {}: {bad_lens}", request.view));
             }
             let key = SceneKey {
-                camera: request.camera,
+                camera: drawn.camera,
                 imaging,
                 width_px: request.width_px,
                 height_px: request.height_px,
@@ -451,7 +458,7 @@ impl CaptureService {
         let work = from.activity.work();
         let drawing = spawn_blocking(move || {
             let _in_work = (permit, work);
-            service.draw(&request, &key, frame, slot)
+            service.draw((&request, &drawn), &key, frame, slot)
         });
         match request.deliver {
             Deliver::Picture
@@ -509,18 +516,18 @@ impl CaptureService {
         result.map_err(|error| error.to_string())
     }
 
-    /// Draws into the slot, or into our own memory that becomes the payload.
+    /// Draws into the slot, or into our own memory that becomes the payload. The answer is to the request, whatever is drawn.
     fn draw(
         &self,
-        request: &CaptureRequest,
+        (request, drawn): (&CaptureRequest, &CaptureRequest),
         key: &SceneKey,
         frame: Frame,
         slot: Option<DrawingSlot>,
     ) -> Reply {
         let draw = |rgb: &mut [u8]| {
-            let time_s = SimTime(request.time_ns).seconds();
+            let time_s = SimTime(drawn.time_ns).seconds();
             self.scenes.with(self.engine.as_ref(), key, |picture| {
-                picture.draw(&request.pose, &request.controls, time_s, rgb);
+                picture.draw(&drawn.pose, &drawn.controls, time_s, rgb);
             });
             if frame.alert {
                 let mut canvas = Canvas {
@@ -548,7 +555,7 @@ impl CaptureService {
             view: request.view,
             sim_frame: frame.number,
             pose: request.pose,
-            camera: key.camera,
+            camera: request.camera,
             width_px: key.width_px,
             height_px: key.height_px,
         };
@@ -557,6 +564,10 @@ impl CaptureService {
 
     fn lock_profile(&self) -> MutexGuard<'_, Option<Value>> {
         self.profile.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock_cameras(&self) -> MutexGuard<'_, FaultyCameras> {
+        self.cameras.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn lock_buffers(&self) -> MutexGuard<'_, Vec<Vec<u8>>> {

@@ -1,9 +1,10 @@
 //! Fault injection for testing clients: a lossy network, a simulator that hangs, a simulator that restarts at any moment.
 //!
 //! Input: a text such as `loss=0.1,dup=0.05,restart=captures:20:2.5` or a [`Faults`]. The network's faults are in [`disorder`], the
-//! simulator's in [`outages`]. All randomness comes from a seed, and outages can be counted in frames or captures instead of
-//! seconds, so that a test meets the same fault at the same point every time.
+//! simulator's in [`outages`], those of its cameras in [`cameras`]. All randomness comes from a seed, and outages can be counted in
+//! frames or captures instead of seconds, so that a test meets the same fault at the same point every time.
 
+pub(super) mod cameras;
 pub(super) mod disorder;
 pub(super) mod outages;
 
@@ -11,11 +12,14 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
+pub use cameras::{CameraFault, CameraFaultKind};
+
 /// Default downtime of a restart: slightly more than a client needs to notice.
 const DEFAULT_DOWN: Duration = Duration::from_secs(3);
 /// The syntax of the text form, for messages.
-const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S] or restart=WHEN[:DOWN_S], \
-                        where WHEN is seconds, frames:N or captures:N";
+const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S], restart=WHEN[:DOWN_S], \
+                        late=VIEW:MS, shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE or turn=VIEW:RIGHT_DEG:AFTER_S, where WHEN is seconds, \
+                        frames:N or captures:N and VIEW counts from 0";
 
 /// The faults. The default is none.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -26,10 +30,12 @@ pub struct Faults {
     pub duplication: f64,
     /// Share of the UDP datagrams that arrive after their successor, each way, 0 to 1.
     pub reordering: f64,
-    /// Seed of the three above.
+    /// Seed of the three above and of the cameras' faults.
     pub seed: u64,
     /// Failures of the simulator itself. Each outage happens once; any number of them may follow each other.
     pub outages: Vec<Outage>,
+    /// Faults of the cameras; a view can have several. Only the built-in capture link has them.
+    pub cameras: Vec<CameraFault>,
 }
 
 /// One period without answers.
@@ -132,6 +138,10 @@ impl FromStr for Faults {
                         lasts: lasts.or(Some(DEFAULT_DOWN)),
                     });
                 }
+                "late" | "shake" | "stick" | "turn" => {
+                    let fault = camera_fault(key, value).map_err(bad)?;
+                    faults.cameras.push(fault);
+                }
                 _ => return Err(FaultsError::UnknownKey { found: key.into() }),
             }
         }
@@ -148,6 +158,7 @@ impl fmt::Display for Faults {
             reordering,
             seed,
             outages,
+            cameras,
         } = self;
         write!(
             f,
@@ -172,8 +183,67 @@ impl fmt::Display for Faults {
                 write!(f, ":{}", lasts.as_secs_f64())?;
             }
         }
-        Ok(())
+        cameras.iter().try_for_each(|fault| write!(f, ",{fault}"))
     }
+}
+
+impl fmt::Display for CameraFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { view, kind } = self;
+        match kind {
+            CameraFaultKind::Late(by) => write!(f, "late={view}:{}", by.as_secs_f64() * 1_000.0),
+            CameraFaultKind::Shakes {
+                rms_px,
+                frequency_hz,
+            } => write!(f, "shake={view}:{rms_px}:{frequency_hz}"),
+            CameraFaultKind::Sticks(share) => write!(f, "stick={view}:{share}"),
+            CameraFaultKind::Turns { right_deg, after } => {
+                write!(f, "turn={view}:{right_deg}:{}", after.as_secs_f64())
+            }
+        }
+    }
+}
+
+/// The fault of a camera, or the text that was expected.
+fn camera_fault(key: &str, value: &str) -> Result<CameraFault, &'static str> {
+    let (view, kind) = value.split_once(':').unwrap_or((value, ""));
+    let positive = |text: &str| {
+        let number: f64 = text.parse().ok()?;
+        (number.is_finite() && number > 0.0).then_some(number)
+    };
+    let (kind, expected) = match key {
+        "late" => {
+            let milliseconds = positive(kind).and_then(|by_ms| seconds(&(by_ms / 1e3).to_string()));
+            (milliseconds.map(CameraFaultKind::Late), "VIEW:MS")
+        }
+        "shake" => {
+            let shake = kind.split_once(':').and_then(|(rms_px, frequency_hz)| {
+                Some(CameraFaultKind::Shakes {
+                    rms_px: positive(rms_px)?,
+                    frequency_hz: positive(frequency_hz)?,
+                })
+            });
+            (shake, "VIEW:RMS_PX:HZ")
+        }
+        "stick" => {
+            let share = ratio(kind).map(CameraFaultKind::Sticks);
+            (share, "VIEW:SHARE, a share from 0 to 1")
+        }
+        _ => {
+            let turn = kind.split_once(':').and_then(|(right_deg, after)| {
+                let right_deg: f64 = right_deg.parse().ok()?;
+                (right_deg.abs() <= 180.0).then_some(CameraFaultKind::Turns {
+                    right_deg,
+                    after: seconds(after)?,
+                })
+            });
+            (turn, "VIEW:RIGHT_DEG:AFTER_S")
+        }
+    };
+    let view = view.parse().ok();
+    view.zip(kind)
+        .map(|(view, kind)| CameraFault { view, kind })
+        .ok_or(expected)
 }
 
 fn ratio(text: &str) -> Option<f64> {
@@ -217,7 +287,7 @@ mod tests {
 
     #[test]
     fn every_fault_has_a_word_and_what_is_printed_reads_back() {
-        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3";
+        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120";
         let faults = parse(text).unwrap();
         assert_eq!((faults.loss, faults.duplication), (0.1, 0.05));
         assert_eq!((faults.reordering, faults.seed), (0.02, 9));
@@ -243,6 +313,7 @@ mod tests {
                 ),
             ]
         );
+        assert_eq!(faults.cameras.len(), 4);
         assert_eq!(parse(&faults.to_string()).unwrap(), faults);
         assert!(parse("").unwrap().is_none());
     }
@@ -263,6 +334,11 @@ mod tests {
             ("freeze=1:-2", r#""1:-2""#),
             ("freeze=1:", r#""1:""#),
             ("seed=-1", "a whole number"),
+            ("late=450", r#"fault late is "450"; expected VIEW:MS"#),
+            ("late=0:-1", "VIEW:MS"),
+            ("shake=0:2", "VIEW:RMS_PX:HZ"),
+            ("stick=0:4", "a share from 0 to 1"),
+            ("turn=left:0.3:120", "VIEW:RIGHT_DEG:AFTER_S"),
         ] {
             let message = parse(text).unwrap_err().to_string();
             assert!(message.contains(words), "{text}: {message}");

@@ -5,6 +5,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
+use super::outline::Outline;
 use crate::tables::pixel_box::PixelBox;
 use crate::video::BYTES_PER_PIXEL;
 
@@ -38,6 +39,8 @@ pub(super) struct Sight {
     pub(super) noise: f64,
     /// Centre of what stands out, relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
+    /// Its outline.
+    pub(super) outline: Option<Outline>,
 }
 
 impl Sight {
@@ -165,6 +168,11 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
     let threshold = (2.0 * noise + 1.0).max(contrast / 4.0);
     let reach_px = margin_px * 0.7;
     let (mut sum, mut moment) = (0.0, DVec2::ZERO);
+    let residuals = inside.iter().map(|(pixel, beyond_px)| {
+        let is_near = *beyond_px <= reach_px;
+        (pixel.0, if is_near { plane.left_of(pixel) } else { 0.0 })
+    });
+    let outline = Outline::of(residuals, contrast, noise);
     for (pixel, beyond_px) in &inside {
         let weight = plane.left_of(pixel);
         if *beyond_px <= reach_px && weight > threshold {
@@ -176,6 +184,7 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
         contrast,
         noise,
         offset_px: if sum > 0.0 { moment / sum } else { DVec2::ZERO },
+        outline,
     })
 }
 

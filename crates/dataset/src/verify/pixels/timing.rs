@@ -1,8 +1,9 @@
-//! Offsets of the aircraft from its boxes, interpreted as time.
+//! Images of other ticks: from a tick on, or single ones.
 //!
-//! An offset has two parts: a share of the size, because the visible part of an aircraft is not centred in its box, and its motion
-//! in the picture during the time by which picture and table differ: `offset = share * size + lag * way per tick`. Both are fitted
-//! by least squares; the tick at which a lag starts is the one with the best fit.
+//! The offset of the centre of brightness from the box has two parts: a share of the size, because the visible part of an aircraft is not
+//! centred in its box, and its motion in the image during the time by which image and table differ:
+//! `offset = share * size + ahead * motion per tick`. Both are fitted by least squares; the tick at which the time ahead starts is the one
+//! with the best fit. Lags that are smaller than an aircraft are measured by its outline ([`lag`](super::lag)).
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -18,21 +19,16 @@ pub(super) struct Point {
     /// Motion of the box in one tick, pixels.
     pub(super) per_tick_px: DVec2,
     pub(super) size_px: DVec2,
+    /// Speed of the aircraft over ground, metres per second.
+    pub(super) speed_mps: f64,
 }
 
-/// The result for all pictures of a view.
-#[derive(Debug, Default)]
-pub(super) struct Timing {
-    pub(super) offset_px: Option<f64>,
-    pub(super) lag_ticks: Option<f64>,
-    pub(super) lag_error_ticks: Option<f64>,
-}
-
-/// A lag is a fault if it is this large, ticks ...
-const LEAST_LAG_TICKS: f64 = 0.6;
-/// ... and this many times its standard error. The threshold is higher if the start of the lag was searched for.
+/// Images are of other ticks if they differ by this much, ticks: a little more than half ...
+const LEAST_TICKS: f64 = 0.6;
+/// ... by this many standard errors ...
 const SURE: f64 = 4.0;
-const SURE_OF_ALL: f64 = 3.0;
+/// ... and by this part of the aircraft's way, metres: what stands out may be at either end of the aircraft.
+const LEAST_WAY_M: f64 = 20.0;
 /// Fewer points can be fitted by anything.
 const LEAST_POINTS: usize = 6;
 /// Error of an offset: pixels ...
@@ -44,38 +40,32 @@ const PLACES: usize = 128;
 /// Points on either side used to decide whether a point is out of line.
 const NEIGHBOURS: usize = 5;
 
-pub(super) fn judge(points: &[Point], file: &str, view: &str, faults: &mut Faults) -> Timing {
-    let mut timing = Timing {
-        offset_px: median(points.iter().map(|point| point.offset_px.length())),
-        ..Timing::default()
-    };
-    let Some(whole) = Fit::of(points, 0) else {
-        return timing;
-    };
-    timing.lag_ticks = Some(whole.lag_ticks);
-    timing.lag_error_ticks = Some(whole.error_ticks);
-    if let Some((from, fit)) = out_of_step(points) {
-        let lag = fit.lag_ticks;
-        let message = format!(
-            "from here on the pictures show the aircraft where it is {:.1} ticks {} (+-{:.1})",
-            lag.abs(),
-            in_words(lag),
-            fit.error_ticks
-        );
-        faults.view_row(view, file, points[from].tick, "out of step", message);
-    } else {
+/// Names the tick from which on the images are of other ticks, or single images that are.
+pub(super) fn check(points: &[Point], period_s: f64, file: &str, view: &str, faults: &mut Faults) {
+    let Some((from, fit)) = out_of_step(points, period_s) else {
         check_each(points, file, view, faults);
-    }
-    timing
+        return;
+    };
+    let (ahead, point) = (fit.ahead_ticks, &points[from]);
+    let ahead_s = ahead.abs() * period_s;
+    let message = format!(
+        "from here on the pictures show the aircraft where it is {:.1} ticks {} (+-{:.1}), {:.0} ms or {:.0} m along its track",
+        ahead.abs(),
+        in_words(ahead),
+        fit.error_ticks,
+        ahead_s * 1e3,
+        ahead_s * point.speed_mps,
+    );
+    faults.view_row(view, file, point.tick, "out of step", message);
 }
 
-/// The best-fitting start of a lag, if there is one. Tries some places first, then all around the best of them.
-fn out_of_step(points: &[Point]) -> Option<(usize, Fit)> {
+/// The best-fitting start of a shift, if there is one. Tries some places first, then all around the best of them.
+fn out_of_step(points: &[Point], period_s: f64) -> Option<(usize, Fit)> {
     let last = points.len().checked_sub(LEAST_POINTS / 2)?;
     let best = |places: &mut dyn Iterator<Item = usize>| {
         places
             .filter_map(|from| Some((from, Fit::of(points, from)?)))
-            .filter(|(from, fit)| fit.is_out_of_step(if *from == 0 { SURE_OF_ALL } else { SURE }))
+            .filter(|(from, fit)| fit.is_of_other_ticks(period_s * points[*from].speed_mps))
             .min_by(|(_, a), (_, b)| a.misfit.total_cmp(&b.misfit))
     };
     let step = last.div_ceil(PLACES).max(1);
@@ -83,8 +73,8 @@ fn out_of_step(points: &[Point]) -> Option<(usize, Fit)> {
     best(&mut (near.saturating_sub(step)..=(near + step).min(last)))
 }
 
-fn in_words(lag: f64) -> &'static str {
-    if lag > 0.0 { "later" } else { "earlier" }
+fn in_words(ahead: f64) -> &'static str {
+    if ahead > 0.0 { "later" } else { "earlier" }
 }
 
 /// Single pictures that are out of line with their neighbours along the path of the aircraft.
@@ -104,7 +94,7 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
         let point = &points[index];
         let ticks = off_px / point.per_tick_px.length();
         let sure_px = OFFSET_ERROR_PX * 3.0 + OFFSET_ERROR * point.size_px.max_element();
-        if ticks.abs() >= LEAST_LAG_TICKS
+        if ticks.abs() >= LEAST_TICKS
             && off_px.abs() >= sure_px
             && part(index, off_px).abs() >= 2.5 * SURE * usual
         {
@@ -136,10 +126,11 @@ fn out_of_line(points: &[Point], index: usize) -> Option<f64> {
     Some((point.offset_px - usual_px).dot(way))
 }
 
-/// A fit to all points, with a lag starting at one of them.
+/// A fit to all points, with a time ahead that starts at one of them.
 struct Fit {
-    lag_ticks: f64,
-    /// Standard error.
+    /// Time by which the images are ahead of the tables, ticks.
+    ahead_ticks: f64,
+    /// Standard error if the errors of all offsets are independent.
     error_ticks: f64,
     /// Weighted sum of squared residuals.
     misfit: f64,
@@ -175,17 +166,20 @@ impl Fit {
         let inverse = normal.inverse();
         let found = inverse * right;
         let misfit = (squares - found.dot(right)).max(0.0);
-        // If the offsets scatter more than expected, so does the lag.
+        // If the offsets scatter more than expected, so does the time.
         let scatter = (misfit / (2.0 * points.len() as f64 - 3.0)).max(1.0);
         Some(Self {
-            lag_ticks: found.x,
+            ahead_ticks: found.x,
             error_ticks: (inverse.x_axis.x * scatter).sqrt(),
             misfit,
         })
     }
 
-    fn is_out_of_step(&self, sure: f64) -> bool {
-        self.lag_ticks.abs() >= LEAST_LAG_TICKS && self.lag_ticks.abs() >= sure * self.error_ticks
+    fn is_of_other_ticks(&self, way_per_tick_m: f64) -> bool {
+        let ahead = self.ahead_ticks.abs();
+        ahead >= LEAST_TICKS
+            && ahead >= SURE * self.error_ticks
+            && ahead * way_per_tick_m >= LEAST_WAY_M
     }
 }
 
@@ -200,7 +194,7 @@ mod tests {
     use super::*;
 
     /// An approaching aircraft: it grows and moves ever faster. What stands out is slightly below the centre.
-    fn approach(lag: impl Fn(usize) -> f64) -> Vec<Point> {
+    fn approach(ahead: impl Fn(usize) -> f64) -> Vec<Point> {
         (0..40)
             .map(|tick| {
                 let range = 6_000.0 - 100.0 * tick as f64;
@@ -210,10 +204,11 @@ mod tests {
                 Point {
                     tick,
                     offset_px: size_px * DVec2::new(0.0, 0.1)
-                        + per_tick_px * lag(tick)
+                        + per_tick_px * ahead(tick)
                         + DVec2::new(jitter, -jitter),
                     per_tick_px,
                     size_px,
+                    speed_mps: 70.0,
                 }
             })
             .collect()
@@ -221,7 +216,7 @@ mod tests {
 
     fn found(points: &[Point]) -> Vec<(Option<u64>, String)> {
         let mut faults = Faults::of_scenario("0001");
-        judge(points, "views/left.mp4", "left", &mut faults);
+        check(points, 0.5, "views/left.mp4", "left", &mut faults);
         let findings = faults.into_findings().into_iter();
         findings.map(|f| (f.row, f.message)).collect()
     }
@@ -242,6 +237,9 @@ mod tests {
             later[0].0.is_some_and(|row| row.abs_diff(20) <= 1),
             "{later:?}"
         );
+        let words = "1.0 ticks later (+-";
+        assert!(later[0].1.contains(words), "{later:?}");
+        assert!(later[0].1.contains("500 ms or 35 m"), "{later:?}");
     }
 
     #[test]

@@ -1,0 +1,359 @@
+//! Cameras that do not show what they report: images that are late, repeated, shaken, or taken in another direction.
+//!
+//! Input: the requests for images in their order. Output: for each, the request for what is drawn in its place. Answers still echo
+//! what was asked: a camera with such a fault does not notice it.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::numbers::units::Degrees;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
+use xplane_bridge::link::CaptureRequest;
+
+use super::Faults;
+
+/// Frequencies of the sinusoids of a shake relative to the stated one. No image rate is a multiple of all of them.
+const SINUSOIDS: [f64; 5] = [0.71, 0.87, 1.0, 1.13, 1.29];
+
+/// A fault of the camera of one view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraFault {
+    /// Index of the view in the rig, from 0.
+    pub view: u32,
+    /// Effect on its images.
+    pub kind: CameraFaultKind,
+}
+
+/// The effect of a camera's fault on its images.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CameraFaultKind {
+    /// Everything is shown where it was this long before. The first images of a flight show its beginning.
+    Late(Duration),
+    /// The camera shakes about its two transverse axes.
+    Shakes {
+        /// Root mean square along each axis of the image, pixels.
+        rms_px: f64,
+        /// Mean frequency, hertz.
+        frequency_hz: f64,
+    },
+    /// This share of the images repeats the previous one, 0 to 1.
+    Sticks(f64),
+    /// From a time on the camera points further to the right.
+    Turns {
+        /// The angle, degrees.
+        right_deg: f64,
+        /// The time since the first tick.
+        after: Duration,
+    },
+}
+
+/// All cameras in the course of a flight.
+#[derive(Debug)]
+pub(crate) struct FaultyCameras {
+    faults: Vec<CameraFault>,
+    seed: u64,
+    views: BTreeMap<u32, View>,
+}
+
+impl FaultyCameras {
+    pub(crate) fn new(faults: &Faults) -> Self {
+        Self {
+            faults: faults.cameras.clone(),
+            seed: faults.seed,
+            views: BTreeMap::new(),
+        }
+    }
+
+    /// The next requests are of another scenario.
+    pub(crate) fn begin_flight(&mut self) {
+        self.views.values_mut().for_each(View::begin_flight);
+    }
+
+    /// The request for what is drawn in place of the image that was requested.
+    pub(crate) fn drawn_for(&mut self, request: &CaptureRequest) -> CaptureRequest {
+        let faults: Vec<CameraFaultKind> = (self.faults.iter())
+            .filter(|fault| fault.view == request.view)
+            .map(|fault| fault.kind)
+            .collect();
+        if faults.is_empty() {
+            return *request;
+        }
+        let seed = self.seed;
+        let view = self.views.entry(request.view);
+        let content = view
+            .or_insert_with(|| View::new(seed, request.view))
+            .content(&faults, request);
+        CaptureRequest {
+            time_ns: content.time_ns,
+            pose: content.pose,
+            controls: content.controls,
+            camera: content.camera,
+            ..*request
+        }
+    }
+}
+
+/// What an image shows.
+#[derive(Debug, Clone, Copy)]
+struct Content {
+    time_ns: i64,
+    pose: Pose,
+    controls: Controls,
+    camera: CameraPose,
+}
+
+/// The images of one view since the flight began.
+#[derive(Debug)]
+struct View {
+    /// It goes on from flight to flight, so that flights differ.
+    random: ChaCha12Rng,
+    /// Phases of the shake along both axes, radians.
+    phases: [[f64; SINUSOIDS.len()]; 2],
+    /// Requested contents that a late image may still need, the oldest first.
+    requested: VecDeque<Content>,
+    shown: Option<Content>,
+}
+
+impl View {
+    fn new(seed: u64, view: u32) -> Self {
+        let mut random = ChaCha12Rng::seed_from_u64(seed);
+        // The network's faults draw from streams 1 and 2.
+        random.set_stream((u64::from(view) + 1) << 32);
+        let mut view = Self {
+            random,
+            phases: Default::default(),
+            requested: VecDeque::new(),
+            shown: None,
+        };
+        view.begin_flight();
+        view
+    }
+
+    fn begin_flight(&mut self) {
+        self.requested.clear();
+        self.shown = None;
+        for phase in self.phases.as_flattened_mut() {
+            *phase = TAU * self.random.random::<f64>();
+        }
+    }
+
+    fn content(&mut self, faults: &[CameraFaultKind], request: &CaptureRequest) -> Content {
+        let last = self.requested.back();
+        if last.is_some_and(|last| last.time_ns >= request.time_ns) {
+            self.begin_flight();
+        }
+        let requested = Content {
+            time_ns: request.time_ns,
+            pose: request.pose,
+            controls: request.controls,
+            camera: request.camera,
+        };
+        self.requested.push_back(requested);
+        let (mut content, mut sticks) = (requested, false);
+        for fault in faults {
+            match *fault {
+                CameraFaultKind::Late(by) => {
+                    let past = self.past(nanoseconds(by));
+                    content.time_ns = past.time_ns;
+                    content.pose = past.pose;
+                    content.controls = past.controls;
+                }
+                CameraFaultKind::Shakes {
+                    rms_px,
+                    frequency_hz,
+                } => {
+                    let [right_px, up_px] = self.shake(rms_px, frequency_hz, request.time_ns);
+                    let half_width = (request.camera.hfov_deg.to_radians() / 2.0).tan();
+                    let per_px = half_width / (f64::from(request.width_px) / 2.0);
+                    turn(&mut content.camera.pose, right_px * per_px, up_px * per_px);
+                }
+                CameraFaultKind::Turns { right_deg, after } => {
+                    if request.time_ns >= nanoseconds(after) {
+                        turn(&mut content.camera.pose, right_deg.to_radians(), 0.0);
+                    }
+                }
+                CameraFaultKind::Sticks(share) => sticks |= self.random.random::<f64>() < share,
+            }
+        }
+        let shown = self.shown.filter(|_| sticks).unwrap_or(content);
+        self.shown = Some(shown);
+        shown
+    }
+
+    /// What was requested for some time before the latest request, between two requests by linear interpolation.
+    fn past(&mut self, by_ns: i64) -> Content {
+        let latest = self.requested[self.requested.len() - 1];
+        let time_ns = latest.time_ns - by_ns;
+        while self.requested.len() > 1 && self.requested[1].time_ns <= time_ns {
+            self.requested.pop_front();
+        }
+        let before = self.requested[0];
+        let after = self.requested.get(1).copied().unwrap_or(before);
+        let apart_ns = after.time_ns - before.time_ns;
+        if time_ns <= before.time_ns || apart_ns == 0 {
+            return before;
+        }
+        let part = (time_ns - before.time_ns) as f64 / apart_ns as f64;
+        let between = |a: f64, b: f64| a + (b - a) * part;
+        let turned = |a: f64, b: f64| a + Degrees(b - a).wrapped_180().0 * part;
+        let (a, b) = (before.pose, after.pose);
+        Content {
+            time_ns,
+            pose: Pose {
+                latitude_deg: between(a.latitude_deg, b.latitude_deg),
+                longitude_deg: turned(a.longitude_deg, b.longitude_deg),
+                altitude_msl_m: between(a.altitude_msl_m, b.altitude_msl_m),
+                heading_true_deg: turned(a.heading_true_deg, b.heading_true_deg),
+                pitch_deg: between(a.pitch_deg, b.pitch_deg),
+                roll_deg: turned(a.roll_deg, b.roll_deg),
+            },
+            controls: before.controls,
+            camera: latest.camera,
+        }
+    }
+
+    /// Excursion to the right and up, pixels.
+    fn shake(&self, rms_px: f64, frequency_hz: f64, time_ns: i64) -> [f64; 2] {
+        // A sinusoid of amplitude 1 has a mean square of 1/2.
+        let amplitude_px = rms_px * (2.0 / SINUSOIDS.len() as f64).sqrt();
+        let turns = frequency_hz * Duration::from_nanos(time_ns.unsigned_abs()).as_secs_f64();
+        self.phases.map(|phases| {
+            let sinusoids = SINUSOIDS.iter().zip(phases);
+            let sum: f64 = sinusoids
+                .map(|(relative, phase)| (TAU * turns * relative + phase).sin())
+                .sum();
+            amplitude_px * sum
+        })
+    }
+}
+
+fn nanoseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
+}
+
+/// Turns a camera by small angles to the right and up in its image, radians.
+fn turn(camera: &mut Pose, right: f64, up: f64) {
+    let heading = right / camera.pitch_deg.to_radians().cos();
+    camera.heading_true_deg = Degrees(camera.heading_true_deg + heading.to_degrees())
+        .wrapped_360()
+        .0;
+    camera.pitch_deg += up.to_degrees();
+}
+
+#[cfg(test)]
+mod tests {
+    use xplane_bridge::link::Deliver;
+
+    use super::*;
+
+    /// The tick of a flight at one image every two seconds.
+    fn request(view: u32, tick: u32) -> CaptureRequest {
+        let at = f64::from(tick);
+        let pose = Pose {
+            latitude_deg: 1.0 + 0.001 * at,
+            longitude_deg: 103.9,
+            altitude_msl_m: 900.0 - 8.0 * at,
+            heading_true_deg: (359.0 + at).rem_euclid(360.0),
+            pitch_deg: 1.0,
+            roll_deg: 0.0,
+        };
+        CaptureRequest {
+            tick,
+            time_ns: i64::from(tick) * 2_000_000_000,
+            view,
+            pose,
+            controls: Controls::default(),
+            camera: CameraPose {
+                pose: Pose {
+                    heading_true_deg: 203.0,
+                    pitch_deg: 2.0,
+                    ..pose
+                },
+                hfov_deg: 10.0,
+            },
+            width_px: 1000,
+            height_px: 600,
+            deliver: Deliver::Picture,
+        }
+    }
+
+    fn cameras(faults: &str) -> FaultyCameras {
+        FaultyCameras::new(&faults.parse::<Faults>().unwrap())
+    }
+
+    #[test]
+    fn a_late_view_shows_the_aircraft_where_it_was_and_the_other_view_is_untouched() {
+        let mut cameras = cameras("late=1:450");
+        assert_eq!(cameras.drawn_for(&request(1, 0)), request(1, 0));
+        let drawn = cameras.drawn_for(&request(1, 1));
+        assert_eq!(drawn.time_ns, 1_550_000_000);
+        assert!((drawn.pose.altitude_msl_m - (900.0 - 8.0 * 0.775)).abs() < 1e-9);
+        assert!((drawn.pose.heading_true_deg.rem_euclid(360.0) - 359.775).abs() < 1e-9);
+        assert_eq!(drawn.camera.pose.heading_true_deg, 203.0);
+        assert_eq!(cameras.drawn_for(&request(0, 1)), request(0, 1));
+        // More than a tick late.
+        let mut slow = self::cameras("late=0:3000");
+        let drawn: Vec<_> = (0..5)
+            .map(|tick| slow.drawn_for(&request(0, tick)))
+            .collect();
+        assert!((drawn[4].pose.altitude_msl_m - (900.0 - 8.0 * 2.5)).abs() < 1e-9);
+        // The next flight does not begin with the end of this one.
+        slow.begin_flight();
+        assert_eq!(slow.drawn_for(&request(0, 20)).pose, request(0, 20).pose);
+    }
+
+    #[test]
+    fn a_shaking_camera_has_the_stated_root_mean_square_along_both_axes_and_flights_differ() {
+        let mut cameras = cameras("shake=0:2:1.1,seed=3");
+        let per_px = 0.01 / (5_f64.to_radians().tan() / 500.0).atan().to_degrees();
+        let mut flight = || -> Vec<[f64; 2]> {
+            let drawn = (0..4_000).map(|tick| cameras.drawn_for(&request(0, tick)).camera.pose);
+            let px = |degrees: f64| degrees * per_px / 0.01;
+            let excursions: Vec<_> = drawn
+                .map(|pose| [px(pose.heading_true_deg - 203.0), px(pose.pitch_deg - 2.0)])
+                .collect();
+            cameras.begin_flight();
+            excursions
+        };
+        let (first, second) = (flight(), flight());
+        for axis in 0..2 {
+            let squares: f64 = first.iter().map(|px| px[axis] * px[axis]).sum();
+            let rms_px = (squares / first.len() as f64).sqrt();
+            assert!((rms_px - 2.0).abs() < 0.1, "{rms_px}");
+        }
+        assert_ne!(first[0], second[0]);
+    }
+
+    #[test]
+    fn a_sticking_camera_repeats_its_share_of_the_images() {
+        let mut cameras = cameras("stick=0:0.04,seed=5");
+        let drawn: Vec<_> = (0..5_000)
+            .map(|tick| cameras.drawn_for(&request(0, tick)))
+            .collect();
+        let again = drawn
+            .windows(2)
+            .filter(|pair| pair[0].pose == pair[1].pose && pair[0].time_ns == pair[1].time_ns);
+        let share = again.count() as f64 / 5_000.0;
+        assert!((share - 0.04).abs() < 0.01, "{share}");
+        assert!((0..).zip(&drawn).all(|(tick, drawn)| drawn.tick == tick));
+    }
+
+    #[test]
+    fn a_camera_turns_when_its_time_comes() {
+        let mut cameras = cameras("turn=0:-0.3:120");
+        let mut heading = |tick| {
+            cameras
+                .drawn_for(&request(0, tick))
+                .camera
+                .pose
+                .heading_true_deg
+        };
+        assert_eq!(heading(59), 203.0);
+        let turned = heading(60);
+        assert!((turned - 202.7).abs() < 1e-3, "{turned}");
+    }
+}
