@@ -18,8 +18,9 @@ use super::gaussian::{Gaussian, Step};
 use super::hypothesis::{Decision, Hypothesis, Levelled, Model, step};
 use super::mixture::{State, mixed};
 
-/// Chances at a usual tick: that an outlier follows something else, that it follows an outlier, and that what was known is of something
-/// else.
+/// Chances at a usual tick: that an outlier follows a good measurement, that it follows an outlier (groups have three on average), and that
+/// what was known is of something else. No flight was measured for these and what follows; tests/disturbed.rs has the simulated flights that
+/// they were tried on.
 const OUTLIER: f64 = 0.01;
 const NEXT_OUTLIER: f64 = 0.7;
 const BEGINNING: f64 = 1e-4;
