@@ -147,3 +147,17 @@ fn equal_images_of_nothing_that_moves_are_not_frozen() {
             .all(|(state, _)| *state == HealthState::Steady)
     );
 }
+
+#[test]
+fn ticks_of_a_shaking_camera_that_are_measured_badly_or_not_at_all_shake_too() {
+    let mut hazy = looks((0..60).map(|tick| (tick % 7 > 0).then_some(wobble(tick) * 2.8)));
+    for look in &mut hazy {
+        if look.tick % 7 == 3 {
+            let turn = look.turn.as_mut().unwrap();
+            turn.sd_px = 0.9;
+        }
+    }
+    let told = states(&hazy);
+    let shaking = told.iter().filter(|state| **state == HealthState::Shaking);
+    assert_eq!(shaking.count(), 60, "{told:?}");
+}
