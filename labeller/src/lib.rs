@@ -2,8 +2,8 @@
 //!
 //! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected ground truth in
 //! `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`, the shifts of the aircraft between views,
-//! `registrations/<model>.parquet`, and the condition of the cameras, `health/<model>.parquet`). Labels come from poses and cameras alone, detections from decoded pixels alone; [`matching`] and
-//! `statistics` compare the two.
+//! `registrations/<model>.parquet`, and the condition of the cameras, `health/<model>.parquet`). Labels come from poses and cameras alone,
+//! detections from decoded pixels alone; [`matching`] and `statistics` compare the two.
 
 #![forbid(unsafe_code)]
 

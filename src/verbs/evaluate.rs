@@ -158,8 +158,12 @@ fn print_judged(metrics: &Metrics) {
     );
     match metrics.disbelieved_boxes {
         0 => {}
-        1 => println!("1 box was ignored: unlike all training boxes, or not of the followed aircraft"),
-        many => println!("{many} boxes were ignored: unlike all training boxes, or not of the followed aircraft"),
+        1 => println!(
+            "1 box was ignored: unlike all training boxes, or not of the followed aircraft"
+        ),
+        many => println!(
+            "{many} boxes were ignored: unlike all training boxes, or not of the followed aircraft"
+        ),
     }
     match metrics.cut_off_boxes {
         0 => {}

@@ -48,7 +48,7 @@ pub fn starting_from(least_nm: f64, most_nm: f64, altitude_msl_m: u32) -> String
 }
 
 /// Four weathers, of which the last one has rain.
-pub(crate) const FOUR_WEATHERS: &str = r#"
+pub const FOUR_WEATHERS: &str = r#"
 [weather.clear]
 visibility_m = 80000
 wind_speed_mps = 4

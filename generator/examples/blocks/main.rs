@@ -6,10 +6,14 @@
 //! check of the window before and after is not, nor is the trial before the first scenario. Arguments: width and height of the pictures
 //! (480 320), the first and the last lag (0 4).
 //!
+//! `-- covers` puts something over the scene for a second in mid recording, in scenarios of four weathers: `covers.rs`. Arguments:
+//! scenarios of each weather (25), and a seed (0).
+//!
 //! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of a picture,
 //! each measured alone. Arguments: width and height (1920 1280). On a larger machine: `taskset -c 0,1` before it.
 
 mod alone;
+mod covers;
 
 use std::env;
 use std::error::Error;
@@ -24,7 +28,9 @@ use dataset::corpus::Corpus;
 use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
 use generator::shard::Shard;
 use generator::sweep::Sweep;
-use mock_xplane::server::{FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions};
+use mock_xplane::server::{
+    FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions, WindowCovers,
+};
 use mock_xplane::window::{DisplayWindow, X11Window};
 use serde_json::json;
 use testkit::repository;
@@ -36,11 +42,12 @@ use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 
 /// Of a screen.
 const FRAMES_PER_S: f64 = 60.0;
-/// Cores that the rate at full speed is compared with.
+/// Cores that the rate at full speed is compared with, and the share of them that the three steps should use.
 const CORES: f64 = 2.0;
+const GOAL: f64 = 0.7;
 /// On each side of the picture.
 const MARGIN_PX: u32 = 16;
-/// Name of the corpus.
+/// Name of the corpus of [`Recording::record`].
 const SPEED: &str = "speed";
 const CLEAR_AND_STORMY: &str = r#"
 [[recorded]]
@@ -70,7 +77,8 @@ async fn main() -> Result<(), Box<dyn Error>> {
             frames((number(0, 480), number(1, 320)), lags).await
         }
         "speed" => speed((number(0, 1_920), number(1, 1_280))).await,
-        _ => Err("expected `frames` or `speed`".into()),
+        "covers" => covers::covers(number(0, 25), number(1, 0)).await,
+        _ => Err("expected `frames`, `speed` or `covers`".into()),
     }
 }
 
@@ -115,6 +123,7 @@ async fn speed(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
                 "encoding_ms": 1e3 * alone.encoding.as_secs_f64(),
                 "cores": CORES,
                 "share_of_cores": pictures_per_s * of_a_picture.as_secs_f64() / CORES,
+                "goal": GOAL,
                 "blocks": recorded.blocks,
             })
         );
@@ -129,6 +138,7 @@ struct Recording {
     window: Arc<dyn DisplayWindow>,
     screen: Arc<dyn Screen>,
     frames: FramesDrawn,
+    covers: WindowCovers,
     simulator: SocketAddr,
     folder: tempfile::TempDir,
 }
@@ -152,13 +162,14 @@ impl Recording {
         let xvfb = Xvfb::start(&format!("{}x{}x24", window_px.0, window_px.1));
         let window = X11Window::open(Some(xvfb.display()), window_px)?;
         let window: Arc<dyn DisplayWindow> = Arc::new(window);
-        let frames = FramesDrawn::default();
+        let (frames, covers) = (FramesDrawn::default(), WindowCovers::default());
         let simulator = serving(ServerOptions {
             generation: Generation::XPlane12,
             link: LinkServer::Plugin(PluginOptions {
                 most_frames_per_s,
                 scene_behind: Some(SceneBehind::Constant(lag)),
                 frames_drawn: frames.clone(),
+                window_covers: covers.clone(),
                 ..testkit_simulator::plugin::options(window_px)
             }),
             stage: Some(window.clone()),
@@ -171,9 +182,43 @@ impl Recording {
             xvfb,
             window,
             frames,
+            covers,
             simulator,
             folder: tempfile::tempdir()?,
         })
+    }
+
+    /// Records a sweep into a folder of this name.
+    async fn generate(
+        &self,
+        name: &str,
+        toml: String,
+        listen: &mut (dyn FnMut(Event<'_>) + Send),
+    ) -> Result<Corpus, Box<dyn Error>> {
+        let sweep = Sweep::parse(
+            Path::new("blocks.toml"),
+            &repository().join("tests/data"),
+            toml,
+        )?;
+        let options = GenerateOptions {
+            simulators: SimulatorTarget::Address(self.simulator).into(),
+            local_udp: LocalUdp::default(),
+            stand_in_program: PathBuf::from("unused"),
+            pixels: PixelChoice::Auto,
+            encoder: None,
+            screen: self.screen.clone(),
+            only: Vec::new(),
+            shard: Shard::WHOLE,
+            patience: Patience::default(),
+            restart: None,
+            remote: None,
+        };
+        let folder = self.folder.path().join(name);
+        let outcome = generate(&sweep, &folder, &options, &Cancel::new(), listen).await?;
+        if !outcome.failed.is_empty() {
+            return Err(format!("{:?}", outcome.failed).into());
+        }
+        Ok(Corpus::open(&folder)?)
     }
 
     /// Records two scenarios of each weather from a distance, and returns the second ones: before the first one, a trial compares blocks
@@ -207,30 +252,7 @@ impl Recording {
             }),
             _ => {}
         };
-        let sweep = Sweep::parse(
-            Path::new("blocks.toml"),
-            &repository().join("tests/data"),
-            toml,
-        )?;
-        let options = GenerateOptions {
-            simulators: SimulatorTarget::Address(self.simulator).into(),
-            local_udp: LocalUdp::default(),
-            stand_in_program: PathBuf::from("unused"),
-            pixels: PixelChoice::Auto,
-            encoder: None,
-            screen: self.screen.clone(),
-            only: Vec::new(),
-            shard: Shard::WHOLE,
-            patience: Patience::default(),
-            restart: None,
-            remote: None,
-        };
-        let folder = self.folder.path().join(SPEED);
-        let outcome = generate(&sweep, &folder, &options, &Cancel::new(), &mut listen).await?;
-        if !outcome.failed.is_empty() {
-            return Err(format!("{:?}", outcome.failed).into());
-        }
-        let corpus = Corpus::open(&folder)?;
+        let corpus = self.generate(SPEED, toml, &mut listen).await?;
         recorded.retain(|recorded| recorded.id.ends_with("r2"));
         for recorded in &mut recorded {
             let record = corpus.scenario(&recorded.id).open()?.record()?;

@@ -25,11 +25,11 @@ use standing_still::StandingStill;
 
 use super::Rectangle;
 use super::cell_grid::Grid;
-pub(crate) use watch::{CoverWatch, Verdict};
+pub use watch::{CoverWatch, Verdict};
 
 /// Motion of the world between two images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum WorldTime {
+pub enum WorldTime {
     /// Only water moves.
     Paused,
     /// Clouds drift and rain falls.
@@ -38,7 +38,7 @@ pub(crate) enum WorldTime {
 
 /// Something that covers the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Cover {
+pub struct Cover {
     /// Covered rectangle, to the cell.
     pub rectangle: Rectangle,
     /// The way in which it was detected.
@@ -49,7 +49,7 @@ pub(crate) struct Cover {
 
 /// The way in which a cover is detected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum CoverKind {
+pub enum CoverKind {
     /// The image changed more than this scene usually does.
     Appeared,
     /// It stands still where the scene never did.
@@ -195,7 +195,7 @@ impl Limits {
 
 /// The scene of one resting camera.
 #[derive(Debug)]
-pub(crate) struct StillScene {
+pub struct StillScene {
     grid: Grid,
     time: WorldTime,
     limits: Limits,
@@ -213,7 +213,7 @@ pub(crate) struct StillScene {
 
 impl StillScene {
     /// A scene of images of this size, before its first image.
-    pub(crate) fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
+    pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
         let grid = Grid::new(width_px, height_px);
         Self {
             cells: vec![Cell::default(); grid.cells()],
@@ -228,9 +228,17 @@ impl StillScene {
         }
     }
 
+    /// Forgets the images: another block begins.
+    pub fn restart(&mut self) {
+        self.cells.fill(Cell::default());
+        self.standing_still = StandingStill::new(self.grid.cells());
+        self.is_new = true;
+        self.hidden_looks = 0;
+    }
+
     /// The next image comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
     /// is compared anew, and a cover that came meanwhile is noticed when it goes.
-    pub(crate) fn after_gap(&mut self) {
+    pub fn after_gap(&mut self) {
         if self.time == WorldTime::Runs {
             for cell in &mut self.cells {
                 cell.outdated = true;
@@ -245,7 +253,7 @@ impl StillScene {
     ///
     /// # Panics
     /// If the image has another size.
-    pub(crate) fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
+    pub fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
         assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
         let touched = self.grid.touched(moving);
         if std::mem::take(&mut self.is_new) {

@@ -184,7 +184,8 @@ pub const FLIGHT_TIME_S: Limits = Limits::new(-1e10, 1e10, "a time in seconds");
 /// From the touchdown target.
 pub const START_DTD_NM: Limits = Limits::new(0.5, 40.0, "a distance in nautical miles");
 /// The same in metres, as in a plan.
-pub(crate) const START_DTD_M: Limits = Limits::new(0.5 * 1_852.0, 40.0 * 1_852.0, "a distance in metres");
+pub(crate) const START_DTD_M: Limits =
+    Limits::new(0.5 * 1_852.0, 40.0 * 1_852.0, "a distance in metres");
 /// Right of the course.
 pub const START_CROSS_TRACK_M: Limits = Limits::new(-5_000.0, 5_000.0, "an offset in metres");
 /// Above the profile.

@@ -8,8 +8,8 @@ const UNITS: [(&str, f64); 3] = [
     ("kilometres", 1_000.0),
     ("feet", 0.3048),
 ];
-/// Distance of the median from the exact factor up to which the unit is the likely reason. Errors of estimators are smaller, and the units are
-/// farther apart.
+/// Distance of the median from the exact factor up to which the unit is the likely reason. Errors of estimators are smaller, and the units
+/// are farther apart.
 const TOLERANCE: f64 = 0.1;
 
 /// The unit, with its length in metres, of distances whose median is this share of the truth in metres; `None` for metres, or if no unit

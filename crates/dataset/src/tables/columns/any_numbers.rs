@@ -10,7 +10,8 @@ use super::Table;
 use crate::error::Result;
 
 impl Table {
-    /// A column of numbers that may be missing: floats of 32 or 64 bits, or whole numbers of any size. Whole numbers beyond 2^53 are rounded.
+    /// A column of numbers that may be missing: floats of 32 or 64 bits, or whole numbers of any size. Whole numbers beyond 2^53 are
+    /// rounded.
     ///
     /// # Errors
     /// The column is missing or contains something other than numbers.

@@ -1,8 +1,8 @@
 //! The lag of the images of a view behind the tables, and of two views behind each other, in seconds.
 //!
-//! The middle of the aircraft's outline is that of its box, but for its motion in the image during the lag: `offset = -lag * motion`. The lag
-//! is fitted by least squares, where outliers have the weight of Huber (1964, Annals of Mathematical Statistics 35, 73). An outline that is
-//! larger or smaller than the box has an error of its own: half of the difference if only one side causes it.
+//! The middle of the aircraft's outline is that of its box, but for its motion in the image during the lag: `offset = -lag * motion`. The
+//! lag is fitted by least squares, where outliers have the weight of Huber (1964, Annals of Mathematical Statistics 35, 73). An outline
+//! that is larger or smaller than the box has an error of its own: half of the difference if only one side causes it.
 //!
 //! The standard error must hold for offsets that err alike: light, attitude and the clouds behind the aircraft change slowly, so residuals
 //! near in time have the same sign. They are summed over blocks of time before they are squared (Liang and Zeger 1986, Biometrika 73, 13).

@@ -19,8 +19,8 @@ use super::hypothesis::{Decision, Hypothesis, Levelled, Model, step};
 use super::mixture::{State, mixed};
 
 /// Chances at a usual tick: that an outlier follows a good measurement, that it follows an outlier (groups have three on average), and that
-/// what was known is of something else. No flight was measured for these and what follows; tests/disturbed.rs has the simulated flights that
-/// they were tried on.
+/// what was known is of something else. No flight was measured for these and what follows; tests/disturbed.rs has the simulated flights
+/// that they were tried on.
 const OUTLIER: f64 = 0.01;
 const NEXT_OUTLIER: f64 = 0.7;
 const BEGINNING: f64 = 1e-4;

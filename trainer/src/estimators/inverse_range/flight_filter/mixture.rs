@@ -23,8 +23,8 @@ pub(super) struct State<'a> {
 
 /// What is known of the motion by some hypotheses, the heaviest first; `None` without any. `is_measured`: this tick has a measurement.
 ///
-/// The mean is taken over the hypotheses near one of them, the covariance over all around it: a mean of hypotheses that are far apart would be
-/// where none of them is.
+/// The mean is taken over the hypotheses near one of them, the covariance over all around it: a mean of hypotheses that are far apart would
+/// be where none of them is.
 pub(super) fn mixed(states: &[State], is_measured: bool) -> Option<Gaussian> {
     let answer = answer(states, is_measured)?;
     let size = Motion::UNKNOWNS;
