@@ -27,10 +27,8 @@ fn record(folder: &Path, faults: &str) -> Corpus {
     fs::write(&file, sweep.toml()).unwrap();
     let stand_in = DTD.serve(&[
         "mock-xplane",
-        "--port=0",
         "--no-beacon",
         "--quirks=none",
-        "--until-stdin-ends",
         "--faults",
         faults,
     ]);

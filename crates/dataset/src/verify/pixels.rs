@@ -289,7 +289,7 @@ impl<'a> Watcher<'a> {
             .collect();
         let measured = Lag::of(&offsets).map(|lag| {
             proof.lag_ms = Some(lag.lag_s * 1e3);
-            proof.lag_error_ms = Some(lag.error_s * 1e3);
+            proof.lag_error_ms = Some(lag.error_s() * 1e3);
             MeasuredView {
                 view: self.view,
                 file: file.to_owned(),

@@ -12,7 +12,7 @@ const LEAST_GREY: f64 = 1.0;
 const LEAST_OF_SMOOTH_GREY: f64 = 5.0;
 const PART_OF_CONTRAST: f64 = 0.25;
 /// Paint does not stand out from the sky by more than this, grey levels: these are lamps, and what they outshine is not seen.
-const LAMPS_GREY: f64 = 150.0;
+const LAMPS_GREY: f64 = 120.0;
 
 /// What stands out, relative to the box.
 #[derive(Debug, Clone, Copy, PartialEq)]
