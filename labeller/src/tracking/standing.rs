@@ -104,7 +104,7 @@ pub(super) fn stays(boxes: &[TimedBox]) -> impl Iterator<Item = Stay> {
 pub(super) fn is_mostly_at(stays: &[Stay], boxes: &[TimedBox]) -> bool {
     let is_at_one = |(_, seen): &&TimedBox| {
         let here = stays.iter().filter(|stay| {
-            (seen.cx_px - stay.cx_px).hypot(seen.cy_px - stay.cy_px) <= LEAST_HOP_PX
+            (seen.cx_px - stay.cx_px).hypot(seen.cy_px - stay.cy_px) < MOST_MOVED_BY_CHANCE_PX
         });
         here.map(|stay| stay.lasted_s).sum::<f64>() >= LONGEST_STILL_S
     };
