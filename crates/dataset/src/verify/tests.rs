@@ -209,11 +209,8 @@ impl Example {
         }
         let planned = IDS.map(|id| {
             let record = record(id);
-            let cameras = [0, 1].map(planned_camera);
             serde_json::json!({ "id": id, "seed": 1, "config_hash": "config", "trajectory": record.trajectory,
-                "parameters": { "conditions": record.conditions, "aircraft": record.aircraft, "runway": record.runway,
-                    "flight": record.flight, "rig": record.rig, "picture": { "frame_rate": record.frame_rate.to_string(), "width_px": SIZE_PX, "height_px": SIZE_PX },
-                    "cameras": cameras } })
+                "parameters": { "conditions": record.conditions, "flight": record.flight } })
         });
         write_plan(&corpus, &planned);
         splits([Side::Train, Side::Test])
@@ -276,7 +273,13 @@ fn write_plan(corpus: &Corpus, scenarios: &[serde_json::Value]) {
         hasher.update(format!("{id} {config_hash}\n").as_bytes());
     }
     let plan_hash = hasher.finalize().to_string();
-    let plan = serde_json::json!({ "plan_hash": plan_hash, "scenarios": scenarios });
+    let record = record(IDS[0]);
+    let cameras = [0, 1].map(planned_camera);
+    let picture = serde_json::json!({ "frame_rate": record.frame_rate.to_string(), "width_px": SIZE_PX, "height_px": SIZE_PX });
+    let common = serde_json::json!({ "aircraft": record.aircraft, "runway": record.runway, "rig": record.rig, "picture": picture,
+        "cameras": cameras });
+    let plan =
+        serde_json::json!({ "plan_hash": plan_hash, "common": common, "scenarios": scenarios });
     write_json(&corpus.plan_path(), &plan).unwrap();
 }
 
