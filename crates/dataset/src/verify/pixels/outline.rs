@@ -117,8 +117,9 @@ mod tests {
             });
             let outline = Outline::of(all.into_iter(), 20.0 + bright, 1.0).unwrap();
             let off_px = (outline.offset_px - middle).length();
-            assert!(off_px < 0.3, "{outline:?}");
-            assert!((outline.size_px - DVec2::new(40.0, 20.0)).length() < 2.0);
+            // Half a pixel on the sharp edges of this bar; its brightness would move by 7 pixels.
+            assert!(off_px < 0.6, "{outline:?}");
+            assert!((outline.size_px - DVec2::new(40.0, 20.0)).length() < 3.0);
         }
     }
 
