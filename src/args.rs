@@ -167,7 +167,7 @@ pub(crate) enum Verb {
     /// For a camera that is new, moved, turned or zoomed. Everything else is left unchanged (docs/training.md).
     #[command(after_help = help::REFIT)]
     Refit(RefitArgs),
-    /// Evaluate a run or predictions on held-out trajectories; writes a report
+    /// Evaluate a run, or predictions, on held-out trajectories
     #[command(after_help = help::EVALUATE)]
     Evaluate(EvaluateArgs),
     /// Write a run's distances for a corpus, labelled or not

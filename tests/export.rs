@@ -554,7 +554,7 @@ fn a_corpus_describes_itself_to_croissant_and_stays_a_corpus() {
     assert!(contents(&tiny.corpus()) == before, "the same again");
     let verify = ["verify", "corpus", "--complete", "--json"];
     assert_eq!(json_of(&tiny, &verify)["croissant"], "current");
-    for found in ["detections", "registrations"] {
+    for found in ["detections", "registrations", "health"] {
         fs::remove_dir_all(tiny.scenarios()[0].join(found)).unwrap();
     }
     assert_eq!(json_of(&tiny, &verify)["croissant"], "outdated");

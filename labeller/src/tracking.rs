@@ -13,8 +13,8 @@ use dataset::tables::pixel_box::PixelBox;
 
 use motion::Motion;
 use standing::{
-    GROWTH_SHOWS_S, LONGEST_STILL_S, TimedBox, has_stood_still, hops, is_same_thing,
-    place_if_still, stands_still,
+    GROWTH_SHOWS_S, LONGEST_STILL_S, TimedBox, has_stood_still, hops, is_mostly_at, is_same_thing,
+    place_if_still, stands_still, stays,
 };
 
 /// Version of the rules, in the record of the detections: those of another version are repeated.
@@ -274,6 +274,10 @@ impl Tracker {
             .iter()
             .map(|history| place_if_still(&history.clear))
             .collect();
+        let stays: Vec<_> = histories
+            .iter()
+            .flat_map(|history| stays(&history.boxes))
+            .collect();
         let is_fixture = |place: &PixelBox| {
             let there = histories
                 .iter()
@@ -289,6 +293,7 @@ impl Tracker {
             history.confirmed_s.is_some()
                 && history.clear_for_s() >= shortest_s
                 && !stands_still(&history.clear)
+                && !is_mostly_at(&stays, &history.clear)
                 && !still.as_ref().is_some_and(is_fixture)
         };
         histories.iter().zip(&still).map(counts).collect()

@@ -160,8 +160,8 @@ pub(crate) fn detect(
             failure.id, failure.reason
         ));
     }
-    if let Some(warning) = false_boxes_warning(corpus.root(), &outcome.false_boxes) {
-        watch.warn(&warning);
+    for line in false_boxes_warning(corpus.root(), &outcome.false_boxes) {
+        watch.warn(&line);
     }
     Ok(outcome)
 }
@@ -267,15 +267,15 @@ pub(crate) fn in_sight(truth: &TruthCounts) -> String {
 /// Views that the warning about false boxes names.
 const MOST_NAMED: usize = 5;
 
-/// The warning that confirmed boxes are not the aircraft; `None` if all are.
-fn false_boxes_warning(corpus: &Path, false_boxes: &[FalseBoxes]) -> Option<String> {
+/// The lines of the warning that confirmed boxes are not the aircraft; none if all are.
+fn false_boxes_warning(corpus: &Path, false_boxes: &[FalseBoxes]) -> Vec<String> {
     if false_boxes.is_empty() {
-        return None;
+        return Vec::new();
     }
     let boxes: u64 = false_boxes.iter().map(|of| of.boxes).sum();
     let named = false_boxes.iter().take(MOST_NAMED).map(|of| {
         format!(
-            "\n  {} {}: {} of {} near ({:.0}, {:.0}) px from tick {}",
+            "  {} {}: {} of {} near ({:.0}, {:.0}) px from tick {}",
             of.scenario,
             of.view,
             count(of.boxes as usize, "detection"),
@@ -285,16 +285,14 @@ fn false_boxes_warning(corpus: &Path, false_boxes: &[FalseBoxes]) -> Option<Stri
             of.tick
         )
     });
-    let named: String = named.collect();
-    let others = match false_boxes.len().saturating_sub(MOST_NAMED) {
-        0 => String::new(),
-        others => format!("\n  and {}", count(others, "other view")),
-    };
-    Some(format!(
-        "{} of confirmed tracks, none of which touches the aircraft; look at them with `dtd view {}`:{named}{others}",
+    let first = format!(
+        "{} of confirmed tracks, none of which touches the aircraft; look at them with `dtd view {}`:",
         count(boxes as usize, "false detection"),
         corpus.display()
-    ))
+    );
+    let others = false_boxes.len().saturating_sub(MOST_NAMED);
+    let last = (others > 0).then(|| format!("  and {}", count(others, "other view")));
+    iter::once(first).chain(named).chain(last).collect()
 }
 
 /// Prints the number of pairs of views that were registered, and the reasons why others were not.
@@ -352,7 +350,9 @@ mod tests {
             cy_px: 961.2,
         };
         let all: Vec<_> = [9, 8, 7, 6, 5, 4, 3].map(of).into();
-        let said = false_boxes_warning(Path::new("corpus"), &all).unwrap();
+        let said = false_boxes_warning(Path::new("corpus"), &all);
+        assert_eq!(said.len(), 7);
+        let said = said.join("\n");
         assert!(
             said.starts_with("42 false detections of confirmed tracks"),
             "{said}"
@@ -365,6 +365,6 @@ mod tests {
             "{said}"
         );
         assert!(said.ends_with("\n  and 2 other views"), "{said}");
-        assert_eq!(false_boxes_warning(Path::new("corpus"), &[]), None);
+        assert!(false_boxes_warning(Path::new("corpus"), &[]).is_empty());
     }
 }

@@ -64,6 +64,7 @@ def main():
         )
 
     inputs = {"boxes": gathered(0, 4), "registrations": gathered(1, 7)}
+    views_seen = (~np.isnan(inputs["boxes"][:, :, 0])).sum(axis=1)
     verdict = {}
     for path in sorted(models.glob("*.onnx")):
         model = onnxruntime.InferenceSession(path)
@@ -72,7 +73,10 @@ def main():
         stored = [row[f"{path.stem}_dtd_m"] for row in rows]
         theirs = np.array([np.nan if value is None else value for value in stored])
         answered = ~np.isnan(theirs)
-        assert (np.isnan(ours) == ~answered).all(), path.stem
+        assert not np.isnan(ours[answered]).any(), path.stem
+        # A run gives no answer where one view alone saw what may not be the aircraft; a model sees single ticks.
+        withheld = ~answered & ~np.isnan(ours)
+        assert (views_seen[withheld] == 1).all() and withheld.sum() <= 0.02 * len(rows), path.stem
         apart = np.abs(ours - theirs)[answered] / np.maximum(np.abs(theirs[answered]), NEAREST_M)
         verdict[path.stem] = {
             "rows": len(rows),

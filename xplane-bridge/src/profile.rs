@@ -422,15 +422,9 @@ mod tests {
     }
 
     #[test]
-    fn a_profile_of_an_earlier_doctor_has_no_pace_and_its_clouds_tell_how_long_weather_takes() {
-        let mut kept = serde_json::to_value(measured()).unwrap();
-        kept.as_object_mut().unwrap().remove("pace");
-        let plugin = Some("dtd_bridge 0.1.0");
-        let known = KnownProfile::of(Some(kept), "X-Plane 12.4.3", plugin);
-        let profile = known.current().unwrap();
-        assert_eq!(profile.pace.found(), None);
-        assert_eq!(profile.weather_takes_s(), Some(80.0));
+    fn weather_takes_as_long_as_clouds_unless_recordings_measured_it() {
         let mut paced = measured();
+        assert_eq!(paced.weather_takes_s(), Some(80.0));
         if let Finding::Found(pace) = &mut paced.pace {
             pace.weather_s = Some(66.0);
         }

@@ -77,6 +77,40 @@ pub(super) fn stands_still(boxes: &[TimedBox]) -> bool {
                 .any(|stay| is_long(stay) && keeps_its_place(stay)))
 }
 
+/// A place at which a track stayed for some images.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stay {
+    cx_px: f64,
+    cy_px: f64,
+    lasted_s: f64,
+}
+
+/// The places at which a track stayed. Boxes by time.
+pub(super) fn stays(boxes: &[TimedBox]) -> impl Iterator<Item = Stay> {
+    between_hops(boxes)
+        .into_iter()
+        .filter(|stay| stay.len() >= LEAST_BOXES_OF_A_PLACE && keeps_its_place(stay))
+        .map(|stay| {
+            let Middle { cx_px, cy_px, .. } = Middle::of(stay);
+            Stay {
+                cx_px,
+                cy_px,
+                lasted_s: lasted_s(stay),
+            }
+        })
+}
+
+/// True if a track was mostly at places where tracks stayed for a minute: it went from lamp to lamp.
+pub(super) fn is_mostly_at(stays: &[Stay], boxes: &[TimedBox]) -> bool {
+    let is_at_one = |(_, seen): &&TimedBox| {
+        let here = stays.iter().filter(|stay| {
+            (seen.cx_px - stay.cx_px).hypot(seen.cy_px - stay.cy_px) < MOST_MOVED_BY_CHANCE_PX
+        });
+        here.map(|stay| stay.lasted_s).sum::<f64>() >= LONGEST_STILL_S
+    };
+    2 * boxes.iter().filter(is_at_one).count() > boxes.len()
+}
+
 /// The parts of a track between its hops. A single box off the place is no hop.
 fn between_hops(boxes: &[TimedBox]) -> Vec<&[TimedBox]> {
     let mut stays = Vec::new();

@@ -152,6 +152,27 @@ fn a_track_that_goes_from_one_lamp_to_the_next_and_stays_there_is_no_aircraft() 
 }
 
 #[test]
+fn a_track_that_goes_along_a_row_of_lamps_is_no_aircraft() {
+    let lamps_px = [331.0, 275.0, 214.0, 147.0, 78.0];
+    let going = |step: usize| at(lamps_px[step] + 0.3, 1_008.0, 20.0);
+    let pictures: Vec<_> = (0..60)
+        .map(|step: u32| {
+            // Each lamp is clear for 40 seconds, twice; then a box goes along the row.
+            let lamp = |at_px: f64, seed| shaken(at(at_px, 1_008.0, 20.0), seed, step);
+            match step {
+                0..20 => vec![lamp(331.0, 1), lamp(214.0, 2), lamp(78.0, 3)],
+                20..40 => vec![lamp(275.0, 4), lamp(147.0, 5)],
+                50..55 => vec![going(step as usize - 50)],
+                _ => Vec::new(),
+            }
+        })
+        .collect();
+    let twice = [&pictures[..40], &pictures[..]].concat();
+    let (_, counts) = track(2.0, &twice);
+    assert!(!counts.contains(&true), "{counts:?}");
+}
+
+#[test]
 fn a_box_off_its_place_does_not_end_the_track_of_a_far_arrival() {
     let pictures: Vec<_> = (0..90)
         .map(|step| {
