@@ -209,13 +209,14 @@ impl Example {
         }
         let planned = IDS.map(|id| {
             let record = record(id);
-            let cameras = [0, 1].map(planned_camera);
             serde_json::json!({ "id": id, "seed": 1, "config_hash": "config", "trajectory": record.trajectory,
-                "parameters": { "conditions": record.conditions, "aircraft": record.aircraft, "runway": record.runway,
-                    "flight": record.flight, "rig": record.rig, "picture": { "frame_rate": record.frame_rate.to_string(), "width_px": SIZE_PX, "height_px": SIZE_PX },
-                    "cameras": cameras } })
+                "parameters": { "conditions": record.conditions, "flight": record.flight } })
         });
-        write_plan(&corpus, &planned);
+        let record = record(IDS[0]);
+        let cameras = [0, 1].map(planned_camera);
+        let common = serde_json::json!({ "aircraft": record.aircraft, "runway": record.runway, "rig": record.rig, "cameras": cameras,
+            "picture": { "frame_rate": record.frame_rate.to_string(), "width_px": SIZE_PX, "height_px": SIZE_PX } });
+        write_plan(&corpus, &common, &planned);
         splits([Side::Train, Side::Test])
             .write(&corpus.splits_path())
             .unwrap();
@@ -269,14 +270,15 @@ impl Example {
     }
 }
 
-fn write_plan(corpus: &Corpus, scenarios: &[serde_json::Value]) {
+fn write_plan(corpus: &Corpus, common: &serde_json::Value, scenarios: &[serde_json::Value]) {
     let mut hasher = blake3::Hasher::new();
     for scenario in scenarios {
         let [id, config_hash] = ["id", "config_hash"].map(|key| scenario[key].as_str().unwrap());
         hasher.update(format!("{id} {config_hash}\n").as_bytes());
     }
     let plan_hash = hasher.finalize().to_string();
-    let plan = serde_json::json!({ "plan_hash": plan_hash, "scenarios": scenarios });
+    let plan =
+        serde_json::json!({ "plan_hash": plan_hash, "common": common, "scenarios": scenarios });
     write_json(&corpus.plan_path(), &plan).unwrap();
 }
 
