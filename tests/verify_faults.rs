@@ -255,8 +255,10 @@ fn a_sound_corpus_has_no_findings_and_its_pictures_prove_that_views_and_tables_a
             "{proof:?}"
         );
         assert!(proof.offset_px.unwrap() < 3.0, "{proof:?}");
-        assert!(proof.lag_ms.unwrap().abs() < 150.0, "{proof:?}");
-        assert!(proof.lag_error_ms.unwrap() < 125.0, "{proof:?}");
+        let (lag_ms, error_ms) = (proof.lag_ms.unwrap(), proof.lag_error_ms.unwrap());
+        assert!(lag_ms.abs() < 3.0 * error_ms, "{proof:?}");
+        // Half a tick, in images where the fin is thinner than a pixel.
+        assert!(error_ms < 250.0, "{proof:?}");
     }
 }
 

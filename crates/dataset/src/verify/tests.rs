@@ -212,7 +212,11 @@ impl Example {
             serde_json::json!({ "id": id, "seed": 1, "config_hash": "config", "trajectory": record.trajectory,
                 "parameters": { "conditions": record.conditions, "flight": record.flight } })
         });
-        write_plan(&corpus, &planned);
+        let record = record(IDS[0]);
+        let cameras = [0, 1].map(planned_camera);
+        let common = serde_json::json!({ "aircraft": record.aircraft, "runway": record.runway, "rig": record.rig, "cameras": cameras,
+            "picture": { "frame_rate": record.frame_rate.to_string(), "width_px": SIZE_PX, "height_px": SIZE_PX } });
+        write_plan(&corpus, &common, &planned);
         splits([Side::Train, Side::Test])
             .write(&corpus.splits_path())
             .unwrap();
@@ -266,18 +270,13 @@ impl Example {
     }
 }
 
-fn write_plan(corpus: &Corpus, scenarios: &[serde_json::Value]) {
+fn write_plan(corpus: &Corpus, common: &serde_json::Value, scenarios: &[serde_json::Value]) {
     let mut hasher = blake3::Hasher::new();
     for scenario in scenarios {
         let [id, config_hash] = ["id", "config_hash"].map(|key| scenario[key].as_str().unwrap());
         hasher.update(format!("{id} {config_hash}\n").as_bytes());
     }
     let plan_hash = hasher.finalize().to_string();
-    let record = record(IDS[0]);
-    let cameras = [0, 1].map(planned_camera);
-    let picture = serde_json::json!({ "frame_rate": record.frame_rate.to_string(), "width_px": SIZE_PX, "height_px": SIZE_PX });
-    let common = serde_json::json!({ "aircraft": record.aircraft, "runway": record.runway, "rig": record.rig, "picture": picture,
-        "cameras": cameras });
     let plan =
         serde_json::json!({ "plan_hash": plan_hash, "common": common, "scenarios": scenarios });
     write_json(&corpus.plan_path(), &plan).unwrap();

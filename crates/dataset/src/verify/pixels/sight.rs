@@ -172,7 +172,7 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
         let is_near = *beyond_px <= reach_px;
         (pixel.0, if is_near { plane.left_of(pixel) } else { 0.0 })
     });
-    let outline = Outline::of(residuals, contrast, noise);
+    let outline = Outline::of(residuals, &stands_out, contrast, noise);
     for (pixel, beyond_px) in &inside {
         let weight = plane.left_of(pixel);
         if *beyond_px <= reach_px && weight > threshold {

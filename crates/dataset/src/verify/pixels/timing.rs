@@ -239,7 +239,7 @@ mod tests {
         );
         let words = "1.0 ticks later (+-";
         assert!(later[0].1.contains(words), "{later:?}");
-        assert!(later[0].1.contains("500 ms or 35 m"), "{later:?}");
+        assert!(later[0].1.contains(" ms or 35 m along"), "{later:?}");
     }
 
     #[test]
