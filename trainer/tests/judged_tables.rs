@@ -368,11 +368,7 @@ fn distances_in_another_unit_or_of_the_opposite_sign_are_refused_with_the_probab
     let negative = labelled.refusal_of(|rows| rows.iter_mut().for_each(|row| row.2 = -row.2));
     assert_says(
         &negative,
-        &[
-            "mine_dtd_m",
-            "mostly negative",
-            "-1.000 of the true distance",
-        ],
+        &["mine_dtd_m", "opposite sign", "-1.000 of the true distance"],
     );
     for (unit, factor) in [
         ("nautical miles", 1.0 / 1_852.0),

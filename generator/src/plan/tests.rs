@@ -510,7 +510,8 @@ fn an_x_plane_flies_in_real_time_and_every_part_of_its_night_is_counted() {
 /// The profile of an X-Plane of which only the pace is known.
 fn profile(pace: serde_json::Value) -> Box<Profile> {
     let mut kept = json!({
-        "format": 1, "measured_at": "", "dtd": "", "simulator": "", "plugin": null, "pixels": null, "pace": { "found": pace },
+        "format": 1, "measured_at": "", "dtd": "", "simulator": "", "plugin": null, "pixels": null, "weather_follows": {},
+        "pace": { "found": pace },
     });
     for unknown in [
         "window",

@@ -17,8 +17,9 @@ const AROUND_PX: f64 = 4.0;
 const ROW_STEP: usize = 16;
 /// Images that differ by more around a box, or in the whole image, are not equal: grey levels, root mean square.
 const MOST_EQUAL_LEVELS: f64 = 1.5;
-/// The same image gives the same box, to within this, pixels.
-const MOST_EQUAL_PX: f64 = 1.0;
+/// The same image in other windows gives the same box, to within this: pixels, and a part of its width. Another one is of something else.
+const MOST_EQUAL_PX: f64 = 2.0;
+const MOST_EQUAL_PART: f64 = 0.03;
 /// Motion must have changed this much more, and at least so many levels.
 const LEAST_RATIO: f64 = 3.0;
 const LEAST_EXPECTED_LEVELS: f64 = 2.0;
@@ -122,7 +123,7 @@ pub(super) fn frozen(looks: &[Look], confirmed: &[Option<PixelBox>]) -> Vec<bool
         let boxes = before.zip(box_at(tick));
         boxes.is_some_and(|(before, now)| {
             let centre = |seen: PixelBox| DVec2::new(seen.cx_px, seen.cy_px);
-            centre(before).distance(centre(now)) <= MOST_EQUAL_PX
+            centre(before).distance(centre(now)) <= MOST_EQUAL_PX + MOST_EQUAL_PART * now.width_px
         })
     };
     let equal: Vec<bool> = (0..looks.len())

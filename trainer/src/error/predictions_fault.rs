@@ -104,7 +104,7 @@ pub enum PredictionsFault {
     },
     /// Distances with the opposite sign.
     #[error(
-        "the distances in {column} are mostly negative: their median is {median_ratio:.3} of the true distance; expected distances to \
+        "the distances in {column} have the opposite sign: their median is {median_ratio:.3} of the true distance; expected distances to \
          touchdown, which fall to 0 m along the approach; change their sign"
     )]
     Negative { column: String, median_ratio: f64 },

@@ -206,6 +206,9 @@ pub fn evaluate_table(
     Ok(metrics)
 }
 
+/// Distance of the median ratio from -1 up to which a change of the sign is the likely reason.
+const SIGN_TOLERANCE: f64 = 0.1;
+
 /// Rejects predictions that are not in metres, or have the opposite sign.
 fn refuse_other_unit(
     predicted: &Predicted,
@@ -219,7 +222,8 @@ fn refuse_other_unit(
     }
     let median_ratio = median(&mut ratios);
     let column = format!("{}_dtd_m", predicted.name);
-    if median_ratio < 0.0 {
+    // Estimators that are hardly trained may answer below zero, but not so.
+    if (median_ratio + 1.0).abs() <= SIGN_TOLERANCE {
         return Err(PredictionsFault::Negative {
             column,
             median_ratio,

@@ -55,7 +55,7 @@ fn a_scenario_that_the_plan_does_not_have_or_has_otherwise_is_refused() {
     ] {
         let message = said_after(|folder, _| {
             let planned = serde_json::json!({"id": id, "config_hash": config_hash});
-            let plan = serde_json::json!({"scenarios": [planned]});
+            let plan = serde_json::json!({"plan_version": 2, "scenarios": [planned]});
             let path = folder.root().join("../../plan.json");
             dataset::files::json_file::write_json(&path, &plan).unwrap();
         });

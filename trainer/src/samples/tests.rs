@@ -400,7 +400,8 @@ fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<Cam
             let there = turned(seen.tick, &seen.view, place);
             (seen.pixel_box.cx_px, seen.pixel_box.cy_px) = (there.x, there.y);
         }
-        for row in &mut registrations {
+        let is_turned = |tick: u32| of(tick).iter().any(|(_, turn)| turn.is_some());
+        for row in registrations.iter_mut().filter(|row| is_turned(row.tick)) {
             if let Ok(shift) = &mut row.result {
                 let from = DVec2::new(shift.x_px, shift.y_px);
                 let to = from + DVec2::new(shift.dx_px, shift.dy_px);

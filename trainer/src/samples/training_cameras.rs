@@ -30,6 +30,8 @@ const MOST_BOXES: usize = 2_000;
 #[derive(Debug, Clone)]
 pub(crate) struct TrainingCameras {
     fits: Vec<CameraFit>,
+    /// By view, true if most boxes agree with the fit.
+    agree: Vec<bool>,
     /// Stated cameras by scenario and view.
     stated: Vec<Vec<Camera>>,
 }
@@ -59,10 +61,26 @@ impl TrainingCameras {
                 .collect();
             CameraFit::of(&seen)
         };
-        Self {
-            fits: (0..samples.views.len()).map(fit).collect(),
+        let views = samples.views.len();
+        let mut cameras = Self {
+            fits: (0..views).map(fit).collect(),
+            agree: vec![true; views],
             stated,
-        }
+        };
+        cameras.agree = (0..views)
+            .map(|view| cameras.is_of_most(view, training))
+            .collect();
+        cameras
+    }
+
+    /// True if most boxes of a view agree with its fitted camera: fewer may be of anything that stands still where far aircraft are.
+    fn is_of_most(&self, view: usize, training: &[&Sample]) -> bool {
+        let boxes = training.iter().filter_map(|sample| {
+            let seen = sample.boxes[view].as_ref()?;
+            Some(self.is_true(view, sample, seen))
+        });
+        let (agreeing, others): (Vec<bool>, Vec<bool>) = boxes.partition(|is_true| *is_true);
+        agreeing.len() >= others.len()
     }
 
     /// The samples with only those boxes that contain the aircraft; samples without any are left out.
@@ -97,8 +115,10 @@ impl TrainingCameras {
     }
 
     fn is_true(&self, view: usize, sample: &Sample, seen: &PixelBox) -> bool {
-        let place = self.place_px(view, sample);
-        place.is_some_and(|place_px| is_at(seen, place_px))
+        let place = self.agree[view].then(|| self.place_px(view, sample));
+        place
+            .flatten()
+            .is_some_and(|place_px| is_at(seen, place_px))
     }
 
     /// Expected place of the aircraft in the image of a view, pixels.

@@ -31,6 +31,13 @@ pub(super) struct Predicted {
     pub intervals_m: Option<Vec<Option<[f64; 2]>>>,
 }
 
+/// The columns of an estimator, its distances, and the ends of its intervals.
+type EstimatorCells<'a> = (
+    &'a EstimatorColumns,
+    &'a [Option<f64>],
+    &'a [Vec<Option<f64>>],
+);
+
 /// Cells whose rows are ticks of a corpus.
 struct Rows<'a> {
     layout: &'a Layout,
@@ -142,15 +149,7 @@ impl<'a> Rows<'a> {
     }
 
     /// The columns of each estimator: distances and ends of intervals.
-    fn estimators(
-        &self,
-    ) -> impl Iterator<
-        Item = (
-            &'a EstimatorColumns,
-            &'a [Option<f64>],
-            &'a [Vec<Option<f64>>],
-        ),
-    > {
+    fn estimators(&self) -> impl Iterator<Item = EstimatorCells<'a>> {
         let mut left = self.of_estimators;
         self.layout.estimators.iter().filter_map(move |columns| {
             let (distances, others) = left.split_first()?;

@@ -78,9 +78,9 @@ impl Step {
         let rows = advanced.values.chunks_exact_mut(covariance.size);
         for (row, moved) in rows.zip(moved.rows()) {
             for &(from, to) in &self.blocks {
-                for j in from..to {
+                for (j, value) in (from..to).zip(&mut row[from..to]) {
                     let transition = &self.transition.values[j * covariance.size..];
-                    row[j] += dot(&moved[from..to], &transition[from..to]);
+                    *value += dot(&moved[from..to], &transition[from..to]);
                 }
             }
         }

@@ -265,9 +265,9 @@ fn good_measurements_are_taken_after_an_outlier_of_any_size() {
                 let tick = &mut ticks[at];
                 tick.measurements[BOTH].distance_m *= 1.0 + 2e-4 * size;
                 let answers = truth().of_ticks(&ticks, Knowing::Past);
-                for later in at + 2..at + 12 {
-                    let distance_m = flown.labelled.distances_m[later];
-                    let answer = answers[later].unwrap().distance_m;
+                let later = answers.iter().zip(&flown.labelled.distances_m);
+                for (answer, distance_m) in later.take(at + 12).skip(at + 2) {
+                    let answer = answer.unwrap().distance_m;
                     let off = (answer.value / distance_m - 1.0).abs() / 2e-4;
                     worst = worst.max(off);
                 }
