@@ -146,6 +146,8 @@ pub(super) struct Lag {
     scatter_s: f64,
     /// Bound of the error that all outlines have in common, seconds.
     bound_s: f64,
+    /// Offsets beyond the one that the lag needs.
+    freedom: f64,
     /// Mean speed of the aircraft, metres per second.
     speed_mps: f64,
     /// Ticks that were measured.
@@ -204,6 +206,7 @@ impl Lag {
             lag_s,
             scatter_s: independent_s.max(error_of(blocks.values().copied())),
             bound_s,
+            freedom: count - 1.0,
             speed_mps: offsets.iter().map(|offset| offset.speed_mps).sum::<f64>() / count,
             ticks: times.len(),
             least_scatter_s,
@@ -222,6 +225,7 @@ impl Lag {
             lag_s: self.lag_s - other.lag_s,
             scatter_s: error_of(blocks.into_values()).max(least_s),
             bound_s: self.bound_s + other.bound_s,
+            freedom: self.freedom.min(other.freedom),
             speed_mps: (self.speed_mps + other.speed_mps) / 2.0,
         }
     }
@@ -235,7 +239,7 @@ impl Lag {
     pub(super) fn fault(&self, period_s: f64) -> Option<String> {
         let (lag_s, error_s, ticks) = (self.lag_s, self.error_s(), self.ticks);
         let way_m = lag_s * self.speed_mps;
-        is_fault(lag_s, self.scatter_s, self.bound_s, way_m).then(|| {
+        is_fault(lag_s, self.bound_s + sure(self.freedom) * self.scatter_s, way_m).then(|| {
             format!(
                 "shows the aircraft {}, {:.1} m {} along its track ({:.0} standard errors, measured in {ticks} ticks of {:.0} ms); expected \
                  0 ms, at most {LEAST_WAY_M} m: look at the clock and the delay of this camera, and for lost images",
@@ -256,6 +260,7 @@ pub(super) struct Difference {
     pub(super) lag_s: f64,
     scatter_s: f64,
     bound_s: f64,
+    freedom: f64,
     speed_mps: f64,
 }
 
@@ -269,7 +274,7 @@ impl Difference {
     pub(super) fn fault(&self, other: &str) -> Option<String> {
         let (lag_s, error_s) = (self.lag_s, self.error_s());
         let way_m = lag_s * self.speed_mps;
-        is_fault(lag_s, self.scatter_s, self.bound_s, way_m).then(|| {
+        is_fault(lag_s, self.bound_s + sure(self.freedom) * self.scatter_s, way_m).then(|| {
             format!(
                 "shows the aircraft {} of view {other}, {:.1} m along its track ({:.0} standard errors); expected 0 ms, at most \
                  {LEAST_WAY_M} m: look at the clocks and delays of both cameras",
@@ -281,8 +286,15 @@ impl Difference {
     }
 }
 
-fn is_fault(lag_s: f64, scatter_s: f64, bound_s: f64, way_m: f64) -> bool {
-    lag_s.abs() >= bound_s + SURE * scatter_s && way_m.abs() >= LEAST_WAY_M
+fn is_fault(lag_s: f64, least_s: f64, way_m: f64) -> bool {
+    lag_s.abs() >= least_s && way_m.abs() >= LEAST_WAY_M
+}
+
+/// The quantile of Student's t that is as rare as [`SURE`] of the normal distribution (Abramowitz and Stegun 1964, 26.7.5).
+fn sure(freedom: f64) -> f64 {
+    let cubic = SURE.powi(3) + SURE;
+    let quintic = 5.0 * SURE.powi(5) + 16.0 * SURE.powi(3) + 3.0 * SURE;
+    SURE + cubic / (4.0 * freedom) + quintic / (96.0 * freedom.powi(2))
 }
 
 /// Anything within the bound is equally likely.
@@ -414,6 +426,12 @@ mod tests {
         let alternating = with_errors(|tick| if tick % 2 == 0 { 1.0 } else { -1.0 });
         let lasting = with_errors(|tick| if tick / 15 % 2 == 0 { 1.0 } else { -1.0 });
         assert!(lasting > 1.3 * alternating, "{lasting} {alternating}");
+    }
+
+    #[test]
+    fn few_offsets_have_to_be_surer() {
+        assert!((sure(10.0) - 10.1).abs() < 0.1, "{}", sure(10.0));
+        assert!((sure(1e6) - SURE).abs() < 1e-3);
     }
 
     #[test]
