@@ -4,6 +4,8 @@
 //! Places are relative to the touchdown target, in the frame `touchdown`: x east, y north, z up. The aircraft's frame `aircraft` has x
 //! forward, y left, z up; the frame of a camera has the name of its view and OpenCV's axes. Times count from tick 0.
 
+mod foxglove;
+
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
@@ -13,19 +15,17 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::frames::{TickLabels, TickRow};
 use dataset::video::{PacketCodec, PacketReader};
-use foxglove::Encode;
-use foxglove::messages::points_annotation::Type;
-use foxglove::messages::{
-    CameraCalibration, Color, CompressedVideo, FrameTransform, FrameTransforms, ImageAnnotations,
-    LocationFix, Point2, PointsAnnotation, Pose, PoseInFrame, Quaternion, TextAnnotation,
-    Timestamp, Vector3,
-};
 use glam::{DMat3, DQuat, DVec3};
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde::Serialize;
 use serde_json::json;
 
+use self::foxglove::{
+    CameraCalibration, Color, CompressedVideo, FrameTransform, FrameTransforms, ImageAnnotations,
+    LINE_LOOP, LocationFix, Named, Point2, PointsAnnotation, Pose, PoseInFrame, Quaternion,
+    SCHEMAS, TextAnnotation, Timestamp, Vector3,
+};
 use super::{FileFormat, Writing, Written};
 use crate::description::croissant::{Contents, ListedFile, NameList};
 use crate::error::{Error, Result};
@@ -122,7 +122,7 @@ impl FileFormat for Mcap {
                 let video = CompressedVideo {
                     timestamp: Some(time.stamp()),
                     frame_id: view.name.to_owned(),
-                    data: picture.data.into(),
+                    data: picture.data,
                     format: format_of(view.packets.codec()).to_owned(),
                 };
                 file.send(&format!("/{}/video", view.name), time, &video)?;
@@ -209,7 +209,10 @@ impl Time {
 
     fn stamp(self) -> Timestamp {
         const NS_PER_S: u64 = 1_000_000_000;
-        Timestamp::new((self.ns / NS_PER_S) as u32, (self.ns % NS_PER_S) as u32)
+        Timestamp {
+            seconds: (self.ns / NS_PER_S) as i64,
+            nanos: (self.ns % NS_PER_S) as i32,
+        }
     }
 }
 
@@ -296,11 +299,10 @@ fn annotations(boxes: &[LabelledBox], color: Color, time: Time) -> ImageAnnotati
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
         PointsAnnotation {
             timestamp: Some(time.stamp()),
-            r#type: Type::LineLoop.into(),
+            kind: LINE_LOOP,
             points: corners.map(|(x, y)| Point2 { x, y }).to_vec(),
             outline_color: Some(color),
             thickness: 1.0,
-            ..PointsAnnotation::default()
         }
     };
     let text = |labelled: &LabelledBox| {
@@ -311,14 +313,12 @@ fn annotations(boxes: &[LabelledBox], color: Color, time: Time) -> ImageAnnotati
             text: format!("{score:.2}"),
             font_size: 12.0,
             text_color: Some(color),
-            ..TextAnnotation::default()
         })
     };
     ImageAnnotations {
         timestamp: Some(time.stamp()),
         points: boxes.iter().map(outline).collect(),
         texts: boxes.iter().filter_map(text).collect(),
-        ..ImageAnnotations::default()
     }
 }
 
@@ -326,6 +326,8 @@ fn annotations(boxes: &[LabelledBox], color: Color, time: Time) -> ImageAnnotati
 struct McapFile {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
+    /// Schemas by name.
+    schemas: BTreeMap<&'static str, u16>,
     /// Channels and their next numbers, by topic.
     channels: BTreeMap<String, (u16, u32)>,
 }
@@ -341,6 +343,7 @@ impl McapFile {
         Ok(Self {
             writer: writer.map_err(failed(path))?,
             path: path.to_owned(),
+            schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
         })
     }
@@ -400,7 +403,6 @@ impl McapFile {
             altitude: row.pose.altitude_msl_m,
             timestamp: Some(time.stamp()),
             frame_id: AIRCRAFT.to_owned(),
-            ..LocationFix::default()
         };
         self.send("/aircraft/location", time, &location)
     }
@@ -446,28 +448,23 @@ impl McapFile {
     }
 
     /// Writes a message of Foxglove's.
-    fn send<M: Encode>(&mut self, topic: &str, time: Time, message: &M) -> Result<()> {
+    fn send<M: Named>(&mut self, topic: &str, time: Time, message: &M) -> Result<()> {
         let channel = match self.channels.get(topic) {
             Some((channel, _)) => *channel,
             None => {
-                let schema = M::get_schema().ok_or_else(|| self.not_encoded("it has no schema"))?;
-                let added = self
-                    .writer
-                    .add_schema(&schema.name, &schema.encoding, &schema.data);
-                let schema = added.map_err(failed(&self.path))?;
+                let schema = match self.schemas.get(M::SCHEMA) {
+                    Some(schema) => *schema,
+                    None => {
+                        let added = self.writer.add_schema(M::SCHEMA, "protobuf", SCHEMAS);
+                        let added = added.map_err(failed(&self.path))?;
+                        self.schemas.insert(M::SCHEMA, added);
+                        added
+                    }
+                };
                 self.add_channel(topic, schema, "protobuf")?
             }
         };
-        let mut data = Vec::with_capacity(message.encoded_len().unwrap_or(0));
-        let encoded = message.encode(&mut data);
-        encoded.map_err(|error| self.not_encoded(error))?;
-        self.write(topic, channel, time, &data)
-    }
-
-    /// The error of a message that cannot be written.
-    fn not_encoded(&self, why: impl std::fmt::Display) -> Error {
-        let why = std::io::Error::other(why.to_string());
-        dataset::Error::io("write a message of Foxglove's to", &self.path)(why).into()
+        self.write(topic, channel, time, &message.encode_to_vec())
     }
 
     fn add_channel(&mut self, topic: &str, schema: u16, encoding: &str) -> Result<u16> {
