@@ -618,7 +618,8 @@ pub(crate) struct MockXplaneArgs {
         hide = true,
         value_enum,
         value_name = "STATE,..",
-        value_delimiter = ','
+        value_delimiter = ',',
+        conflicts_with = "tape"
     )]
     pub(crate) state: Vec<MockState>,
     /// Stop when standard input ends, besides Ctrl-C and SIGTERM

@@ -156,7 +156,11 @@ class Corpus:
             raise CorpusError(f"{run} is missing; expected a folder of `dtd evaluate`, or a table of `dtd predict`")
         try:
             is_csv = path.suffix.lower() == ".csv"
-            table = pl.read_csv(path, schema_overrides={"scenario": pl.String}) if is_csv else pl.read_parquet(path)
+            if is_csv:
+                # All rows give the types: the first may be empty, before the aircraft is in sight.
+                table = pl.read_csv(path, schema_overrides={"scenario": pl.String}, infer_schema_length=None)
+            else:
+                table = pl.read_parquet(path)
         except (pl.exceptions.PolarsError, OSError) as error:
             raise CorpusError(f"{path} cannot be read: {error}; run `dtd evaluate` or `dtd predict` again") from error
         for column in ("scenario", "tick"):

@@ -73,6 +73,11 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
 
 fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     let has_no_plugin = args.state.contains(&MockState::NoPlugin);
+    if has_no_plugin && (args.plugin.is_some() || args.window.is_some()) {
+        return Err(Failure::bad_input_message(
+            "--state no-plugin has no plugin and no pictures; leave out --plugin and --window",
+        ));
+    }
     if (has_no_plugin || args.plugin.is_some()) && !args.faults.cameras.is_empty() {
         return Err(Failure::bad_input_message(format!(
             "--faults {}: only the built-in capture link has faults of cameras; leave out --plugin and --state no-plugin",

@@ -44,7 +44,7 @@ use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::{CameraHealth, Corrections};
-use crate::samples::other_boxes::{OtherBoxes, Registered};
+use crate::samples::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
 use crate::samples::view_shift::ViewShift;
@@ -496,6 +496,16 @@ impl Samples {
                 ]);
                 for number in numbers {
                     hash.update(&number.to_le_bytes());
+                }
+                for candidate in sample.candidates(view) {
+                    let Candidate {
+                        pixel_box: b,
+                        track,
+                    } = candidate;
+                    for number in [b.cx_px, b.cy_px, b.width_px, b.height_px] {
+                        hash.update(&number.to_le_bytes());
+                    }
+                    hash.update(&track.map_or(u64::MAX, u64::from).to_le_bytes());
                 }
             }
         }

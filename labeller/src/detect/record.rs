@@ -130,7 +130,9 @@ impl DetectionRecord {
             return Ok(Standing::Missing);
         }
         let path = Self::path(scenario.folder(), &model.name());
-        let record: Self = read_json(&path, "record of detections")?;
+        let Ok(record) = read_json::<Self>(&path, "record of detections") else {
+            return Ok(Standing::Missing);
+        };
         let made_by = &record.provenance.detector;
         let is_same = made_by.is_same_content(&model.identity) && record.searching == *searching;
         if !is_same {

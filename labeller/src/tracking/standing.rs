@@ -66,15 +66,18 @@ pub(super) fn has_stood_still(boxes: &[TimedBox], seconds: f64) -> bool {
     lasted_s(boxes) >= seconds && !has_moved(&ends(boxes))
 }
 
-/// True for objects such as masts, which stood still for a minute, also after a hop: with two seconds between the images, a young track
-/// may go from one lamp of a row to the next. An object that is found only now and then has several tracks at its place. Boxes by time.
+/// True for objects such as masts, most of whose boxes stood still for a minute, also after a hop: with two seconds between the images, a
+/// young track may go from one lamp of a row to the next. An object that is found only now and then has several tracks at its place. Boxes
+/// by time.
 pub(super) fn stands_still(boxes: &[TimedBox]) -> bool {
     let is_long = |boxes: &[TimedBox]| lasted_s(boxes) >= LONGEST_STILL_S;
-    is_long(boxes)
-        && (place_if_still(boxes).is_some()
-            || between_hops(boxes)
-                .into_iter()
-                .any(|stay| is_long(stay) && keeps_its_place(stay)))
+    let still = || {
+        let stays = between_hops(boxes).into_iter();
+        let long = stays.filter(|stay| is_long(stay) && keeps_its_place(stay));
+        long.map(<[TimedBox]>::len).sum::<usize>()
+    };
+    // An aircraft that stops after its landing, or whose camera repeats an image, was elsewhere for most of the time.
+    is_long(boxes) && (place_if_still(boxes).is_some() || 2 * still() > boxes.len())
 }
 
 /// A place at which a track stayed for some images.

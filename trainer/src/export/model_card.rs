@@ -73,14 +73,14 @@ fn inputs(card: &mut String, run: &TrainedRun) {
          measurement: leave it out.\n\
          - `registrations` `[batch, {views}, {}]`, for `inverse_range.onnx` only: {} of `registrations/*.parquet`, the first two of them \
          where the aircraft of a view is, right and down of where it is in the reference view, in pixels. 0, 0 for the reference view \
-         itself, whose other columns are ignored. Give only registrations of the object in the boxes. With NaN behind the first two, the \
-         formula is not corrected by its network.\n\
+         itself, whose other columns are ignored. Give only registrations of the object in the boxes.\n\
          - `distance_m` `[batch]`: distance to touchdown in metres.\n\n\
          A view that saw nothing has four NaN in `boxes`; a view that is not registered has NaN in `registrations`. A missing view is not \
          guessed: `paper_lstm` leaves it out of its sequence, the monoscopic estimators average over the others, and `inverse_range` \
          answers with the formula of the views that are there. Without a usable box, or without a formula for the views that are there, \
          `distance_m` is NaN.\n\n\
-         Boxes unlike those of the training side count as missing, as in `dtd evaluate`:\n\n\
+         Boxes unlike those of the training side count as missing, as in `dtd evaluate`, which also compares the views \
+         over time and corrects cameras that moved or shook:\n\n\
          | view | picture | centre right | centre down | width | height |\n|---|---|---|---|---|---|\n",
         normalisation.views.join(", "),
         REGISTRATION_COLUMNS.len(),

@@ -23,8 +23,10 @@ use contradiction::contradictions_line;
 use dropped_boxes::Droppings;
 pub(crate) use dropped_boxes::{DroppedBoxes, DroppedByView};
 
-/// Boxes per view that a camera is fitted to; more hardly change it.
+/// Boxes per view that a camera is fitted to; more hardly change it, ...
 const MOST_BOXES: usize = 2_000;
+/// ... unless this leaves fewer of a scenario, whose own offset needs some.
+const LEAST_BOXES_OF_SCENARIO: usize = 32;
 
 /// The fitted camera of each view.
 #[derive(Debug, Clone)]
@@ -45,21 +47,18 @@ impl TrainingCameras {
         let fit = |view: usize| {
             let boxes = training.iter().filter_map(|sample| {
                 let (centre_px, _) = centre_and_size(sample.boxes[view].as_ref()?);
-                Some((sample, centre_px))
+                let camera = stated[sample.scenario][view];
+                let at_m = sample.position.to_ecef();
+                Some(Seen::new(sample.scenario, camera, at_m, centre_px))
             });
-            let step = boxes.clone().count().div_ceil(MOST_BOXES).max(1);
-            let seen: Vec<Seen> = (boxes.step_by(step))
-                .map(|(sample, centre_px)| {
-                    let camera = stated[sample.scenario][view];
-                    Seen::new(
-                        sample.scenario,
-                        camera,
-                        sample.position.to_ecef(),
-                        centre_px,
-                    )
-                })
-                .collect();
-            CameraFit::of(&seen)
+            let boxes: Vec<Seen> = boxes.collect();
+            let step = boxes.len().div_ceil(MOST_BOXES).max(1);
+            let thinned = |flight: &[Seen]| {
+                let step = step.min(flight.len() / LEAST_BOXES_OF_SCENARIO).max(1);
+                flight.iter().step_by(step).copied().collect::<Vec<_>>()
+            };
+            let flights = boxes.chunk_by(|a, b| a.scenario == b.scenario);
+            CameraFit::of(&flights.flat_map(thinned).collect::<Vec<_>>())
         };
         let views = samples.views.len();
         let mut cameras = Self {

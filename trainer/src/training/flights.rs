@@ -9,6 +9,7 @@ use crate::config::TrainConfig;
 use crate::error::{CorpusFault, Error, Result};
 use crate::evaluation::split_again;
 use crate::networks::normalisation::Normalisation;
+use crate::samples::camera_health::Corrections;
 use crate::samples::marked_scenarios;
 use crate::samples::paired_views::PairedViews;
 use crate::samples::training_cameras::{DroppedByView, TrainingCameras};
@@ -59,6 +60,11 @@ impl Flights {
         };
         let recorded = side_with_samples(corpus, &samples, Side::Train)?;
         let cameras = TrainingCameras::of(&samples, &recorded);
+        let dropped_boxes = cameras.report(&samples, &recorded, watch);
+        let corrections = samples.scenarios.iter().map(|of| of.corrections);
+        if let Some(line) = Corrections::line(corrections) {
+            watch.say(&line);
+        }
         let true_boxes = cameras.true_boxes(&recorded);
         if true_boxes.is_empty() {
             let samples = recorded.len();
@@ -69,7 +75,7 @@ impl Flights {
             PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
         Ok(Self {
             true_boxes,
-            dropped_boxes: cameras.report(&samples, &recorded, watch),
+            dropped_boxes,
             samples,
             backgrounds,
             paired_views,

@@ -61,7 +61,12 @@ impl Predictions {
         let rows = Rows::of(cells, truth)?;
         rows.refuse_infinite()?;
         let by_tick = rows.by_tick(truth)?;
-        let row_of = |sample: &&Sample| by_tick[sample.scenario][sample.tick as usize];
+        let row_of = |sample: &&Sample| {
+            by_tick[sample.scenario]
+                .get(sample.tick as usize)
+                .copied()
+                .flatten()
+        };
         let row_of: Vec<Option<usize>> = judged.iter().map(row_of).collect();
         let found = row_of.iter().flatten().count();
         if found == 0 {
@@ -108,7 +113,9 @@ impl<'a> Rows<'a> {
             [detections, others @ ..] if layout.has_detections => {
                 let detections = whole_numbers(detections, DETECTIONS, MOST_DETECTIONS)?;
                 let of_row = |seen: Option<u32>| seen.unwrap_or_default() as usize;
-                (Some(detections.into_iter().map(of_row).collect()), others)
+                let any = detections.iter().any(Option::is_some);
+                let detections = any.then(|| detections.into_iter().map(of_row).collect());
+                (detections, others)
             }
             others => (None, others),
         };

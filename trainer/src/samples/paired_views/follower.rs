@@ -96,7 +96,7 @@ impl<'a> Follower<'a> {
             }
             aircraft.remember(time_s, &boxes);
         }
-        let chosen = self.choose(&tick);
+        let chosen = self.choose(&tick, step_s);
         self.followed = chosen.map(|chosen| self.aircraft[chosen].number);
         match chosen.map(|chosen| &self.aircraft[chosen]) {
             Some(chosen) if self.is_certain(chosen, step_s) => chosen.boxes.clone(),
@@ -225,7 +225,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Index of the object to follow.
-    fn choose(&self, tick: &Tick) -> Option<usize> {
+    fn choose(&self, tick: &Tick, step_s: f64) -> Option<usize> {
         let followed = |aircraft: &Aircraft| Some(aircraft.number) == self.followed;
         let stays = |aircraft: &&Aircraft| followed(aircraft) && aircraft.paired_s >= ESTABLISHED_S;
         if let Some(stays) = self.aircraft.iter().position(|a| stays(&a)) {
@@ -234,20 +234,29 @@ impl<'a> Follower<'a> {
         let key = |aircraft: &Aircraft| {
             let is_favoured = followed(aircraft) && aircraft.paired_s > 0.0;
             let advantage_s = if is_favoured { ADVANTAGE_S } else { 0.0 };
+            // Of what one view alone has seen, an older object that is no arrival does not stand in the way of one that may be.
+            let certain = f64::from(u8::from(self.is_certain(aircraft, step_s)));
             let width_px = tick.width_px(aircraft);
-            [aircraft.paired_s + advantage_s, aircraft.seen_s, width_px]
+            [
+                aircraft.paired_s + advantage_s,
+                certain,
+                aircraft.seen_s,
+                width_px,
+            ]
         };
         let recent = self.aircraft.iter().enumerate();
         let recent = recent.filter(|(_, a)| tick.time_s - a.last_s <= FORGOTTEN_S);
-        recent
+        let keys: Vec<_> = recent
+            .map(|(index, aircraft)| (index, key(aircraft)))
+            .collect();
+        keys.iter()
             // The last one of equals wins, so the first in sight comes last.
             .rev()
             .max_by(|(_, a), (_, b)| {
-                let (a, b) = (key(a), key(b));
-                let by = a.iter().zip(&b).map(|(a, b)| a.total_cmp(b));
+                let by = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
                 by.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
             })
-            .map(|(index, _)| index)
+            .map(|(index, _)| *index)
     }
 
     /// False if its views contradict each other, or if it was never seen by two views and stands still, has another size than

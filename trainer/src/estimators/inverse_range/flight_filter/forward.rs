@@ -89,7 +89,7 @@ pub(super) struct Filtered {
 pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
     let fits = fits_of(ticks);
     let mut filter = Filter {
-        levels: levels(model, &fits),
+        levels: levels(model),
         model,
         fits,
         time_s: 0.0,
@@ -108,8 +108,8 @@ pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
 }
 
 /// Levels of new errors, up to the largest ones of the most precise fit.
-fn levels(model: Model, fits: &[usize]) -> u8 {
-    let new_share = fits.first().map_or(1.0, |&fit| model.errors[fit].new_share);
+fn levels(model: Model) -> u8 {
+    let new_share = model.errors.first().map_or(1.0, |error| error.new_share);
     (LARGEST_ERROR / new_share.sqrt())
         .log2()
         .ceil()
