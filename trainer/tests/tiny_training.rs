@@ -437,7 +437,7 @@ fn sides_without_a_box_that_can_be_used_are_explained() {
     with_boxes(&corpus, Side::Train, speck);
     let training = message(&corpus);
     assert!(
-        training.contains("Train") && training.contains("holds the aircraft"),
+        training.contains("Train") && training.contains("no box of theirs is where"),
         "{training}"
     );
 }
