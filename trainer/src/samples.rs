@@ -170,11 +170,11 @@ impl Samples {
         let splits = corpus.splits()?;
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
+        refuse_unplanned(&planned, &folders)?;
         let mut found = Self::empty(corpus, &folders, asked)?;
         found.absent_scenarios = absent(&splits, &folders);
         for folder in &folders {
             let scenario = folder.open()?;
-            planned.check(&scenario.id(), &scenario.seal().config_hash)?;
             found.add_scenario(&scenario, &splits, range)?;
         }
         found.refuse_flights_on_two_sides(corpus)?;
@@ -232,11 +232,11 @@ impl Samples {
     ) -> Result<(Self, Vec<Observation>)> {
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
+        refuse_unplanned(&planned, &folders)?;
         let mut found = Self::empty(corpus, &folders, asked)?;
         let mut flights = Vec::new();
         for folder in &folders {
             let scenario = folder.open()?;
-            planned.check(&scenario.id(), &scenario.seal().config_hash)?;
             let record = scenario.record()?;
             let (summary, _, observations) = found.observe(&scenario, record, Side::Test)?;
             found.scenarios.push(summary);
@@ -607,6 +607,16 @@ fn flight_of(flight: &Flight, frames: &Frames) -> String {
         }
     }
     path.finalize().to_string()
+}
+
+/// Rejects scenarios that the plan does not have, or has with other parameters. Before anything else of the plan is read: a foreign plan
+/// may have other cameras.
+fn refuse_unplanned(planned: &PlannedScenarios, folders: &[ScenarioFolder]) -> Result<()> {
+    for folder in folders {
+        let scenario = folder.open()?;
+        planned.check(&scenario.id(), &scenario.seal().config_hash)?;
+    }
+    Ok(())
 }
 
 /// The whole boxes per tick and view, the highest score first; none where the picture's edge cuts off all of them.
