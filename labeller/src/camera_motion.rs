@@ -101,7 +101,7 @@ struct Reference {
 struct Fit {
     turn: Turn,
     sd_px: f64,
-    /// What its agreeing tiles tell about both axes.
+    /// Information of its agreeing tiles on both axes.
     tells: DVec2,
 }
 

@@ -17,7 +17,7 @@ use standing::{
     place_if_still, stands_still, stays,
 };
 
-/// Version of the rules, in the record of the detections: those of another version are repeated.
+/// Version of the rules, in the record of the detections. Detections of another version are repeated.
 pub(crate) const METHOD: u32 = 1;
 /// Clear boxes that confirm a track...
 const HITS: u32 = 3;

@@ -111,7 +111,7 @@ pub struct VerifyReport {
     pub labelled: usize,
     /// The evidence from the pictures, per scenario and view.
     pub views: Vec<ViewProof>,
-    /// How far views lag behind each other, per scenario and two views.
+    /// Lags between the views, per scenario and pair of views.
     pub pairs: Vec<PairProof>,
     /// By name of the planned weather, what was reported at the aircraft. A marked scenario is no fault: its record says what was drawn.
     pub weather: BTreeMap<String, ReportedWeather>,

@@ -54,7 +54,7 @@ macro_rules! quirks {
         }
 
         /// All quirks, in the order of [`Quirk`].
-        #[allow(clippy::needless_update, reason = "a row that has every property needs nothing of PLAIN")]
+        #[allow(clippy::needless_update, reason = "a row with both properties sets every field")]
         pub const FACTS: [Facts; 34] = [$(Facts {
             quirk: Quirk::$quirk,
             name: stringify!($name),

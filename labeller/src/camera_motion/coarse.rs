@@ -91,7 +91,7 @@ impl Level {
         }
     }
 
-    /// Correlation of the edges with those of another image that are shifted by some pixels.
+    /// Correlation of the edges with the edges of another image, shifted by some pixels.
     fn correlation<'a>(&'a self, to: &'a Self, shift: IVec2) -> f64 {
         let height = (self.edges.len() / self.width.max(1)) as i32;
         let width = self.width as i32;

@@ -215,7 +215,7 @@ impl Tile {
         if correlation < LEAST_CORRELATION {
             return None;
         }
-        // found = gain (light - step . slope): moved by `step` to the right, the light at a place is that of the left of it.
+        // found = gain (light - step . slope): after a motion by `step`, a pixel has the light from `step` before it.
         let [xx, xy, yy] = self.structure;
         let ridge = 1e-3 * (xx + yy) + 1e-9;
         let pull = DVec2::new(-across, -down) / gain;

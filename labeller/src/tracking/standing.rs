@@ -2,7 +2,7 @@
 //!
 //! A thing is still if its place stays the same within about a pixel for a minute, whatever its width does: in rain the boxes of a lamp
 //! grow and shrink by half. Larger things may also stay within a part of their length, unless they grow. An aircraft always moves more:
-//! the least motion is that of a flight straight at a mast on the 3 degree glide path. It falls by
+//! a flight straight at a mast on the 3 degree glide path moves least. It falls by
 //!
 //! ```text
 //! (b tan 3 deg + h) / d^2 - (1 - k) / 2R      radians per metre flown
@@ -49,7 +49,7 @@ const LEAST_HOP_PX: f64 = 3.0;
 const SURE_HOP: f64 = 6.0;
 /// Standard deviation of the centre of a lamp's box: the least that is assumed, because a few boxes may agree by chance, pixels.
 const LEAST_CENTRE_DEVIATION_PX: f64 = 0.3;
-/// Standard error of the median of normal errors, in those of their mean.
+/// Ratio of the standard errors of median and mean, for normal errors: the square root of pi / 2.
 const MEDIAN_ERROR: f64 = 1.2533;
 
 /// The time from the first to the last box.

@@ -136,7 +136,7 @@ pub enum PredictionsFault {
     /// No row of a tick that counts.
     #[error(
         "none of its {rows} rows is of a tick that counts, with the aircraft in an image, {min_dtd_nm} to {max_dtd_nm} NM away; {elsewhere} \
-         rows are of scenarios outside the judged side: predict those of the test side, or judge all scenarios with --side all"
+         rows are of scenarios outside the judged side: predict the test side, or judge all scenarios with --side all"
     )]
     NoneJudged {
         rows: usize,

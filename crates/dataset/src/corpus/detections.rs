@@ -2,10 +2,10 @@
 //! views, and the condition of the cameras.
 //!
 //! They are not sealed: each model with its settings has its own. `detections/<model>.json`, where `<model>` is the start of the hash of
-//! both ([`ModelIdentity`]), records what made the table next to it, from which videos, and the hashes of that table and of those of the
-//! same name in the other folders, if there are any, so a reader can check that they belong together ([`Provenance`]). They change
-//! together like the files of a seal: each table is written as `<model>.parquet.new`, the record takes effect, and readers look for the
-//! tables by their hashes under both names.
+//! both ([`ModelIdentity`]), records the detector, its videos, and the hashes of the table next to it and of the tables of the same name in
+//! the other folders, if there are any, so a reader can check that they belong together ([`Provenance`]). They change together like the
+//! files of a seal: each table is written as `<model>.parquet.new`, the record takes effect, and readers look for the tables by their
+//! hashes under both names.
 
 mod choice;
 mod table;

@@ -43,7 +43,7 @@ pub struct CameraTurn {
 }
 
 impl CameraTurn {
-    /// Where the usual direction sees what now appears at a place.
+    /// The place in the usual image of a point that appears at `place_px`, pixels.
     pub fn usual_place(&self, camera: &Camera, place_px: DVec2) -> DVec2 {
         let shift_px = DVec2::new(self.shift_x_px, self.shift_y_px);
         let turn = camera.turn(shift_px, self.roll_deg.to_radians());

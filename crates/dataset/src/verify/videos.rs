@@ -12,7 +12,7 @@ use crate::corpus::sealed::Sealed;
 use crate::video::{TimeBase, VideoReader};
 use crate::work::watch::Watch;
 
-/// What the videos of a scenario prove.
+/// Evidence from the videos of a scenario.
 #[derive(Default)]
 pub(super) struct Proofs {
     /// Pictures decoded.

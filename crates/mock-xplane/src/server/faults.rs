@@ -1,7 +1,7 @@
 //! Fault injection for testing clients: a lossy network, a simulator that hangs, a simulator that restarts at any moment.
 //!
 //! Input: a text such as `loss=0.1,dup=0.05,restart=captures:20:2.5` or a [`Faults`]. The network's faults are in [`disorder`], the
-//! simulator's in [`outages`], those of its cameras in [`cameras`]. All randomness comes from a seed, and outages can be counted in
+//! simulator's in [`outages`], the cameras' in [`cameras`]. All randomness comes from a seed, and outages can be counted in
 //! frames or captures instead of seconds, so that a test meets the same fault at the same point every time.
 
 pub(super) mod cameras;

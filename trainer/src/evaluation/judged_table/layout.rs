@@ -82,7 +82,7 @@ impl Layout {
         })
     }
 
-    /// Names of the columns with numbers that are read: the tick, the detections if there are any, and those of each estimator in turn.
+    /// Names of the columns with numbers that are read: the tick, the detections if there are any, then each estimator's.
     pub(super) fn numbers(&self) -> Vec<&str> {
         let detections = self.has_detections.then_some(DETECTIONS);
         let of_estimators = self.estimators.iter().flat_map(|columns| {

@@ -56,7 +56,7 @@ impl Shown<'_> {
     }
 }
 
-/// The estimators in the order of tables and charts: first those of this software, then others by name.
+/// The estimators in the order of tables and charts: first this software's, then others by name.
 fn shown(estimators: &ByEstimator) -> Vec<Shown<'_>> {
     let own = |name: &str| {
         let mut all = Estimator::ALL.into_iter();

@@ -1,8 +1,8 @@
 //! The lag of the images of a view behind the tables, and of two views behind each other, in seconds.
 //!
-//! The middle of the aircraft's outline is that of its box, but for its motion in the image during the lag: `offset = -lag * motion`. The
-//! lag is fitted by least squares, where outliers have the weight of Huber (1964, Annals of Mathematical Statistics 35, 73). An outline
-//! that is larger or smaller than the box has an error of its own: half of the difference if only one side causes it.
+//! The aircraft's outline is centred in its box, but for its motion in the image during the lag: `offset = -lag * motion`. The lag is
+//! fitted by least squares, where outliers have the weight of Huber (1964, Annals of Mathematical Statistics 35, 73). An outline that is
+//! larger or smaller than the box has an error of its own: half of the difference if only one side causes it.
 //!
 //! The standard error must hold for offsets that err alike: light, attitude and the clouds behind the aircraft change slowly, so residuals
 //! near in time have the same sign. They are summed over blocks of time before they are squared (Liang and Zeger 1986, Biometrika 73, 13).
@@ -48,7 +48,7 @@ pub struct PairProof {
     pub scenario: String,
     /// Identifiers of the views.
     pub views: [String; 2],
-    /// Time by which the pictures of the first view show an earlier aircraft than those of the second, milliseconds.
+    /// Lag of the first view's images behind the second view's, milliseconds.
     pub lag_ms: f64,
     /// Its standard error, milliseconds.
     pub lag_error_ms: f64,
@@ -122,7 +122,7 @@ impl Offset {
         (-(part_px + MOST_SMALLER_PX)..=part_px + MOST_LARGER_PX).contains(&larger_px)
     }
 
-    /// What a lag leaves of the offset, pixels.
+    /// Offset that a lag does not explain, pixels.
     fn residual_px(&self, lag_s: f64) -> f64 {
         self.offset_px + lag_s * self.motion_px_s
     }

@@ -18,7 +18,7 @@ const PART_OF_CONTRAST: f64 = 0.25;
 const LAMPS_GREY: f64 = 120.0;
 const LAMPS_MEDIANS: f64 = 3.0;
 
-/// What stands out, relative to the box.
+/// The bright or dark part of a box, relative to the box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Outline {
     /// Its middle relative to the centre of the box, pixels.

@@ -97,7 +97,7 @@ impl FaultyCameras {
     }
 }
 
-/// What an image shows.
+/// Time and pose in an image.
 #[derive(Debug, Clone, Copy)]
 struct Content {
     time_ns: i64,
@@ -184,7 +184,7 @@ impl View {
         shown
     }
 
-    /// What was requested for some time before the latest request, between two requests by linear interpolation.
+    /// The content at some time before the latest request, interpolated linearly between two requests.
     fn past(&mut self, by_ns: i64) -> Content {
         let latest = self.requested[self.requested.len() - 1];
         let time_ns = latest.time_ns - by_ns;
