@@ -214,7 +214,7 @@ impl Samples {
 
 /// The places at which the network was wrong, up to a limit.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct HardPlaces {
+pub(crate) struct HardPlaces {
     places: Vec<HardPlace>,
 }
 
