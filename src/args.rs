@@ -191,6 +191,8 @@ pub(crate) enum Verb {
     /// Train the aircraft detector on a labelled corpus; resumes
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
+    /// Make the table of a runway for a sweep from published ones
+    Airport(AirportArgs),
     /// Install the plugin for poses and pictures into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
@@ -526,6 +528,37 @@ pub(crate) struct TrainDetectorArgs {
     /// All resulting settings are saved in the report.
     #[arg(long, value_name = "DETECTOR.toml")]
     pub(crate) config: Option<PathBuf>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct AirportArgs {
+    #[command(subcommand)]
+    pub(crate) command: AirportCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum AirportCommand {
+    /// Print `[airport.ICAO.runway.NAME]` with the source of each figure, and where the tables differ
+    #[command(after_help = help::AIRPORT_IMPORT)]
+    Import(AirportImportArgs),
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct AirportImportArgs {
+    /// The airport, e.g. EDDM
+    #[arg(value_name = "ICAO")]
+    pub(crate) airport: String,
+    /// The runway in the landing direction, e.g. 26L
+    pub(crate) runway: String,
+    /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; better several
+    #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+    pub(crate) from: Vec<PathBuf>,
+    /// Take the recommended figures where the files differ
+    #[arg(long)]
+    pub(crate) accept: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -160,6 +160,10 @@ pub(crate) const INSTALL_PLUGIN: &str = "\
 Example:
   dtd install-plugin \"$HOME/X-Plane 12\"";
 
+pub(crate) const AIRPORT_IMPORT: &str = "\
+Example:
+  dtd airport import EDDM 26L --from apt.dat earth_nav.dat runways.csv >> sweep.toml";
+
 pub(crate) const TAPE: &str = "\
 Examples:
   dtd tape --sim 127.0.0.1:49000 --out session.mcap

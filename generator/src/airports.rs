@@ -1,10 +1,17 @@
-//! Runways that need no definition in a sweep: a small table, `airports.toml`, in the format of a sweep.
+//! Runways that need no definition in a sweep: a small table, `airports.toml`, in the format of a sweep. And [`import()`], which makes such
+//! tables from published ones.
+
+mod import;
+mod sources;
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use dataset::geometry::runway::Runway;
 use serde::Deserialize;
+
+pub use import::{Conflict, ImportError, Imported, import};
+pub use sources::SourceError;
 
 use crate::sweep::AirportTable;
 

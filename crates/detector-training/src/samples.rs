@@ -214,7 +214,7 @@ impl Samples {
 
 /// The places at which the network was wrong, up to a limit.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(crate) struct HardPlaces {
+pub struct HardPlaces {
     places: Vec<HardPlace>,
 }
 
