@@ -6,6 +6,7 @@ use std::path::Path;
 use super::document::{AIRCRAFT, Document};
 use super::fault::{Checked, distinct_names, fault, list};
 use super::grid::{Names, combinations};
+use super::imaging::ImagingTable;
 use super::{Sweep, profiles, recorded, rigs, runways};
 
 pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sweep> {
@@ -76,9 +77,7 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     if let Some(jitter) = &jitter {
         jitter.check(&cameras)?;
     }
-    if let Some(imaging) = &imaging {
-        imaging.check()?;
-    }
+    let imaging = imaging.map(ImagingTable::checked).transpose()?;
     rigs::check_lenses(&rig, picture, jitter.as_ref())?;
     if let Some((setting, message)) = video.fault() {
         return fault(format!("video.{setting}"), message);
