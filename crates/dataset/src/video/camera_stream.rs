@@ -74,7 +74,7 @@ impl CameraStream {
         };
         let per_s = Rational(rate.numerator as i32, rate.denominator as i32);
         let mut context = context::Context::new_with_codec(named);
-        context.set_threading(ONE_THREAD);
+        context.set_threading(one_thread());
         let mut video = context
             .encoder()
             .video()
@@ -97,7 +97,7 @@ impl CameraStream {
         let decoder = decoder::find(codec::Id::H264)
             .ok_or_else(|| failed("read the camera's stream", &"there is no decoder of H.264"))?;
         let mut context = context::Context::new_with_codec(decoder);
-        context.set_threading(ONE_THREAD);
+        context.set_threading(one_thread());
         context.set_flags(codec::Flags::LOW_DELAY);
         let decoder = context
             .decoder()
@@ -163,10 +163,13 @@ impl CameraStream {
     }
 }
 
-const ONE_THREAD: threading::Config = threading::Config {
-    kind: threading::Type::Slice,
-    count: 1,
-};
+fn one_thread() -> threading::Config {
+    threading::Config {
+        kind: threading::Type::Slice,
+        count: 1,
+        ..Default::default()
+    }
+}
 
 fn options(stream: Stream) -> Dictionary<'static> {
     let bit_per_s = (stream.mbit_per_s * 1e6).round();
