@@ -1,5 +1,5 @@
-//! A corpus of the preset `tower-camera`: the same bytes on any number of threads and wherever a run was interrupted. `dtd verify` looks where
-//! air and mast have moved the aircraft.
+//! A corpus of the preset `tower-camera`: the same bytes on any number of threads and wherever a run was interrupted. `dtd verify` looks
+//! where air and mast have moved the aircraft.
 
 use std::fs;
 use std::path::Path;
