@@ -10,6 +10,7 @@ use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use super::document::{AIRCRAFT, Document};
 use super::fault::{Checked, distinct_names, fault, list};
 use super::grid::{Names, combinations};
+use super::imaging::ImagingTable;
 use super::{Sweep, profiles, recorded, rigs, runways};
 
 /// Local time differs from the sun's by up to three hours, in the west of China, and with daylight saving by up to four.
@@ -84,9 +85,7 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     if let Some(jitter) = &jitter {
         jitter.check(&cameras)?;
     }
-    if let Some(imaging) = &imaging {
-        imaging.check()?;
-    }
+    let imaging = imaging.map(ImagingTable::checked).transpose()?;
     rigs::check_lenses(&rig, picture, jitter.as_ref())?;
     if let Some((setting, message)) = video.fault() {
         return fault(format!("video.{setting}"), message);
