@@ -104,6 +104,10 @@ pub struct ModelProfile {
     /// Point of the top-left pixel that is (0, 0) in the model's boxes; `pixel-corner` by default, for `rows` `pixel-center`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub box_origin: Option<BoxOrigin>,
+    /// Smallest score of a box that the model reports, 0 to 1; 0 by default. A model with a larger one is a weaker detector, with its own
+    /// detections.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least_score: Option<f64>,
     /// The input.
     #[serde(skip_serializing_if = "InputProfile::is_empty")]
     pub input: InputProfile,
@@ -199,6 +203,15 @@ impl ModelProfile {
                 message: format!("{key} = {number}, expected a finite number above zero"),
             })
         };
+        if let Some(score) = self
+            .least_score
+            .filter(|score| !(0.0..=1.0).contains(score))
+        {
+            return Err(BadSetting {
+                key: "least_score",
+                message: format!("least_score = {score}, expected 0 to 1"),
+            });
+        }
         self.input
             .scale
             .map_or(Ok(()), |scale| positive("input.scale", scale))?;
@@ -239,6 +252,11 @@ impl ModelProfile {
         } else {
             1.0 / 255.0
         })
+    }
+
+    /// The smallest score to report, where a search asks for boxes from `floor` on.
+    pub(super) fn score_floor(&self, floor: f64) -> f64 {
+        self.least_score.unwrap_or(0.0).max(floor)
     }
 
     /// Origin of the boxes for a layout.
