@@ -19,7 +19,7 @@ use generator::plan::expand;
 use generator::sweep::Sweep;
 use labeller::tiling::TilingSettings;
 use labeller::{DetectOptions, Mode, ModeSettings, SearchBands};
-use paper_experiment::{SINGLE_VIEW_SHARE, SeenTicks, WeakerDetector};
+use paper_experiment::{SINGLE_VIEW_SHARE, SeenTicks, SingleViews, WeakerDetector};
 use trainer::config::ScenarioSplitConfig;
 use trainer::{EvaluationConfig, RunFolder, TrainConfig};
 
@@ -41,6 +41,8 @@ use sweeps::PaperSweep;
 const TEST_SHARE: f64 = 0.3;
 /// Side of the paper's tiles, pixels.
 const TILE_PX: u32 = 640;
+/// Factor by which the weaker detector shrinks pictures for its first pass.
+const SHRINK: u32 = 2;
 /// Stages in their order.
 const CORPUS: &str = "corpus";
 const LABELS: &str = "labels";
@@ -71,11 +73,12 @@ pub(crate) fn run(args: &PaperArgs) -> Outcome {
     let mut experiment = Experiment {
         args,
         sweep,
+        recorded,
         detector,
         training,
         notes: Notes::open(&args.out, settings)?,
     };
-    if let Some(ending) = experiment.stages(&recorded)? {
+    if let Some(ending) = experiment.stages()? {
         return Ok(ending);
     }
     let page = results::write(&experiment)?;
@@ -135,10 +138,15 @@ impl Place {
     }
 }
 
+/// Work of a stage.
+type Stage = fn(&mut Experiment<'_>) -> Outcome;
+
 /// The experiment in its folder.
 struct Experiment<'a> {
     args: &'a PaperArgs,
     sweep: PaperSweep,
+    /// The corpus, as it is recorded.
+    recorded: Sweep,
     detector: Detector,
     training: TrainConfig,
     notes: Notes,
@@ -154,29 +162,16 @@ impl Experiment<'_> {
     }
 
     /// All stages; the ending of one that did not reach its end.
-    fn stages(&mut self, recorded: &Sweep) -> Result<Option<Ending>, Failure> {
-        type Stage<'a> = (
-            &'static str,
-            Box<dyn Fn(&mut Experiment<'_>) -> Outcome + 'a>,
-        );
-        let stages: [Stage<'_>; 8] = [
-            (
-                CORPUS,
-                Box::new(|this| this.record(recorded, Place::Corpus)),
-            ),
-            (
-                LABELS,
-                Box::new(|this| label_in(&this.place(Place::Corpus))),
-            ),
-            (DETECTIONS, Box::new(Experiment::detect)),
-            (WEAKER, Box::new(Experiment::detect_weaker)),
-            (
-                BY_TRAJECTORY,
-                Box::new(|this| this.train(Place::ByTrajectory)),
-            ),
-            (BY_SCENARIO, Box::new(|this| this.train(Place::ByScenario))),
-            (EVALUATIONS, Box::new(|this| this.evaluate())),
-            (RANGE_CORPUS, Box::new(Experiment::record_for_ranges)),
+    fn stages(&mut self) -> Result<Option<Ending>, Failure> {
+        let stages: [(&str, Stage); 8] = [
+            (CORPUS, |this| this.record(&this.recorded, Place::Corpus)),
+            (LABELS, |this| label_in(&this.place(Place::Corpus))),
+            (DETECTIONS, |this| this.detect()),
+            (WEAKER, |this| this.detect_weaker()),
+            (BY_TRAJECTORY, |this| this.train(Place::ByTrajectory)),
+            (BY_SCENARIO, |this| this.train(Place::ByScenario)),
+            (EVALUATIONS, |this| this.evaluate()),
+            (RANGE_CORPUS, |this| this.record_for_ranges()),
         ];
         for (name, work) in stages {
             if let Some(ending) = self.stage(name, work)? {
@@ -224,7 +219,7 @@ impl Experiment<'_> {
         ending_of(&generated)
     }
 
-    fn record_for_ranges(&mut self) -> Outcome {
+    fn record_for_ranges(&self) -> Outcome {
         match self.record(&self.sweep.range_corpus()?, Place::RangeCorpus)? {
             Ending::Done => label_in(&self.place(Place::RangeCorpus)),
             other => Ok(other),
@@ -233,32 +228,50 @@ impl Experiment<'_> {
 
     fn detect(&mut self) -> Outcome {
         let model = self.detector.path().to_owned();
-        self.detect_with(&model, |notes, hash| notes.detections = Some(hash))
+        self.detect_with(&model, |notes, hash| notes.found.detections = Some(hash))
     }
 
-    /// Searches with a model that reports confident boxes only, so that one view alone sees as many ticks as in the paper.
+    /// Searches with a detector that misses aircraft, so that one view alone sees as many ticks as in the paper: the first pass shrinks the
+    /// pictures, and if that is not enough, boxes with low scores do not count either.
     fn detect_weaker(&mut self) -> Outcome {
         let corpus = self.corpus()?;
-        let hash = self.notes.detections()?;
+        let folder = self.place(Place::Weaker);
+        let mut search = |least_score: f64| -> Result<(Ending, String), Failure> {
+            let model = weaker::write(self.detector.path(), SHRINK, least_score, &folder)?;
+            let ending = self.detect_with(&model, |notes, hash| {
+                notes.found.weaker_detections = Some(hash);
+            })?;
+            let hash = self.notes.found.weaker_detections.clone();
+            Ok((ending, hash.unwrap_or_default()))
+        };
+        let (ending, mut hash) = search(0.0)?;
+        if ending != Ending::Done {
+            return Ok(ending);
+        }
         let training = SeenTicks::read(&corpus, &hash, Some(Side::Train))?;
         let least_score = training.least_score(SINGLE_VIEW_SHARE);
-        let folder = self.place(Place::Weaker);
-        let model = weaker::write(self.detector.path(), least_score, &folder)?;
-        let ending =
-            self.detect_with(&model, |notes, hash| notes.weaker_detections = Some(hash))?;
-        if let Some(weaker_hash) = &self.notes.weaker_detections {
-            self.notes.weaker = Some(WeakerDetector {
-                least_score,
-                single_views: SeenTicks::read(&corpus, weaker_hash, None)?.single_views(0.0),
-                without_least_score: SeenTicks::read(&corpus, &hash, None)?.single_views(0.0),
-            });
+        if least_score > 0.0 {
+            let ending;
+            (ending, hash) = search(least_score)?;
+            if ending != Ending::Done {
+                return Ok(ending);
+            }
         }
-        Ok(ending)
+        let seen = |hash: &str| -> Result<SingleViews, Failure> {
+            Ok(SeenTicks::read(&corpus, hash, None)?.single_views(0.0))
+        };
+        self.notes.found.weaker = Some(WeakerDetector {
+            first_pass_shrink: SHRINK,
+            least_score,
+            single_views: seen(&hash)?,
+            of_detector: seen(&self.notes.detections()?)?,
+        });
+        Ok(Ending::Done)
     }
 
     fn detect_with(&mut self, model: &Path, keep: impl Fn(&mut Notes, String)) -> Outcome {
         let corpus = self.corpus()?;
-        let bands = SearchBands::of_training_side(&corpus).map_err(anyhow::Error::from)?;
+        let bands = SearchBands::of_training_side(&corpus)?;
         let detected = detect(
             &corpus,
             model,
@@ -295,7 +308,7 @@ impl Experiment<'_> {
 
     fn train(&mut self, place: Place) -> Outcome {
         let config = TrainConfig {
-            model_hash: self.notes.weaker_detections.clone(),
+            model_hash: self.notes.found.weaker_detections.clone(),
             scenario_split: matches!(place, Place::ByScenario).then(|| ScenarioSplitConfig {
                 test_share: TEST_SHARE,
                 ..ScenarioSplitConfig::default()
@@ -305,7 +318,7 @@ impl Experiment<'_> {
         let corpus = self.corpus()?;
         let outcome = train(slice::from_ref(&corpus), &self.place(place), &config)?;
         if matches!(place, Place::ByTrajectory) {
-            self.notes.recommended = Some(outcome.choice.estimator);
+            self.notes.found.recommended = Some(outcome.choice.estimator);
         }
         Ok(Ending::Done)
     }
@@ -349,9 +362,11 @@ impl Experiment<'_> {
             return Ok(Ending::Interrupted);
         };
         self.notes
+            .found
             .ranges
             .retain(|range| range.is_pretrained != is_pretrained);
         self.notes
+            .found
             .ranges
             .extend(results::ranges(&evaluation, is_pretrained));
         Ok(if evaluation.failed.is_empty() {

@@ -1,7 +1,5 @@
 //! Errors of this crate.
 
-use std::io;
-
 /// A figure that cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -30,18 +28,6 @@ pub enum Error {
         /// Distance to touchdown, nautical miles.
         dtd_nm: f64,
     },
-}
-
-impl Error {
-    pub(crate) fn picture(what: &'static str) -> impl FnOnce(image::ImageError) -> Self {
-        move |cause| match cause {
-            image::ImageError::IoError(cause) => Self::Picture {
-                what,
-                cause: image::ImageError::IoError(io::Error::other(cause)),
-            },
-            cause => Self::Picture { what, cause },
-        }
-    }
 }
 
 /// Results of this crate.

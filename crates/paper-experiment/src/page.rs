@@ -149,12 +149,14 @@ fn data(results: &Results) -> String {
     let by_weather = by_weather.map(|(name, share)| format!("{name} {}", percent(*share)));
     format!(
         "## Data\n\n{}\n\n\
-         A tick misses a view where the detector reports no box with a score of {} or more (`least_score`); without that limit one view\n\
-         alone sees {} % of the ticks. By distance, percent of the ticks from each nautical mile on: {}.\n\
+         The weaker detector, whose boxes train and judge, shrinks pictures to 1/{} for its first pass and drops boxes with scores below\n\
+         {} (`first_pass_shrink`, `least_score`); with the detector itself, one view alone sees {} % of the ticks. By distance, percent of\n\
+         the ticks from each nautical mile on: {}.\n\
          By weather: {}.",
         table.markdown(),
+        weaker.first_pass_shrink,
         weaker.least_score,
-        percent(weaker.without_least_score.all),
+        percent(weaker.of_detector.all),
         far(&by_nm),
         by_weather.collect::<Vec<_>>().join(", ")
     )

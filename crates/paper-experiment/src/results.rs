@@ -47,15 +47,17 @@ pub struct CorpusFigures {
     pub pictures: u64,
 }
 
-/// A detector that reports confident boxes only.
+/// The detector with settings that make it miss aircraft.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WeakerDetector {
+    /// Factor by which pictures are shrunk for its first pass.
+    pub first_pass_shrink: u32,
     /// The smallest score that it reports.
     pub least_score: f64,
     /// Ticks of the whole corpus that it sees in one view alone.
     pub single_views: SingleViews,
     /// The same of the detector itself.
-    pub without_least_score: SingleViews,
+    pub of_detector: SingleViews,
 }
 
 /// Way in which pictures are searched.

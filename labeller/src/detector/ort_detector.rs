@@ -268,6 +268,10 @@ impl Detector for OrtDetector {
         Ok(found)
     }
 
+    fn first_pass_shrink(&self) -> u32 {
+        self.profile.first_pass_shrink.unwrap_or(1)
+    }
+
     fn description(&self) -> String {
         let Output { meaning, class, .. } = self.output;
         format!("{meaning}, class {class}, {}", self.input.size)

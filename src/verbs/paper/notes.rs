@@ -42,7 +42,7 @@ struct Stage {
 /// The content of the file.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Written<Found> {
+struct Written {
     made_by: String,
     settings: Settings,
     stages: Vec<Stage>,
@@ -68,22 +68,8 @@ pub(super) struct Notes {
     path: PathBuf,
     settings: Settings,
     stages: Vec<Stage>,
-    found: Found,
+    pub(super) found: Found,
     _claim: Claim,
-}
-
-impl std::ops::Deref for Notes {
-    type Target = Found;
-
-    fn deref(&self) -> &Found {
-        &self.found
-    }
-}
-
-impl std::ops::DerefMut for Notes {
-    fn deref_mut(&mut self) -> &mut Found {
-        &mut self.found
-    }
 }
 
 impl Notes {
@@ -99,7 +85,7 @@ impl Notes {
             _claim: claim.in_existing_folder(),
         };
         if notes.path.exists() {
-            let written: Written<Found> =
+            let written: Written =
                 read_json(&notes.path, "notes of dtd paper").map_err(Failure::bad_input)?;
             notes.refuse_other(folder, &written.settings)?;
             notes.stages = written.stages;
@@ -232,7 +218,7 @@ mod tests {
         let mut notes = Notes::open(folder.path(), settings("small")).unwrap();
         notes.add("corpus", Duration::from_secs(2), false).unwrap();
         assert_eq!(notes.done_in_s("corpus"), None);
-        notes.detections = Some("abc".into());
+        notes.found.detections = Some("abc".into());
         notes.add("corpus", Duration::from_secs(3), true).unwrap();
         drop(notes);
         let notes = Notes::open(folder.path(), settings("small")).unwrap();

@@ -25,7 +25,7 @@ pub(super) struct Page {
 /// Writes page, figures and results.
 pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
     let notes = &experiment.notes;
-    let recommended = notes.noted(notes.recommended.clone())?;
+    let recommended = notes.noted(notes.found.recommended.clone())?;
     let metrics = |place| -> Result<Metrics, Failure> {
         let path = experiment.run_folder(place).metrics_path();
         Ok(read_json(&path, "figures of an evaluation")?)
@@ -33,8 +33,8 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
     let results = Results {
         dtd: env!("CARGO_PKG_VERSION").into(),
         corpus: corpus_figures(experiment)?,
-        weaker: notes.noted(notes.weaker.clone())?,
-        ranges: notes.ranges.clone(),
+        weaker: notes.noted(notes.found.weaker.clone())?,
+        ranges: notes.found.ranges.clone(),
         recommended: recommended.clone(),
         by_trajectory: metrics(Place::ByTrajectory)?,
         by_scenario: metrics(Place::ByScenario)?,

@@ -65,7 +65,7 @@ pub(super) fn jpeg(picture: &RgbImage, what: &'static str) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, QUALITY)
         .encode_image(picture)
-        .map_err(Error::picture(what))?;
+        .map_err(|cause| Error::Picture { what, cause })?;
     Ok(bytes)
 }
 

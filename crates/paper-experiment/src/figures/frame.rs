@@ -5,7 +5,7 @@ use dataset::corpus::detections::Detection;
 use dataset::geometry::camera::Camera;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::tables::frames::TickRow;
-use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 
@@ -40,29 +40,20 @@ pub(super) struct Shown {
 impl Shown {
     /// The tick nearest to 6 NM of a scenario, and the first view that shows the whole aircraft.
     pub(super) fn choose(corpus: &Corpus, detections: &str) -> Result<Self> {
-        let mut folders = corpus.scenarios()?;
-        let mut wanted = Vec::new();
-        for folder in &folders {
+        let mut folders = Vec::new();
+        for folder in corpus.scenarios()? {
             let conditions = folder.open()?.record()?.conditions;
-            let (weather, time) = WANTED;
-            let is_other = |is: bool| !is;
-            wanted.push((
-                is_other(conditions.weather_name == weather),
-                is_other(conditions.time_of_day == time),
-                folder.id(),
-            ));
+            let is_wanted = (&*conditions.weather_name, &*conditions.time_of_day) == WANTED;
+            folders.push((!is_wanted, folder));
         }
-        folders.sort_by_key(|folder| {
-            let id = folder.id();
-            wanted.iter().find(|(.., of)| *of == id).cloned()
-        });
-        for folder in &folders {
+        folders.sort_by_key(|(is_other, _)| *is_other);
+        for (_, folder) in &folders {
             let scenario = folder.open()?;
             let rows = scenario.frames()?.rows;
             let Some(row) = nearest(&rows) else { continue };
-            let seen = scenario.truth_boxes()?;
-            let of_tick = seen.iter().filter(|of| of.tick == row.tick);
-            let Some(truth) = of_tick.into_iter().find(|of| of.truncation == 0.0) else {
+            let is_whole = |of: &&TruthBox| of.tick == row.tick && of.truncation == 0.0;
+            let boxes = scenario.truth_boxes()?;
+            let Some(truth) = boxes.iter().find(is_whole) else {
                 continue;
             };
             let calibration = scenario.calibration()?;
