@@ -136,6 +136,10 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if args.leave_out.is_some() {
         config.leave_out.clone_from(&args.leave_out);
     }
+    if let Some(test_share) = args.split_by_scenario {
+        let split = config.scenario_split.get_or_insert_default();
+        split.test_share = test_share;
+    }
     config
 }
 
