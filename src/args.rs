@@ -16,6 +16,7 @@ use clap::{
     ValueEnum,
 };
 use clap_complete::Shell;
+use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::VideoEncoder;
 use dataset::work::memory::Bytes;
 use generator::generate::{SimulatorTarget, Simulators};
@@ -139,7 +140,7 @@ pub(crate) enum Verb {
     },
     /// Write the sweeps that ship, to copy and change
     ///
-    /// demo.toml, scenarios.toml and detector.toml, with the flights and the detector that they name.
+    /// demo.toml, scenarios.toml, paper.toml and detector.toml, with the flights and the detector that they name.
     #[command(after_help = help::EXAMPLES)]
     Examples(ExamplesArgs),
     /// Record a sweep: videos, 4D trajectory, calibration; resumes
@@ -208,6 +209,12 @@ pub(crate) enum Verb {
     /// Run the whole pipeline at small scale, from sweep to report
     #[command(after_help = help::DEMO)]
     Demo(DemoArgs),
+    /// Repeat the paper's experiment, and compare; resumes
+    ///
+    /// Records its corpus, finds the aircraft, trains and judges its estimators and ours, and writes paper.md, in which each table and
+    /// figure of the paper stands beside ours, or the reason why there is none.
+    #[command(after_help = help::PAPER)]
+    Paper(PaperArgs),
     /// Print a script that completes arguments in a shell
     #[command(after_help = help::COMPLETIONS)]
     Completions {
@@ -754,6 +761,80 @@ pub(crate) struct DemoArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct PaperArgs {
+    /// Folder for paper.md, its figures, and all that they follow from; created if missing
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
+    pub(crate) out: PathBuf,
+    /// How much of the experiment
+    #[arg(long, value_enum, value_name = "SCALE", default_value = "full")]
+    pub(crate) scale: Scale,
+    /// The sweep to record [default: the paper.toml that ships]
+    #[arg(long, value_name = "SWEEP.toml")]
+    pub(crate) sweep: Option<PathBuf>,
+    /// Pictures per second, e.g. 30 as in the paper [default: the sweep's, 2]
+    #[arg(long, value_name = "N", value_parser = frame_rate)]
+    pub(crate) frame_rate: Option<FrameRate>,
+    /// The simulator, or several that share the work, separated by commas
+    ///
+    /// As for `dtd generate`.
+    #[arg(
+        long,
+        value_name = "mock[:N|:awkward]|auto|HOST:PORT|tape:FILE,..",
+        default_value = "mock"
+    )]
+    pub(crate) sim: Simulators,
+    /// The detector, an ONNX file [default: the one that ships]
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) model: Option<PathBuf>,
+    /// A detector of photographs, as it is, whose range is compared
+    ///
+    /// An ONNX file, e.g. a YOLO model of COCO, whose class of airplanes is used (docs/detectors.md). It may be named in a later call.
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) pretrained_detector: Option<PathBuf>,
+    /// TOML file with settings that differ from the defaults
+    ///
+    /// Of the trainings, as for `dtd train`.
+    #[arg(long, value_name = "TRAIN.toml")]
+    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) runtime: RuntimeArgs,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Parts of the paper's experiment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Scale {
+    /// Eight scenarios with small pictures and hardly any training: whether it works
+    Small,
+    /// All of it
+    Full,
+}
+
+impl Scale {
+    /// Its name on the command line.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Small => "small",
+            Self::Full => "full",
+        }
+    }
+}
+
+fn frame_rate(text: &str) -> Result<FrameRate, String> {
+    let (numerator, denominator) = text.split_once('/').unwrap_or((text, "1"));
+    let terms = numerator
+        .trim()
+        .parse()
+        .ok()
+        .zip(denominator.trim().parse().ok());
+    let (numerator, denominator) =
+        terms.ok_or("expected a number such as 30, or a fraction such as 1/2")?;
+    FrameRate::new(numerator, denominator).map_err(|error| error.to_string())
 }
 
 /// One of some words, which help and completions list.

@@ -9,7 +9,7 @@ pub(crate) const COLUMNS: usize = 80;
 
 /// Verbs by what a user is about to do, in the order in which they are used.
 const GROUPS: &[(&str, &[&str])] = &[
-    ("Start here", &["demo", "examples"]),
+    ("Start here", &["demo", "paper", "examples"]),
     (
         "Corpora",
         &[
@@ -179,6 +179,15 @@ pub(crate) const DEMO: &str = "\
 Examples:
   dtd demo                                    results in target/demo
   dtd demo --out /tmp/demo --fresh";
+
+pub(crate) const PAPER: &str = "\
+Examples:
+  dtd paper --out paper --scale small         a first look, in three minutes
+  dtd paper --out paper                       100 scenarios: hours; resumes
+  dtd paper --out paper --pretrained-detector yolo11n.onnx
+
+Environment:
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
 
 pub(crate) const EXAMPLES: &str = "\
 Example:

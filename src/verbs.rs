@@ -21,6 +21,7 @@ mod mock_xplane;
 mod object_store;
 mod open_corpus;
 pub(crate) mod output;
+mod paper;
 mod plan;
 mod predict;
 mod push;
@@ -68,6 +69,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Doctor(args) => doctor::run(&args),
         Verb::Tape(args) => tape::run(&args),
         Verb::Demo(args) => demo::run(&args),
+        Verb::Paper(args) => paper::run(&args),
         Verb::Completions { shell } => completions::run(shell),
         Verb::Man { folder } => man::run(&folder),
     }

@@ -4,6 +4,7 @@
 pub(crate) mod backend;
 mod check;
 mod paper_deviation;
+mod stage_end;
 
 use std::path::PathBuf;
 
@@ -12,7 +13,10 @@ use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
 
 use crate::config::backend::TrainingBackend;
+pub use crate::samples::scenario_split::ScenarioSplitConfig;
 pub use paper_deviation::PaperDeviation;
+pub(crate) use stage_end::Plateau;
+pub use stage_end::StageEnd;
 
 /// Settings of a training. Unknown keys are rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -31,6 +35,9 @@ pub struct TrainConfig {
     /// `weather=NAME` or `time=HH:MM`: scenarios of this weather or time are the test side, whatever the split, and train nothing.
     /// `--leave-out` overrides it.
     pub leave_out: Option<String>,
+    /// Split by scenario, as in the paper, whatever the corpus's split: both sides share flights. `--split-by-scenario` sets its
+    /// `test_share`.
+    pub scenario_split: Option<ScenarioSplitConfig>,
     /// Whether scenarios are used that were drawn under another weather than planned (marked by `dtd generate`). `--accept-weather`
     /// switches it on.
     pub accept_weather: bool,
@@ -39,6 +46,10 @@ pub struct TrainConfig {
     pub start_from: Option<PathBuf>,
     /// Loss that the networks minimise; the mean squared error of the distance in the paper.
     pub loss: Loss,
+    /// Unit of the distance that networks predict, nautical miles; 10 in the authors' software. The logarithm has no unit.
+    pub target_unit_nm: f64,
+    /// What the features of boxes are divided by.
+    pub feature_scale: FeatureScale,
     /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
     /// Formulas are always fitted to boxes that contain it.
     pub only_true_boxes: bool,
@@ -64,9 +75,12 @@ impl Default for TrainConfig {
             min_dtd_nm: 0.05,
             max_dtd_nm: None,
             leave_out: None,
+            scenario_split: None,
             accept_weather: false,
             start_from: None,
             loss: Loss::Squared,
+            target_unit_nm: UNIT_NM,
+            feature_scale: FeatureScale::Deviation,
             only_true_boxes: false,
             align_backgrounds: false,
             calibration: CalibrationConfig::default(),
@@ -131,13 +145,58 @@ impl Loss {
     }
 }
 
+/// Unit of all distances of the networks, nautical miles.
+const UNIT_NM: f64 = 10.0;
+
+/// A loss, and the unit of what networks predict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Target {
+    /// The loss.
+    pub(crate) loss: Loss,
+    /// Predicted number for 10 NM.
+    pub(crate) per_10_nm: f32,
+}
+
+impl Target {
+    /// Weight of a sample at `distance` (units of 10 NM).
+    pub(crate) fn weight(self, distance: f32) -> f32 {
+        self.loss.weight(distance)
+    }
+
+    /// The number that a network should predict for `distance` (units of 10 NM).
+    pub(crate) fn target(self, distance: f32) -> f32 {
+        match self.loss {
+            Loss::Logarithmic => self.loss.target(distance),
+            Loss::Squared | Loss::Relative => self.loss.target(distance) * self.per_10_nm,
+        }
+    }
+
+    /// The distance (units of 10 NM) for a network's output.
+    pub(crate) fn distance(self, predicted: f32) -> f32 {
+        match self.loss {
+            Loss::Logarithmic => self.loss.distance(predicted),
+            Loss::Squared | Loss::Relative => self.loss.distance(predicted / self.per_10_nm),
+        }
+    }
+}
+
+/// The scale of the features of boxes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FeatureScale {
+    /// Mean and standard deviation of a view's training boxes, for each feature.
+    Deviation,
+    /// Width and height of the picture, without an offset.
+    Picture,
+}
+
 /// Mini-batches and learning rate of one training; all three keys are required. The rate of Adam rises linearly over the first 2 % of the
-/// steps, then falls along half a cosine to a thousandth. It falls over all steps even with a `patience`, so the last weights are usually
-/// the best ones: early stopping ends overfitting; it does not make a short training.
+/// steps of a cycle, then falls along half a cosine to a thousandth. With a `patience`, all steps are one cycle, so the last weights are
+/// usually the best ones: early stopping ends overfitting; it does not make a short training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Optimisation {
-    /// Number of mini-batches.
+    /// Number of mini-batches, or the most of them if a plateau ends the training.
     pub steps: usize,
     /// Samples in a mini-batch.
     pub batch_size: usize,
@@ -157,17 +216,31 @@ pub struct CalibrationConfig {
     pub head_hidden: Vec<usize>,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
+    /// What ends the stage.
+    pub ends: StageEnd,
+    /// Steps of the first cycle, if a plateau ends the stage.
+    pub first_cycle: usize,
     /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
     /// `Min` of Algorithm 1: steps before the set of optimised views may change (again); 1500 in the paper.
     pub min_steps: usize,
-    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, percentage points of MAPE; 0.01 in the paper.
+    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, and fall of its error over a cycle, percentage points
+    /// of MAPE; 0.01 in the paper.
     pub plateau_threshold_pct: f64,
     /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE; 0.01 in the paper.
     pub gap_threshold_pct: f64,
     /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
-    /// weights. Without it, all steps are made, and the last weights are kept.
+    /// weights. Without it, `ends` decides.
     pub patience: Option<usize>,
+}
+
+impl CalibrationConfig {
+    /// The plateau that ends the stage, if one does.
+    pub(crate) fn plateau(&self) -> Option<Plateau> {
+        let threshold_pct = self.plateau_threshold_pct;
+        self.ends
+            .plateau(self.first_cycle, threshold_pct, self.patience)
+    }
 }
 
 impl Default for CalibrationConfig {
@@ -177,10 +250,12 @@ impl Default for CalibrationConfig {
             features: 256,
             head_hidden: vec![128],
             optimisation: Optimisation {
-                steps: 10_000,
+                steps: 225_000,
                 batch_size: 256,
                 learning_rate: 2e-3,
             },
+            ends: StageEnd::Plateau,
+            first_cycle: 10_000,
             log_every: 50,
             min_steps: 1_500,
             plateau_threshold_pct: 0.01,
@@ -200,18 +275,33 @@ pub struct EstimatorConfig {
     pub head_hidden: Vec<usize>,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
+    /// What ends the stage.
+    pub ends: StageEnd,
+    /// Steps of the first cycle, if a plateau ends the stage.
+    pub first_cycle: usize,
+    /// Fall of the validation error over a cycle below which the stage is on its plateau, percentage points of MAPE.
+    pub plateau_threshold_pct: f64,
     /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
-    /// Share of the steps, from the first on, in which all batches use all views; after it, views are dropped at random. Averaging
-    /// the views' own answers is a plateau on which single-view batches keep the network; with this it first learns what two views say
-    /// together. 0, as in the paper, drops views from the first step on.
+    /// Share of the steps of the first cycle, from the first on, in which all batches use all views; after it, views are dropped at random.
+    /// Averaging the views' own answers is a plateau on which single-view batches keep the network; with this it first learns what two
+    /// views say together. 0, as in the paper, drops views from the first step on.
     pub together_first: f64,
     /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
     /// training cannot remove, ten times two views' floor; at equal weights it drowns them out.
     pub alone_weight: f64,
     /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
-    /// weights. Without it, all steps are made, and the last weights are kept.
+    /// weights. Without it, `ends` decides.
     pub patience: Option<usize>,
+}
+
+impl EstimatorConfig {
+    /// The plateau that ends the stage, if one does.
+    pub(crate) fn plateau(&self) -> Option<Plateau> {
+        let threshold_pct = self.plateau_threshold_pct;
+        self.ends
+            .plateau(self.first_cycle, threshold_pct, self.patience)
+    }
 }
 
 impl Default for EstimatorConfig {
@@ -220,10 +310,13 @@ impl Default for EstimatorConfig {
             lstm: vec![256, 256],
             head_hidden: vec![128],
             optimisation: Optimisation {
-                steps: 20_000,
+                steps: 225_000,
                 batch_size: 256,
                 learning_rate: 1e-3,
             },
+            ends: StageEnd::Plateau,
+            first_cycle: 20_000,
+            plateau_threshold_pct: 0.01,
             log_every: 250,
             together_first: 0.0,
             alone_weight: 1.0,
@@ -240,6 +333,20 @@ pub struct MonoConfig {
     pub hidden: Vec<usize>,
     /// Mini-batches and learning rate, of each view's network.
     pub optimisation: Optimisation,
+    /// What ends the training of a network.
+    pub ends: StageEnd,
+    /// Steps of the first cycle, if a plateau ends it.
+    pub first_cycle: usize,
+    /// Fall of the validation error over a cycle below which a network is on its plateau, percentage points of MAPE.
+    pub plateau_threshold_pct: f64,
+}
+
+impl MonoConfig {
+    /// The plateau that ends the training of a network, if one does.
+    pub(crate) fn plateau(&self) -> Option<Plateau> {
+        self.ends
+            .plateau(self.first_cycle, self.plateau_threshold_pct, None)
+    }
 }
 
 impl Default for MonoConfig {
@@ -247,10 +354,13 @@ impl Default for MonoConfig {
         Self {
             hidden: vec![64, 64],
             optimisation: Optimisation {
-                steps: 2_000,
+                steps: 32_000,
                 batch_size: 256,
                 learning_rate: 3e-3,
             },
+            ends: StageEnd::Plateau,
+            first_cycle: 2_000,
+            plateau_threshold_pct: 0.01,
         }
     }
 }
@@ -278,6 +388,14 @@ impl Default for SelfCalibrationConfig {
 }
 
 impl TrainConfig {
+    /// The loss with its unit.
+    pub(crate) fn target(&self) -> Target {
+        Target {
+            loss: self.loss,
+            per_10_nm: (UNIT_NM / self.target_unit_nm) as f32,
+        }
+    }
+
     /// The same method with narrower layers and fewer steps: about a minute and a half on two cores, for a dozen scenarios.
     pub fn demo() -> Self {
         let narrow = |steps, learning_rate| Optimisation {
@@ -291,6 +409,7 @@ impl TrainConfig {
                 features: 64,
                 head_hidden: vec![64],
                 optimisation: narrow(1_500, 3e-3),
+                ends: StageEnd::Steps,
                 min_steps: 300,
                 ..CalibrationConfig::default()
             },
@@ -298,10 +417,12 @@ impl TrainConfig {
                 lstm: vec![96, 96],
                 head_hidden: vec![96],
                 optimisation: narrow(9_000, 2e-3),
+                ends: StageEnd::Steps,
                 ..EstimatorConfig::default()
             },
             mono: MonoConfig {
                 optimisation: narrow(1_500, 3e-3),
+                ends: StageEnd::Steps,
                 ..MonoConfig::default()
             },
             ..Self::default()
@@ -350,6 +471,21 @@ mod tests {
                 .to_string()
                 .contains("calibration.hidden")
         );
+    }
+
+    #[test]
+    fn what_networks_predict_is_in_the_unit_of_the_settings_but_for_logarithms() {
+        for (loss, expected) in [(Loss::Squared, 5.0), (Loss::Logarithmic, 0.5_f32.ln())] {
+            let config = TrainConfig {
+                loss,
+                target_unit_nm: 1.0,
+                ..TrainConfig::default()
+            };
+            let target = config.target();
+            assert!((target.target(0.5) - expected).abs() < 1e-6);
+            assert!((target.distance(expected) - 0.5).abs() < 1e-6);
+        }
+        assert_eq!(TrainConfig::default().target().target(0.5), 0.5);
     }
 
     #[test]

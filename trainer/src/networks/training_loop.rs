@@ -6,6 +6,8 @@
 //! The detector has a separate loop (`detector-training`): it may run for minutes instead of steps, trains two halves of a batch in
 //! parallel, and remembers the background that it took for aircraft.
 
+use std::ops::Range;
+
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
@@ -14,31 +16,32 @@ use rand_chacha::ChaCha12Rng;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::config::{Loss, Optimisation};
+use crate::config::{Optimisation, Plateau, Target};
 use crate::error::{Error, Result};
-use crate::networks::checkpoint::{Checkpoints, KeptWeights, Reached, RunningWeights};
+use crate::networks::checkpoint::{Checkpoints, EndedStage, KeptWeights, Reached, RunningWeights};
+use crate::networks::stage::{Cycle, EndedBy, StageSummary, cycle_of, is_reached};
 
-/// Share of the steps over which the rate rises.
+/// Share of the steps of a cycle over which the rate rises.
 const WARM_UP: f64 = 0.02;
 /// Share of the highest rate that remains at the end.
 const FINAL: f64 = 1e-3;
 
-/// Learning rate of a step: a linear rise, then half a cosine.
-fn learning_rate(settings: &Optimisation, step: usize) -> f64 {
-    let part = (step as f64 + 0.5) / settings.steps as f64;
+/// Learning rate of a step of a cycle: a linear rise, then half a cosine.
+fn learning_rate(highest: f64, cycle: &Range<usize>, step: usize) -> f64 {
+    let part = ((step - cycle.start) as f64 + 0.5) / cycle.len() as f64;
     let factor = if part < WARM_UP {
         part / WARM_UP
     } else {
         let fallen = (part - WARM_UP) / (1.0 - WARM_UP);
         FINAL + (1.0 - FINAL) * 0.5 * (1.0 + (std::f64::consts::PI * fallen).cos())
     };
-    settings.learning_rate * factor
+    highest * factor
 }
 
 /// Inputs of every task besides samples and settings.
 pub(crate) struct Setup {
     /// Loss that is minimised.
-    pub(crate) loss: Loss,
+    pub(crate) loss: Target,
     /// With autodiff.
     pub(crate) device: Device,
     /// Draws first weights and batches.
@@ -75,11 +78,15 @@ pub(crate) trait Task {
     const NAME: &'static str;
     /// Its name in the display of progress.
     const STAGE: &'static str;
-    /// Steps between two judgements. The last step is always judged.
+    /// Steps between two judgements. The last step of a cycle is always judged.
     fn judged_every(&self) -> usize;
     /// Judgements in a row without a new lowest error that end the training. With patience, the network with the lowest error is kept, even
     /// if it is the initial one; without, the network after the last step.
     fn patience(&self) -> Option<usize> {
+        None
+    }
+    /// The plateau that ends the training before all steps are made. The network of the cycle with the lowest error is then kept.
+    fn plateau(&self) -> Option<Plateau> {
         None
     }
     /// Random numbers that draw its batches.
@@ -107,16 +114,53 @@ pub(crate) struct Kept<N> {
     pub(crate) error_pct: f64,
 }
 
+/// A network that is trained.
+pub(crate) struct Learned<N> {
+    /// The network.
+    pub(crate) kept: Kept<N>,
+    /// Steps done.
+    pub(crate) steps: usize,
+    /// Why no more were.
+    pub(crate) ended_by: EndedBy,
+    /// Its cycles.
+    pub(crate) cycles: Vec<Cycle>,
+}
+
+impl<N> Learned<N> {
+    /// Summary of the stage, which trained on this many samples.
+    pub(crate) fn summary(
+        &self,
+        network: &str,
+        view: Option<&str>,
+        settings: &Optimisation,
+        samples: usize,
+    ) -> StageSummary {
+        StageSummary {
+            network: network.to_owned(),
+            view: view.map(str::to_owned),
+            steps: self.steps,
+            kept_step: self.kept.step,
+            batch_size: settings.batch_size,
+            samples,
+            passes: (self.steps * settings.batch_size) as f64 / samples.max(1) as f64,
+            ended_by: self.ended_by,
+            cycles: self.cycles.clone(),
+        }
+    }
+}
+
 /// A training between two steps.
 struct Position<N> {
     network: N,
     optimiser: ModuleOptimizer,
     /// Steps done.
     step: usize,
-    /// The network with the lowest error so far, if there is patience.
+    /// The network with the lowest error so far, if there is patience, or of the cycle with the lowest.
     best: Option<Kept<N>>,
     /// Judgements since then.
     since_best: usize,
+    /// Finished cycles.
+    cycles: Vec<Cycle>,
 }
 
 /// Trains a network, from its beginning or from where a checkpoint has it. If the training is stopped, the checkpoint has its last step.
@@ -125,7 +169,7 @@ pub(crate) fn learn<T: Task>(
     network: T::Network,
     settings: &Optimisation,
     Companions { checkpoints, watch }: &mut Companions,
-) -> Result<Kept<T::Network>> {
+) -> Result<Learned<T::Network>> {
     watch.begin(T::STAGE, settings.steps as u64);
     let reached = checkpoints.next_stage(task)?;
     if let Some(reached) = &reached {
@@ -136,25 +180,31 @@ pub(crate) fn learn<T: Task>(
         watch.resume(done as u64);
     }
     let mut at = match reached {
-        Some(Reached::End(kept)) => return Kept::restored(&kept, network, checkpoints),
+        Some(Reached::End(ended)) => return Learned::restored(ended, network, checkpoints),
         Some(Reached::Step(running)) => Position::restored(&running, network, checkpoints)?,
         None => Position::first(task, network)?,
     };
-    while at.step < settings.steps && task.patience().is_none_or(|most| at.since_best < most) {
+    let ended_by = loop {
+        if let Some(ended_by) = at.ended_by(task, settings) {
+            break ended_by;
+        }
+        let cycle = cycle_of(at.step, settings.steps, task.plateau());
         let gradients = task.gradients(&at.network, at.step);
-        let rate = learning_rate(settings, at.step);
+        let rate = learning_rate(settings.learning_rate, &cycle, at.step);
         at.network = at.optimiser.step(rate, at.network, gradients);
         at.step += 1;
-        let is_last = at.step == settings.steps;
-        let is_due = at.step.is_multiple_of(task.judged_every());
-        let is_judged = match task.patience() {
-            // The last network is judged when it is complete.
-            None => is_due && !is_last,
-            Some(_) => is_due || is_last,
-        };
-        if is_judged {
+        let ends_cycle = at.step == cycle.end;
+        if ends_cycle || at.step.is_multiple_of(task.judged_every()) {
             let errors_pct = judge(task, &at.network, at.step)?;
-            at.compare_with_best(mean(&errors_pct));
+            if ends_cycle || task.patience().is_some() {
+                at.compare_with_best(mean(&errors_pct));
+            }
+            if ends_cycle {
+                at.cycles.push(Cycle {
+                    steps: at.step,
+                    validation_mape_pct: errors_pct.clone(),
+                });
+            }
             let note = task.record(at.step, errors_pct);
             watch.advance(at.step as u64, &note);
         }
@@ -164,12 +214,16 @@ pub(crate) fn learn<T: Task>(
             checkpoints.save(task, reached)?;
         }
         stopped?;
-    }
-    let (kept, note) = at.end(task)?;
+    };
+    let learned = at.end(task, ended_by)?;
+    let Kept {
+        step, error_pct, ..
+    } = learned.kept;
+    let note = format!("kept step {step}, MAPE {error_pct:.3} %");
     watch.advance(settings.steps as u64, &note);
-    let reached = |checkpoints: &Checkpoints| Ok(Reached::End(kept.saved(checkpoints)?));
+    let reached = |checkpoints: &Checkpoints| Ok(Reached::End(learned.saved(checkpoints)?));
     checkpoints.save(task, reached)?;
-    Ok(kept)
+    Ok(learned)
 }
 
 impl<N: Module> Position<N> {
@@ -188,42 +242,51 @@ impl<N: Module> Position<N> {
             step: 0,
             best,
             since_best: 0,
+            cycles: Vec::new(),
         })
     }
 
-    fn compare_with_best(&mut self, error_pct: f64) {
-        let Some(best) = &mut self.best else {
-            return;
-        };
-        self.since_best += 1;
-        if error_pct < best.error_pct {
-            self.since_best = 0;
-            *best = Kept {
-                network: self.network.clone(),
-                step: self.step,
-                error_pct,
-            };
+    /// Why no more steps are made, if none are.
+    fn ended_by<T: Task<Network = N>>(&self, task: &T, settings: &Optimisation) -> Option<EndedBy> {
+        let plateau = task.plateau();
+        if plateau.is_some_and(|plateau| is_reached(plateau, &self.cycles)) {
+            Some(EndedBy::Plateau)
+        } else if task.patience().is_some_and(|most| self.since_best >= most) {
+            Some(EndedBy::Patience)
+        } else {
+            (self.step >= settings.steps).then_some(EndedBy::Steps)
         }
     }
 
-    /// The network that is kept, and a few words about its error.
-    fn end<T: Task<Network = N>>(self, task: &mut T) -> Result<(Kept<N>, String)> {
-        let (network, step) = match self.best {
-            Some(best) => (best.network, best.step),
-            None => (self.network, self.step),
+    fn compare_with_best(&mut self, error_pct: f64) {
+        self.since_best += 1;
+        let best = self.best.as_ref();
+        if best.is_none_or(|best| error_pct < best.error_pct) {
+            self.since_best = 0;
+            self.best = Some(Kept {
+                network: self.network.clone(),
+                step: self.step,
+                error_pct,
+            });
+        }
+    }
+
+    /// The trained network.
+    fn end<T: Task<Network = N>>(self, task: &T, ended_by: EndedBy) -> Result<Learned<N>> {
+        let kept = match self.best {
+            Some(best) => best,
+            None => Kept {
+                error_pct: mean(&judge(task, &self.network, self.step)?),
+                network: self.network,
+                step: self.step,
+            },
         };
-        let errors_pct = judge(task, &network, step)?;
-        let error_pct = mean(&errors_pct);
-        let note = match task.patience() {
-            None => task.record(step, errors_pct),
-            Some(_) => format!("kept step {step}, MAPE {error_pct:.3} %"),
-        };
-        let kept = Kept {
-            network,
-            step,
-            error_pct,
-        };
-        Ok((kept, note))
+        Ok(Learned {
+            kept,
+            steps: self.step,
+            ended_by,
+            cycles: self.cycles,
+        })
     }
 
     fn saved(&self, checkpoints: &Checkpoints) -> Result<RunningWeights> {
@@ -234,6 +297,7 @@ impl<N: Module> Position<N> {
             optimiser: checkpoints.optimiser_bytes(&self.optimiser)?,
             best: best.map(|best| best.saved(checkpoints)).transpose()?,
             since_best: self.since_best,
+            cycles: self.cycles.clone(),
         })
     }
 
@@ -246,6 +310,27 @@ impl<N: Module> Position<N> {
             optimiser: checkpoints.optimiser(&from.optimiser, adam())?,
             step: from.step,
             since_best: from.since_best,
+            cycles: from.cycles.clone(),
+        })
+    }
+}
+
+impl<N: Module> Learned<N> {
+    fn saved(&self, checkpoints: &Checkpoints) -> Result<EndedStage> {
+        Ok(EndedStage {
+            kept: self.kept.saved(checkpoints)?,
+            steps: self.steps,
+            ended_by: self.ended_by,
+            cycles: self.cycles.clone(),
+        })
+    }
+
+    fn restored(from: EndedStage, network: N, checkpoints: &Checkpoints) -> Result<Self> {
+        Ok(Self {
+            kept: Kept::restored(&from.kept, network, checkpoints)?,
+            steps: from.steps,
+            ended_by: from.ended_by,
+            cycles: from.cycles,
         })
     }
 }
@@ -303,13 +388,8 @@ mod tests {
 
     #[test]
     fn the_rate_rises_to_its_highest_and_falls_to_almost_nothing() {
-        let settings = Optimisation {
-            steps: 1_000,
-            batch_size: 1,
-            learning_rate: 0.01,
-        };
-        let rates: Vec<_> = (0..1_000)
-            .map(|step| learning_rate(&settings, step))
+        let rates: Vec<_> = (500..1_500)
+            .map(|step| learning_rate(0.01, &(500..1_500), step))
             .collect();
         assert!(
             rates[0] < 0.001 && rates[999] < 2e-5,
@@ -330,6 +410,7 @@ mod tests {
         /// After each number of steps but the last.
         weights: Vec<f32>,
         patience: Option<usize>,
+        plateau: Option<Plateau>,
         random: ChaCha12Rng,
     }
 
@@ -340,6 +421,7 @@ mod tests {
                 errors_pct: errors_pct.to_vec(),
                 weights: Vec::new(),
                 patience,
+                plateau: None,
                 random: ChaCha12Rng::seed_from_u64(0),
             }
         }
@@ -357,6 +439,10 @@ mod tests {
 
         fn patience(&self) -> Option<usize> {
             self.patience
+        }
+
+        fn plateau(&self) -> Option<Plateau> {
+            self.plateau
         }
 
         fn random(&mut self) -> &mut ChaCha12Rng {
@@ -410,30 +496,39 @@ mod tests {
         }
     }
 
-    fn learn_steps(diary: &mut Diary, steps: usize) -> Result<(Kept<Dense>, Vec<String>)> {
-        let random = &mut ChaCha12Rng::seed_from_u64(0);
-        let network = Dense::new(&[1, 1], random, &Device::flex().autodiff());
-        let settings = Optimisation {
+    fn optimisation(steps: usize) -> Optimisation {
+        Optimisation {
             steps,
             batch_size: 1,
             learning_rate: 0.01,
-        };
+        }
+    }
+
+    fn learn_steps(diary: &mut Diary, steps: usize) -> Result<(Learned<Dense>, Vec<String>)> {
+        let random = &mut ChaCha12Rng::seed_from_u64(0);
+        let network = Dense::new(&[1, 1], random, &Device::flex().autodiff());
+        let settings = optimisation(steps);
         let notes = Notes::default();
         let mut companions = Companions {
             checkpoints: &mut Checkpoints::none(),
             watch: &notes,
         };
-        let kept = learn(diary, network, &settings, &mut companions)?;
-        Ok((kept, notes.0.into_inner().unwrap()))
+        let learned = learn(diary, network, &settings, &mut companions)?;
+        Ok((learned, notes.0.into_inner().unwrap()))
     }
 
     #[test]
     fn the_last_step_is_judged_too() {
         let mut diary = Diary::of(&[9.0, 8.0, 7.0, 6.0], None);
-        let (kept, reported) = learn_steps(&mut diary, 3).unwrap();
+        let (learned, reported) = learn_steps(&mut diary, 3).unwrap();
         assert_eq!(diary.entries, ["step 0", "step 1", "step 2"]);
-        assert_eq!(reported, ["diary of 3", "2: 7 after 2", "3: 6 after 3"]);
-        assert_eq!((kept.step, kept.error_pct), (3, 6.0));
+        let last = "3: kept step 3, MAPE 6.000 %";
+        assert_eq!(
+            reported,
+            ["diary of 3", "2: 7 after 2", "3: 6 after 3", last]
+        );
+        assert_eq!((learned.kept.step, learned.kept.error_pct), (3, 6.0));
+        assert_eq!(learned.ended_by, EndedBy::Steps);
     }
 
     #[test]
@@ -441,7 +536,7 @@ mod tests {
         let errors = [9.0, 8.0, 3.0, 2.0, 4.0, 1.0, 3.5, 1.0, 1.0];
         for (patience, expected) in [(2, (2, 6)), (9, (8, 8))] {
             let mut diary = Diary::of(&errors, Some(patience));
-            let (kept, _) = learn_steps(&mut diary, 8).unwrap();
+            let (Learned { kept, .. }, _) = learn_steps(&mut diary, 8).unwrap();
             let steps = diary
                 .entries
                 .iter()
@@ -452,13 +547,36 @@ mod tests {
         }
         // No step improved on the initial network.
         let mut diary = Diary::of(&[1.0, 8.0, 3.0, 2.0, 4.0], Some(1));
-        let (kept, reported) = learn_steps(&mut diary, 4).unwrap();
-        assert_eq!(kept.step, 0);
+        let (learned, reported) = learn_steps(&mut diary, 4).unwrap();
+        assert_eq!(
+            (learned.kept.step, learned.ended_by),
+            (0, EndedBy::Patience)
+        );
         assert_eq!(diary.entries, ["step 0", "step 1"]);
         assert!(
             reported.last().unwrap().contains("kept step 0"),
             "{reported:?}"
         );
+    }
+
+    #[test]
+    fn a_training_goes_on_until_a_cycle_no_longer_lowers_the_error_and_keeps_the_best_cycle() {
+        // Cycles end after 2, 6, 14 and 30 steps.
+        let mut errors = [9.0; 63];
+        (errors[2], errors[6], errors[14], errors[30]) = (8.0, 4.0, 4.1, 1.0);
+        let mut diary = Diary::of(&errors, None);
+        diary.plateau = Some(Plateau {
+            first_cycle: 2,
+            threshold_pct: 0.5,
+        });
+        let (learned, _) = learn_steps(&mut diary, 62).unwrap();
+        assert_eq!((learned.kept.step, learned.kept.error_pct), (6, 4.0));
+        assert_eq!((learned.steps, learned.ended_by), (14, EndedBy::Plateau));
+        let cycles = learned.cycles.iter();
+        let cycles: Vec<_> = cycles.map(|cycle| cycle.steps).collect();
+        assert_eq!(cycles, [2, 6, 14]);
+        let summary = learned.summary("diary", None, &optimisation(62), 7);
+        assert_eq!((summary.steps, summary.passes), (14, 2.0));
     }
 
     #[test]
