@@ -2,8 +2,8 @@
 //!
 //! FFmpeg's parser ends an image when the next one begins, a whole frame later. Without it each piece of a packet comes at once: one that
 //! begins a unit (start code and header) or continues it, all pieces of an image with one timestamp. The end of an image is not marked, but
-//! streams are regular: an image has so many slices, and its last piece is shorter than the largest. An image is handed over when this
-//! rule says so, once the rule was right for [`PROVEN`] images in a row; otherwise when the timestamp changes.
+//! streams are regular: an image has so many slices, and its last piece is shorter than the largest of its kind. An image is handed over
+//! when this rule says so, once the rule was right for [`PROVEN`] images in a row; otherwise when the timestamp changes.
 
 /// Codecs whose units are known here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -12,6 +12,7 @@ pub(crate) enum UnitCodec {
     H265,
 }
 
+const START_CODE: [u8; 4] = [0, 0, 0, 1];
 /// Images in a row for which the rule must have been right before it is used.
 const PROVEN: u32 = 30;
 /// Images without the rule after it was wrong while it was used.
@@ -36,7 +37,8 @@ pub(crate) struct AccessUnits {
     was_handed_over: bool,
     /// Slices of the image before.
     usual_slices: u32,
-    largest_piece: usize,
+    /// Bytes of the largest piece that continues a unit, and of the largest that begins one.
+    largest: [usize; 2],
     /// Images in a row for which the rule was right; negative: a penalty.
     proven: i64,
 }
@@ -52,7 +54,7 @@ impl AccessUnits {
             ended_after: None,
             was_handed_over: false,
             usual_slices: 0,
-            largest_piece: 0,
+            largest: [0; 2],
             proven: 0,
         }
     }
@@ -63,10 +65,10 @@ impl AccessUnits {
         self.pieces += 1;
         self.slices += u32::from(self.begins_slice(piece));
         self.data.extend_from_slice(piece);
-        self.largest_piece = self.largest_piece.max(piece.len());
-        let seems_whole = self.slices > 0
-            && self.slices == self.usual_slices
-            && piece.len() < self.largest_piece;
+        let largest = &mut self.largest[usize::from(piece.starts_with(&START_CODE))];
+        *largest = piece.len().max(*largest);
+        let seems_whole =
+            self.slices > 0 && self.slices == self.usual_slices && piece.len() < *largest;
         if seems_whole && self.ended_after.is_none() {
             self.ended_after = Some(self.pieces);
         }
@@ -102,7 +104,10 @@ impl AccessUnits {
 
     /// True if a piece begins a unit with coded pixels.
     fn begins_slice(&self, piece: &[u8]) -> bool {
-        let Some(&header) = piece.strip_prefix(&[0, 0, 0, 1]).and_then(|unit| unit.first()) else {
+        let Some(&header) = piece
+            .strip_prefix(&START_CODE)
+            .and_then(|unit| unit.first())
+        else {
             return false;
         };
         match self.codec {
@@ -140,11 +145,11 @@ mod tests {
     #[test]
     fn a_regular_stream_is_handed_over_with_its_last_piece() {
         let mut units = AccessUnits::new(UnitCodec::H264);
-        let sizes = [1400, 1400, 300];
+        let sizes = [1400, 1395, 300];
         for number in 0..40 {
             let done = image(&mut units, number, &sizes);
             for (piece, unit) in done {
-                assert_eq!(unit.data.len(), 3100);
+                assert_eq!(unit.data.len(), 3095);
                 let is_own = unit.pts == number;
                 assert_eq!(piece, if is_own { 2 } else { 0 });
                 assert_eq!(is_own, number > i64::from(PROVEN), "image {number}");

@@ -23,6 +23,13 @@ pub enum ClockSource {
     Recording,
 }
 
+impl ClockSource {
+    /// True if nothing ties it to the clocks of other views.
+    pub(crate) fn runs_free(self) -> bool {
+        matches!(self, Self::Timestamps | Self::Arrival)
+    }
+}
+
 /// This computer's time, which never jumps while it runs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RunClock {

@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The text of a source cannot be used.
-    #[error("source {source}: {why}", source = r#source)]
+    #[error("source {source}: {why}")]
     Source {
         /// The text, without secrets.
         r#source: String,
@@ -14,7 +14,7 @@ pub enum Error {
         why: String,
     },
     /// A source does not have the images that the run needs.
-    #[error("view {view} from {source}: {why}", source = r#source)]
+    #[error("view {view} from {source}: {why}")]
     View {
         /// Name of the view.
         view: String,
@@ -36,7 +36,9 @@ pub enum Error {
     #[error(transparent)]
     Run(#[from] trainer::Error),
     /// The address for metrics cannot be opened.
-    #[error("metrics cannot be served at {address}: {r#source}; give another port, or 0 for any free one")]
+    #[error(
+        "metrics cannot be served at {address}: {source}; give another port, or 0 for any free one"
+    )]
     Metrics {
         /// The address.
         address: SocketAddr,

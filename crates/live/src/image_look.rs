@@ -53,14 +53,17 @@ impl Looks {
             counts[usize::from(*level)] += 1;
         }
         let ignored = (self.now.len() as f64 * IGNORED_PART) as usize;
-        let end = |levels: &mut dyn Iterator<Item = usize>| {
+        let first_of = |levels: &mut dyn Iterator<Item = usize>| {
             let mut seen = 0;
-            levels.find(|level| {
-                seen += counts[*level];
-                seen > ignored
-            })
+            for level in levels {
+                seen += counts[level];
+                if seen > ignored {
+                    return Some(level);
+                }
+            }
+            None
         };
-        match (end(&mut (0..256)), end(&mut (0..256).rev())) {
+        match (first_of(&mut (0..256)), first_of(&mut (0..256).rev())) {
             (Some(darkest), Some(brightest)) => {
                 brightest <= DARK_LEVEL && brightest - darkest <= DARK_SPREAD
             }

@@ -31,7 +31,9 @@ const UDP_BUFFER_BYTES: u32 = 4 << 20;
 /// Images whose arrival is remembered until they are decoded.
 const MOST_IN_DECODER: usize = 64;
 /// A gap between timestamps of more than so many usual ones is a lost image.
-const GAP_PERIODS: f64 = 1.5;
+const GAP_PERIODS: f64 = 1.75;
+/// Part by which a new interval changes the usual one.
+const LEARNED_PART: f64 = 0.05;
 
 /// Why a source was not opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -114,7 +116,7 @@ pub(crate) struct Input {
     can_lose: bool,
     is_damaged: bool,
     last_pts: Option<i64>,
-    usual_step: Option<i64>,
+    usual_step: Option<f64>,
     all_sent: bool,
     /// Times of a scenario's images that were not reached yet.
     recorded_s: Option<VecDeque<f64>>,
@@ -236,12 +238,13 @@ impl Input {
         match packet.read(&mut self.input) {
             Ok(()) if packet.stream() != self.stream => {}
             Ok(()) => {
-                let sender_s = sender_utc_s(&packet)
-                    .map(|utc_s| self.patience.clock.since_start_s(utc_s));
+                let sender_s =
+                    sender_utc_s(&packet).map(|utc_s| self.patience.clock.since_start_s(utc_s));
                 self.is_damaged |= packet.is_corrupt();
                 match (&mut self.units, packet.pts(), packet.data()) {
                     (Some(units), Some(pts), Some(piece)) => {
-                        self.complete.extend(units.take(pts, piece).into_iter().flatten());
+                        self.complete
+                            .extend(units.take(pts, piece).into_iter().flatten());
                         if let Some(sender_s) = sender_s {
                             self.sender_of_piece = Some((pts, sender_s));
                         }
@@ -271,16 +274,18 @@ impl Input {
 
     fn send(&mut self, packet: &Packet, sender_s: Option<f64>) {
         let pts = packet.pts();
-        self.sent.push_back((pts, self.patience.clock.now_s(), sender_s));
+        self.sent
+            .push_back((pts, self.patience.clock.now_s(), sender_s));
         if self.sent.len() > MOST_IN_DECODER {
             self.sent.pop_front();
         }
         if let Some(pts) = pts.filter(|_| self.can_lose) {
-            let step = self.last_pts.replace(pts).map(|last| pts - last);
-            if let (Some(step), Some(usual)) = (step, self.usual_step) {
-                self.is_damaged |= step as f64 > GAP_PERIODS * usual as f64;
+            let step = self.last_pts.replace(pts).map(|last| (pts - last) as f64);
+            if let Some(step) = step.filter(|step| *step > 0.0) {
+                let usual = self.usual_step.get_or_insert(step);
+                self.is_damaged |= step > GAP_PERIODS * *usual;
+                *usual += LEARNED_PART * (step.min(GAP_PERIODS * *usual) - *usual);
             }
-            self.usual_step = step.filter(|step| *step > 0).or(self.usual_step);
         }
         if self.decoder.send_packet(packet).is_err() {
             self.is_damaged = true;
@@ -396,8 +401,7 @@ impl Place {
 /// Options of streams that come as RTP: short probing, because the description names the codec.
 fn rtp_options() -> Vec<(&'static str, String)> {
     vec![
-        ("analyzeduration", "200000".into()),
-        ("probesize", "200000".into()),
+        ("probesize", "20000".into()),
         ("max_delay", (REORDER_MS * 1_000).to_string()),
         ("buffer_size", UDP_BUFFER_BYTES.to_string()),
     ]

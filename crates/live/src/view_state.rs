@@ -91,7 +91,7 @@ pub(crate) struct Seen {
 }
 
 /// Watches a view.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct ViewWatch {
     is_connected: bool,
     last_s: Option<f64>,
@@ -106,22 +106,6 @@ pub(crate) struct ViewWatch {
     dark: Option<(f64, usize)>,
     /// When images came, and by how much they changed, without repeated ones.
     usual: VecDeque<(f64, f64)>,
-}
-
-impl Default for ViewWatch {
-    fn default() -> Self {
-        Self {
-            is_connected: false,
-            last_s: None,
-            age_s: 0.0,
-            is_damaged: false,
-            is_moved: false,
-            is_frozen: false,
-            repeats: None,
-            dark: None,
-            usual: VecDeque::new(),
-        }
-    }
 }
 
 impl ViewWatch {
@@ -167,7 +151,10 @@ impl ViewWatch {
             }
         }
         while self.usual.len() > FEWEST_USUAL
-            && self.usual.front().is_some_and(|(at_s, _)| at_s + USUAL_S < now_s)
+            && self
+                .usual
+                .front()
+                .is_some_and(|(at_s, _)| at_s + USUAL_S < now_s)
         {
             self.usual.pop_front();
         }
@@ -201,6 +188,11 @@ impl ViewWatch {
         }
     }
 
+    /// The state of the view with its last image, for recordings that are read faster than they were made.
+    pub(crate) fn state_at_last_image(&self) -> ViewState {
+        self.state(self.last_s.unwrap_or(0.0))
+    }
+
     /// Usual time between images.
     fn period_s(&self) -> Option<f64> {
         let times = self.usual.iter().map(|(at_s, _)| *at_s);
@@ -230,7 +222,13 @@ mod tests {
     const PERIOD_S: f64 = 1.0 / 30.0;
 
     /// Feeds seconds of images, each with this change; returns the state after the last.
-    fn feed(watch: &mut ViewWatch, from_s: f64, to_s: f64, change: f64, is_dark: bool) -> ViewState {
+    fn feed(
+        watch: &mut ViewWatch,
+        from_s: f64,
+        to_s: f64,
+        change: f64,
+        is_dark: bool,
+    ) -> ViewState {
         let mut state = ViewState::Up;
         let mut now_s = from_s;
         while now_s < to_s - 1e-9 {
