@@ -41,7 +41,10 @@ pub struct Found {
 /// The views are not those of the run, or a source can never be used.
 pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<Found>> {
     options.check()?;
-    let metrics = Arc::new(Metrics::new(options.run.blake3(), options.run.views()));
+    let metrics = Arc::new(Metrics::new(
+        options.run.blake3().to_string(),
+        options.run.views(),
+    ));
     let stop = Arc::new(AtomicBool::new(false));
     let (clock, pace) = (RunClock::start(), options.pace());
     let shared = Shared::new(clock, pace, stop, metrics, options.offsets_s());

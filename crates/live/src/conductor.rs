@@ -11,7 +11,7 @@ use labeller::live::register_views;
 use trainer::live::{Candidate, OnlineRun, SeenTick, SeenView};
 
 use crate::answers::Answers;
-use crate::clock::{ClockSource, RunClock};
+use crate::clock::RunClock;
 use crate::error::{Error, Result};
 use crate::feed::{Message, Pace, Report, Shared};
 use crate::free_clocks::{FreeClocks, News, Sighting};
@@ -22,7 +22,7 @@ use crate::options::Options;
 use crate::pairing::{Joined, Pairing};
 use crate::search::Searched;
 use crate::track_motion::{TrackMotion, moved_box, moved_shift};
-use crate::view_state::ViewState;
+use crate::view_news::ViewNews;
 use crate::views::{View, Views};
 
 /// Longest wait for a message: views are judged this often without one.
@@ -49,7 +49,7 @@ pub fn estimate(
 ) -> Result<()> {
     options.check()?;
     let clock = RunClock::start();
-    let run = options.run.blake3();
+    let run = options.run.blake3().to_string();
     let metrics = Arc::new(Metrics::new(run.clone(), options.run.views()));
     let address = match options.metrics {
         Some(address) => Some(metrics_server::serve(address, metrics.clone(), clock)?),
@@ -83,10 +83,7 @@ pub fn estimate(
         free_clocks: FreeClocks::of(count),
         answers: Answers::new(options.run.views().to_vec(), options.pace()),
         run: options.run,
-        told: vec![None; count],
-        why: vec![None; count],
-        clocks: vec![None; count],
-        has_ended: views.all.iter().map(|view| view.source.is_none()).collect(),
+        news: vec![ViewNews::default(); count],
         has_finished: views.all.iter().map(|view| view.source.is_none()).collect(),
         last_s: None,
         predicted_s: 0.0,
@@ -123,12 +120,8 @@ struct Conductor {
     clocks_given: bool,
     free_clocks: FreeClocks,
     answers: Answers,
-    /// State of each view that was written last.
-    told: Vec<Option<ViewState>>,
-    why: Vec<Option<String>>,
-    clocks: Vec<Option<ClockSource>>,
-    /// Recordings that are over, and searches.
-    has_ended: Vec<bool>,
+    news: Vec<ViewNews>,
+    /// Views whose searches have ended.
     has_finished: Vec<bool>,
     /// Time of the last tick.
     last_s: Option<f64>,
@@ -183,29 +176,20 @@ impl Conductor {
             }
             Message::Failed(error) => return Err(error),
             Message::Finished(view) => self.has_finished[view] = true,
-            Message::Report(view, report) => match report {
-                Report::Opened { .. } => {}
-                Report::FirstImage { clock, .. } => {
-                    self.clocks[view] = Some(clock);
-                    self.why[view] = None;
-                }
-                Report::Lost(why) => {
+            Message::Report(view, Report::Useless(why)) => {
+                let View { name, source, .. } = &self.views.all[view];
+                return Err(Error::View {
+                    view: name.clone(),
+                    source: source.clone().unwrap_or_default(),
+                    why,
+                });
+            }
+            Message::Report(view, report) => {
+                if matches!(report, Report::Lost(_)) {
                     self.metrics.count_reopened(view);
-                    self.why[view] = Some(why);
                 }
-                Report::Ended => {
-                    self.has_ended[view] = true;
-                    self.why[view] = Some("the recording is over".into());
-                }
-                Report::Useless(why) => {
-                    let View { name, source, .. } = &self.views.all[view];
-                    return Err(Error::View {
-                        view: name.clone(),
-                        source: source.clone().unwrap_or_default(),
-                        why,
-                    });
-                }
-            },
+                self.news[view].take(report);
+            }
         }
         Ok(())
     }
@@ -224,39 +208,19 @@ impl Conductor {
                 }
             };
             let delivers = if is_timed {
-                state.can_be_measured() && !self.has_ended[view]
+                state.can_be_measured() && !self.news[view].has_ended()
             } else {
                 !self.has_finished[view]
             };
             self.pairing.set_live(view, delivers);
             self.metrics.set_state(view, state);
-            // At the beginning every view is down.
-            let before = self.told[view].unwrap_or(ViewState::Down);
-            let is_news = before != state || self.told[view].is_none() && self.why[view].is_some();
-            if !is_news || self.views.all[view].source.is_none() {
+            let of_view = &self.views.all[view];
+            if of_view.source.is_none() {
                 continue;
             }
-            self.told[view] = Some(state);
-            let (name, clock) = (self.views.all[view].name.clone(), self.clocks[view]);
-            let why = match state {
-                ViewState::Up | ViewState::Late => None,
-                ViewState::Moved => Some(format!(
-                    "the camera looks elsewhere, and its images are not measured; if it stays so, `dtd refit RUN --view {name}`"
-                )),
-                ViewState::Down => self.why[view].clone(),
-                ViewState::Frozen => Some("its images repeat, and are not measured".into()),
-                ViewState::Dark => Some("its images are black, and are not measured".into()),
-                ViewState::Damaged => {
-                    Some("its images are damaged or of another size, and are not measured".into())
-                }
-            };
-            self.event(|time_s| Event::View {
-                time_s,
-                view: name,
-                state,
-                why,
-                clock,
-            });
+            if let Some(event) = self.news[view].of(&of_view.name, state) {
+                self.event(event);
+            }
         }
     }
 

@@ -39,6 +39,7 @@ mod search;
 mod slot;
 mod source;
 mod track_motion;
+mod view_news;
 mod view_state;
 mod views;
 

@@ -55,7 +55,7 @@ pub struct Answer {
     pub latitude_deg: Option<f64>,
     /// See `latitude_deg`.
     pub longitude_deg: Option<f64>,
-    /// Height over the touchdown point.
+    /// Height above mean sea level.
     pub height_m: Option<f64>,
     /// Standard deviation of the position.
     pub position_sd_m: Option<f64>,
