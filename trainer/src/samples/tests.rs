@@ -418,6 +418,7 @@ fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<Cam
                 view,
                 state,
                 motion,
+                state_live: Some(state),
             })
         });
         let health: Vec<_> = rows.collect();
