@@ -53,14 +53,27 @@ impl OnlineRun {
         let sealed = SealedRun::read(folder)?;
         let run = TrainedRun::of(&sealed)?;
         let refused = |fault| Error::run(folder.root(), fault);
-        check_causal(&run).map_err(refused)?;
+        check_causal(&run, folder)?;
         let estimator = match estimator {
-            Some(name) => named(name).map_err(refused)?,
-            None => named(&run.summary.choice.estimator).unwrap_or(Estimator::InverseRangeFiltered),
+            Some(name) => online(name).ok_or_else(|| {
+                refused(RunFault::NotOnline {
+                    estimator: name.to_owned(),
+                    known: all_online().map(Estimator::name).collect(),
+                })
+            })?,
+            None => {
+                online(&run.summary.choice.estimator).unwrap_or(Estimator::InverseRangeFiltered)
+            }
         };
+        let cameras = cameras_of(&run).ok_or_else(|| {
+            refused(RunFault::Lengths {
+                views: run.normalisation.views.len(),
+                lengths: [run.summary.cameras.len(); 5],
+            })
+        })?;
         Ok(Self {
             blake3: sealed.blake3(),
-            cameras: cameras_of(&run).map_err(refused)?,
+            cameras,
             estimator,
             in_sight: InSight::default(),
             ticks: 0,
@@ -125,38 +138,33 @@ impl OnlineRun {
 }
 
 /// Refuses runs that need whole flights.
-pub(crate) fn check_causal(run: &TrainedRun) -> std::result::Result<(), RunFault> {
+pub(crate) fn check_causal(run: &TrainedRun, folder: &RunFolder) -> Result<()> {
     if run.backgrounds.is_some() {
-        return Err(RunFault::AlignedOnline);
+        return Err(Error::run(folder.root(), RunFault::AlignedOnline));
     }
     Ok(())
 }
 
-/// The cameras of the training, in the order of the views.
-pub(crate) fn cameras_of(run: &TrainedRun) -> std::result::Result<Vec<Camera>, RunFault> {
-    let views = &run.normalisation.views;
-    let camera = |view: &String| {
-        let entry = run.summary.cameras.get(view);
-        entry.map(|entry| entry.camera()).ok_or_else(|| {
-            let (view, views) = (view.clone(), run.summary.cameras.keys().cloned().collect());
-            RunFault::NoSuchView { view, views }
-        })
-    };
-    views.iter().map(camera).collect()
+/// The cameras of the training, in the order of the views; `None` if one is missing.
+fn cameras_of(run: &TrainedRun) -> Option<Vec<Camera>> {
+    let cameras = &run.summary.cameras;
+    let views = run.normalisation.views.iter();
+    views
+        .map(|view| Some(cameras.get(view)?.camera()))
+        .collect()
 }
 
-/// The estimator of a name, if it needs neither later ticks nor the runway of a scenario.
-fn named(name: &str) -> std::result::Result<Estimator, RunFault> {
-    let is_online = |estimator: &Estimator| {
+/// The estimators that need neither later ticks nor the runway of a scenario.
+fn all_online() -> impl Iterator<Item = Estimator> {
+    Estimator::ALL.into_iter().filter(|estimator| {
         !matches!(
             estimator,
             Estimator::InverseRangeSmoothed | Estimator::SelfCalibrated | Estimator::Triangulation
         )
-    };
-    let online = || Estimator::ALL.into_iter().filter(is_online);
-    let found = online().find(|estimator| estimator.name() == name);
-    found.ok_or_else(|| RunFault::NotOnline {
-        estimator: name.to_owned(),
-        known: online().map(Estimator::name).collect(),
     })
+}
+
+/// The one of this name.
+fn online(name: &str) -> Option<Estimator> {
+    all_online().find(|estimator| estimator.name() == name)
 }

@@ -107,7 +107,7 @@ impl Pairs {
 
     fn compare(&self, reference: &Look, view: usize, look: &Look) -> Result<Shift, NoShift> {
         let cameras = [0, view].map(|index| &self.views[index].1);
-        registered(cameras, [reference, look])
+        registered(cameras, [reference.as_ref(), look.as_ref()])
     }
 
     /// All registrations, by tick and then by view. Patches that still wait after a failure are dropped.

@@ -169,7 +169,7 @@ impl ExpectedMotion {
     }
 
     fn should_have_moved(&self, now_s: f64, seen: &PixelBox) -> bool {
-        let Some((since_s, images)) = self.equal.filter(|(_, images)| *images >= 2) else {
+        let Some((since_s, _)) = self.equal.filter(|(_, images)| *images >= 2) else {
             return false;
         };
         MOVED_IN_S.iter().any(|&seconds| {
@@ -179,7 +179,6 @@ impl ExpectedMotion {
                     .is_some_and(|[expected_px, moved_px]| {
                         expected_px >= LEAST_MOVED_PX && moved_px < MOST_MOVED_PART * expected_px
                     })
-                && images >= 2
         })
     }
 
@@ -217,9 +216,10 @@ struct Noise {
     /// Share of images that had noise, without those of a run of equal ones.
     share: f64,
     images: u32,
-    /// Time of the last image that differed from the one before, and the images since.
+    /// Time of the last image that differed from the one before, the images since, and whether they are frozen.
     changed_s: f64,
     equal: u32,
+    is_frozen: bool,
 }
 
 impl Noise {
@@ -231,14 +231,20 @@ impl Noise {
         let changed = changed_rows(&before, &now);
         if changed > 0.0 || self.images == 0 {
             let is_noisy = f64::from(u8::from(changed >= NOISY_ROWS));
+            // An encoder leaves out noise between key frames.
+            if !self.is_frozen {
+                self.share *= (1.0 - NEW_WEIGHT).powf(f64::from(self.equal));
+            }
             self.images = self.images.saturating_add(1);
             self.share += (is_noisy - self.share) * NEW_WEIGHT.max(1.0 / f64::from(self.images));
-            (self.changed_s, self.equal) = (now_s, 0);
+            (self.changed_s, self.equal, self.is_frozen) = (now_s, 0, false);
             return false;
         }
-        self.equal += 1;
+        self.equal = self.equal.saturating_add(1);
         let is_noisy = self.images >= FEWEST_NOISY && self.share >= NOISY_IMAGES;
-        is_noisy && self.equal >= EQUAL_IMAGES && now_s - self.changed_s >= EQUAL_S
+        self.is_frozen |=
+            is_noisy && self.equal >= EQUAL_IMAGES && now_s - self.changed_s >= EQUAL_S;
+        self.is_frozen
     }
 }
 

@@ -60,7 +60,7 @@ pub fn predict(
     refuse_in_run(out)?;
     let trained = TrainedRun::of(&SealedRun::read(run)?)?;
     if moment == Moment::Live {
-        check_causal(&trained).map_err(|fault| Error::run(run.root(), fault))?;
+        check_causal(&trained, run)?;
     }
     let model = detections.unwrap_or(&trained.summary.model_hash);
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model), moment)?;

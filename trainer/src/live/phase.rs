@@ -172,7 +172,7 @@ impl Seen {
         let fits = &baselines.inverse_range;
         let best = *fits.measurements(observed).first()?;
         let (slow_m, half_time_s, new_m) = baselines.flight_filter.deviations_m(&best);
-        let cameras = cameras_of(run).ok()?;
+        let cameras = cameras_of(run)?;
         let elevations = observed.boxes.iter().zip(&cameras).map(|(seen, camera)| {
             let (centre_px, _) = centre_and_size(seen.as_ref()?);
             Some(elevation(camera, centre_px))
