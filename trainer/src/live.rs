@@ -23,12 +23,13 @@ use std::slice::from_ref;
 use dataset::geometry::camera::Camera;
 
 use crate::error::{Error, Result, RunFault};
+use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::run::estimator::{Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 
-pub use answer::{Answer, Stated};
+pub use answer::{Answer, Position, Stated};
 pub(crate) use in_sight::{InSight, Judged};
 pub use phase::Phase;
 pub use seen_tick::{Candidate, SeenTick, SeenView};
@@ -66,9 +67,9 @@ impl OnlineRun {
             }
         };
         let cameras = cameras_of(&run).ok_or_else(|| {
-            refused(RunFault::Lengths {
-                views: run.normalisation.views.len(),
-                lengths: [run.summary.cameras.len(); 5],
+            refused(RunFault::NoSuchView {
+                view: run.normalisation.views.join(", "),
+                views: run.summary.cameras.keys().cloned().collect(),
             })
         })?;
         Ok(Self {
@@ -124,7 +125,15 @@ impl OnlineRun {
         let observed = tick.observed(self.ticks, &self.cameras);
         self.ticks = self.ticks.wrapping_add(1);
         let judged = self.in_sight.take(&self.run, false, &observed);
-        judged.into_iter().map(|of| self.answer(&of)).collect()
+        let fitted = self.run.baselines.self_calibrated.as_ref();
+        let locator = fitted.map(SelfCalibrated::locator);
+        let answers = judged.iter().map(|of| {
+            let place = locator
+                .as_ref()
+                .and_then(|of_all| of_all.place(&of.observed));
+            self.answer(of).at(place)
+        });
+        answers.collect()
     }
 
     fn answer(&self, judged: &Judged) -> Answer {

@@ -1,5 +1,7 @@
 //! Answers about one aircraft at a tick.
 
+use dataset::geometry::geodesy::Geodetic;
+
 use super::{Judged, Phase};
 use crate::estimators::inverse_range::flight_filter::Estimated;
 
@@ -20,6 +22,21 @@ pub struct Answer {
     pub ground_speed_mps: Option<Stated>,
     /// Time to touchdown, seconds.
     pub time_to_touchdown_s: Option<Stated>,
+    /// Where it is; `None` unless two views saw it whose cameras were fitted.
+    pub position: Option<Position>,
+}
+
+/// Place of the point of an aircraft that its boxes are centred on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Position {
+    /// Latitude, degrees.
+    pub latitude_deg: f64,
+    /// Longitude, degrees.
+    pub longitude_deg: f64,
+    /// Height as in the poses of a corpus, metres.
+    pub height_m: f64,
+    /// Standard deviation, the root of the sum over the axes, metres.
+    pub sd_m: f64,
 }
 
 /// A number, and how sure it is.
@@ -69,6 +86,17 @@ impl Answer {
         }
     }
 
+    /// With the place that fitted cameras see.
+    pub(super) fn at(self, place: Option<(Geodetic, f64)>) -> Self {
+        let position = place.map(|(place, sd_m)| Position {
+            latitude_deg: place.latitude_deg,
+            longitude_deg: place.longitude_deg,
+            height_m: place.altitude_msl_m,
+            sd_m,
+        });
+        Self { position, ..self }
+    }
+
     fn without(judged: &Judged) -> Self {
         let seen = judged.observed.boxes.iter().enumerate();
         Self {
@@ -79,6 +107,7 @@ impl Answer {
             dtd_m: None,
             ground_speed_mps: None,
             time_to_touchdown_s: None,
+            position: None,
         }
     }
 }

@@ -50,7 +50,8 @@ fn states(images: u32, seen: impl Fn(u32) -> u32, pixel: impl Fn(u32, u32) -> u8
     (0..images)
         .map(|number| {
             let now = image_of(|at| pixel(seen(number), at));
-            let lumas = [before.as_deref(), Some(&now)].map(|of| of.map(|of| Luma::of(of, 64)));
+            let lumas =
+                [before.as_deref(), Some(now.as_slice())].map(|of| of.map(|of| Luma::of(of, 64)));
             let state = health.next(&look(number, None, None), None, lumas);
             before = Some(now);
             state == HealthState::Frozen
