@@ -2,13 +2,15 @@
 //!
 //! Distances are those of an approach, so a departure, an aircraft that taxis or crosses, a lamp, and a climb after a missed approach get
 //! none. Two speeds decide: the one towards the target, from the distances that the most precise fit measures tick by tick, and the
-//! vertical one, from the elevation of the box in the camera's image at these distances. Each is the median slope over some seconds (Theil
-//! 1950, Sen 1968) with its standard deviation; what is not certain changes nothing, and an aircraft arrives until its track says otherwise.
+//! vertical one, from the elevation of the box at these distances, by the camera of the training. Each is the median slope over some
+//! seconds (Theil 1950, Sen 1968) with its standard deviation; what is not certain changes nothing, and an aircraft arrives until its track
+//! says otherwise.
 
 use std::collections::VecDeque;
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::spread::{Spread, median};
+use glam::DVec2;
 
 use super::cameras_of;
 use crate::run::trained::TrainedRun;
@@ -20,6 +22,10 @@ const LEAST_CLOSING_MPS: f64 = 25.0;
 /// A climb of an arrival is slower, and a descent after one is at least as fast, m/s.
 const MOST_CLIMB_MPS: f64 = 3.0;
 const LEAST_DESCENT_MPS: f64 = 1.0;
+/// A shorter climb is a gust, seconds.
+const CLIMB_S: f64 = 3.0;
+/// Within this distance a climb is a missed approach, which ends with a descent and not with level flight, metres.
+const MISSED_WITHIN_M: f64 = 8_000.0;
 /// Standard deviations that make it certain.
 const SURE: f64 = 2.5;
 /// Ticks of this time count, and the last ones if they are slower, seconds.
@@ -138,9 +144,14 @@ impl PhaseJudge {
             self.is_slow = false;
         }
         if let Some((climb_mps, sd_mps)) = climb_mps(&alike, closing) {
-            if climb_mps - SURE * sd_mps > MOST_CLIMB_MPS {
+            let ends_mps = if last.distance_m <= MISSED_WITHIN_M {
+                -LEAST_DESCENT_MPS
+            } else {
+                MOST_CLIMB_MPS
+            };
+            if climb_mps - SURE * sd_mps > MOST_CLIMB_MPS && lasted_s >= CLIMB_S {
                 self.climbs = true;
-            } else if climb_mps + SURE * sd_mps < -LEAST_DESCENT_MPS {
+            } else if climb_mps + SURE * sd_mps < ends_mps {
                 self.climbs = false;
             }
         }
@@ -191,7 +202,7 @@ impl Seen {
 }
 
 /// Angle above the horizontal at which a camera sees a place of its image, radians.
-fn elevation(camera: &Camera, place_px: glam::DVec2) -> f64 {
+fn elevation(camera: &Camera, place_px: DVec2) -> f64 {
     let up = camera.center_ecef_m.normalize_or_zero();
     camera.ray(place_px).dot(up).clamp(-1.0, 1.0).asin()
 }
