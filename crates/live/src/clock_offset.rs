@@ -1,9 +1,9 @@
 //! The offset of two cameras' clocks, from where both see the same aircraft.
 //!
-//! At one time the aircraft is on a line of the second view that the first one's pixel defines (epipolar). Images that were taken later show
-//! it off that line by its motion across it. That motion is mostly vertical: nearly none on the glide path far out, two pixels a second in
-//! level flight and near the runway. So a straight line through (motion, distance from the line) has the offset as its slope, and the
-//! error of the cameras' directions as its beginning. Along the line, an offset cannot be told from a displacement of the aircraft.
+//! At one time the aircraft is on a line of the second view that the first one's pixel defines (epipolar). Images that were taken later
+//! show it off that line by its motion across it. That motion is mostly vertical: nearly none on the glide path far out, two pixels a
+//! second in level flight and near the runway. So a straight line through (motion, distance from the line) has the offset as its slope, and
+//! the error of the cameras' directions as its beginning. Along the line, an offset cannot be told from a displacement of the aircraft.
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::Ray;
@@ -41,8 +41,8 @@ pub(crate) struct ClockOffset {
 }
 
 impl ClockOffset {
-    /// Takes where both cameras, of the first view and of this one, see the aircraft in images of the same time, and by how much it moves in
-    /// this view in a second.
+    /// Takes where both cameras, of the first view and of this one, see the aircraft in images of the same time, and by how much it moves
+    /// in this view in a second.
     pub(crate) fn take(
         &mut self,
         time_s: f64,
