@@ -233,6 +233,8 @@ fn what_can_never_work_is_refused_with_what_to_do() {
     let run = workshop.run();
     let no_video = workshop.folder.path().join("words.mp4");
     fs::write(&no_video, "these are words").unwrap();
+    let small = workshop.folder.path().join("small.mp4");
+    ffmpeg(&["-f", "lavfi", "-i", "testsrc2=s=640x480:d=1", text(&small)]);
     let of = |view: &str, source: &str| format!("{view}={source}");
     let [left, right] = VIEWS.map(|view| of(view, &source));
     let cases: &[(&[&str], &str)] = &[
@@ -252,6 +254,10 @@ fn what_can_never_work_is_refused_with_what_to_do() {
         (
             &["--view", &left, "--view", &of("right", text(&no_video))],
             "no video",
+        ),
+        (
+            &["--view", &left, "--view", &of("right", text(&small))],
+            "640x480 pixels, expected 1920x1280",
         ),
         (
             &[
@@ -490,12 +496,15 @@ fn videos(workshop: &Workshop) -> &'static [PathBuf; 2] {
 
 fn encode(recorded: &Path, to: &Path) {
     let filter = "trim=end_frame=1,loop=loop=599:size=1,setpts=N/10/TB,noise=alls=4:allf=t";
+    let noisy = ["-vf", filter, "-r", "10", "-g", "10", "-c:v", "libx264"];
+    let fast = ["-preset", "ultrafast", "-tune", "zerolatency", "-crf", "30"];
+    ffmpeg(&[&["-i", text(recorded)][..], &noisy, &fast, &[text(to)]].concat());
+}
+
+fn ffmpeg(arguments: &[&str]) {
     let output = Command::new("ffmpeg")
-        .args(["-loglevel", "error", "-y", "-i"])
-        .arg(recorded)
-        .args(["-vf", filter, "-r", "10", "-g", "10", "-c:v", "libx264"])
-        .args(["-preset", "ultrafast", "-tune", "zerolatency", "-crf", "30"])
-        .arg(to)
+        .args(["-loglevel", "error", "-y"])
+        .args(arguments)
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", said(&output));

@@ -294,7 +294,9 @@ impl Feed {
         };
         if shared.pace == Pace::AsFastAsPossible {
             self.slot.put_after(image);
-        } else if self.slot.put(image).is_some() {
+        } else if let Some(before) = self.slot.put(image)
+            && before.can_be_measured
+        {
             shared.metrics.count(self.view, Fate::Overload);
         }
         Ok(())
