@@ -28,6 +28,7 @@ use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
 
+use crate::estimate_args::EstimateArgs;
 use crate::estimator_args::{
     EvaluateArgs, ExportEstimatorsArgs, PredictArgs, RefitArgs, TrainArgs,
 };
@@ -174,6 +175,9 @@ pub(crate) enum Verb {
     /// Write a run's distances for a corpus, labelled or not
     #[command(after_help = help::PREDICT)]
     Predict(PredictArgs),
+    /// Estimate distances from camera feeds, while they run
+    #[command(after_help = help::ESTIMATE)]
+    Estimate(EstimateArgs),
     /// Export a run's estimators as ONNX models with a model card
     #[command(after_help = help::EXPORT_ESTIMATORS)]
     ExportEstimators(ExportEstimatorsArgs),

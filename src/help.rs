@@ -19,7 +19,14 @@ const GROUPS: &[(&str, &[&str])] = &[
     ),
     (
         "Estimators",
-        &["train", "refit", "evaluate", "predict", "export-estimators"],
+        &[
+            "train",
+            "refit",
+            "evaluate",
+            "predict",
+            "estimate",
+            "export-estimators",
+        ],
     ),
     ("Detectors", &["train-detector", "evaluate-detector"]),
     (
@@ -108,6 +115,18 @@ Environment:
 pub(crate) const PREDICT: &str = "\
 Example:
   dtd predict run --corpus corpus --out distances.parquet";
+
+pub(crate) const ESTIMATE: &str = "\
+Examples:
+  dtd estimate run --view left=rtsp://user@camera1/video \\
+      --view right=rtsp://user@camera2/video --metrics 127.0.0.1:9464
+  dtd estimate run --view left=left.mp4 --view right=right.mp4 \\
+      --as-fast-as-possible
+  dtd estimate run --view left=corpus:corpus/0001 --view right=corpus:corpus/0001
+
+Environment:
+  DTD_PASSWORD_VIEW     password of a view's server, e.g. DTD_PASSWORD_LEFT
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
 
 pub(crate) const EVALUATE_DETECTOR: &str = "\
 Examples:
@@ -298,6 +317,7 @@ mod tests {
         ("out", ""),
         ("port", "; 0 takes any free one"),
         ("restart-every", "X-Plane after every N live flights"),
+        ("rows", "Rows of the pictures to search: "),
         ("run", "un whose "),
         ("seed", "Seed of "),
         ("side", "Side of the split to "),

@@ -7,6 +7,7 @@ mod completions;
 mod demo;
 mod detect;
 mod doctor;
+mod estimate;
 mod evaluate;
 mod evaluate_detector;
 mod examples;
@@ -57,6 +58,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Refit(args) => refit::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Predict(args) => predict::run(&args),
+        Verb::Estimate(args) => estimate::run(&args),
         Verb::ExportEstimators(args) => export_estimators::run(&args),
         Verb::EvaluateDetector(args) => evaluate_detector::run(&args),
         Verb::Export(args) => export::run(&args),

@@ -10,6 +10,7 @@
 mod camera_stream;
 mod codec;
 mod conversion;
+mod decoded_image;
 mod fragments;
 mod index;
 mod luma;
@@ -31,6 +32,7 @@ use serde::{Deserialize, Serialize};
 pub use camera_stream::CameraStream;
 pub use codec::VideoCodec;
 pub use conversion::PicturePart;
+pub use decoded_image::{DecodedImage, ImageConverter};
 pub use fragments::recorded_pictures;
 pub use index::refine_time_base;
 pub use luma::Luma;
@@ -155,7 +157,8 @@ impl VideoSettings {
     }
 }
 
-fn start_ffmpeg() {
+/// Starts FFmpeg: only what is fatal is logged, since errors are returned as values.
+pub fn start_ffmpeg() {
     static START: Once = Once::new();
     START.call_once(|| {
         // It fails only if FFmpeg lacks memory for its tables; opening a file reports that too.
