@@ -87,7 +87,7 @@ pub enum RecordingError {
         column: &'static str,
         /// Its content.
         found: String,
-        /// What was expected.
+        /// The expected form.
         expected: &'static str,
     },
     /// The file is not a table.
@@ -123,7 +123,7 @@ pub enum RecordingError {
     Implausible {
         /// The file.
         path: PathBuf,
-        /// What it looks like.
+        /// The contradiction.
         fault: Implausible,
     },
 }

@@ -86,11 +86,11 @@ pub enum Implausible {
     Unit {
         /// The column or columns.
         column: &'static str,
-        /// What they seem to be.
+        /// Their likely unit.
         looks_like: &'static str,
         /// The evidence.
         why: String,
-        /// What they should be.
+        /// Their unit by name.
         expected: &'static str,
     },
     /// Columns that contradict each other.
@@ -98,15 +98,15 @@ pub enum Implausible {
     Contradiction {
         /// The evidence.
         why: String,
-        /// What should agree.
+        /// The agreement that was expected.
         expected: &'static str,
     },
     /// It does not land on this runway. `allow` of `[[recorded]]` accepts it.
     #[error("{how}; if this is meant, add `allow = [\"{}\"]` to its [[recorded]]", allowed.key())]
     NoApproach {
-        /// What it does instead.
+        /// Its course instead.
         how: String,
-        /// What would accept it.
+        /// The kind that accepts it.
         allowed: Allowed,
     },
 }
@@ -248,7 +248,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Where a flight without an approach would be with its coordinates in another form.
+/// The form of its coordinates in which a flight without an approach would be near the runway.
 pub(super) fn elsewhere(states: &[FlightState], runway: &Runway) -> Option<Implausible> {
     let target = runway.touchdown_target();
     let nearest_m = |change: &dyn Fn(f64, f64) -> (f64, f64)| {
