@@ -203,7 +203,12 @@ impl<'a> Seen<'a> {
                 )?;
             }
         }
-        match self.range().find_map(|index| self.leaves_corridor(index)) {
+        let aside_m = match self.inbound.passing {
+            Some(passing) if allow.contains(&Allowed::Offset) => self.places[passing].cross_track_m,
+            _ => 0.0,
+        };
+        let leaves = |index| self.leaves_corridor(index, aside_m);
+        match self.range().find_map(leaves) {
             Some(how) => refuse(Allowed::Outside, how),
             None => Ok(()),
         }
@@ -224,13 +229,14 @@ impl<'a> Seen<'a> {
             .filter(|height_m| *height_m > GO_AROUND_M)
     }
 
-    fn leaves_corridor(&self, index: usize) -> Option<String> {
+    /// `aside_m`: offset of the corridor to the right.
+    fn leaves_corridor(&self, index: usize, aside_m: f64) -> Option<String> {
         let at = &self.places[index];
         let to_go_m = at.along_track_m;
         let path_m = to_go_m * self.runway.glide_path_deg.to_radians().tan();
         let time_s = self.states[index].time_s;
         let widest_m = CORRIDOR_M + CORRIDOR * to_go_m;
-        let offset_m = at.cross_track_m.abs();
+        let offset_m = (at.cross_track_m - aside_m).abs();
         if offset_m > widest_m {
             return Some(format!(
                 "is {offset_m:.0} m beside the extended centreline {to_go_m:.0} m before the target (at {time_s} s), expected at most \
