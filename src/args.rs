@@ -198,6 +198,8 @@ pub(crate) enum Verb {
     TrainDetector(TrainDetectorArgs),
     /// Make the table of a runway for a sweep from published ones
     Airport(AirportArgs),
+    /// Make recordings for a sweep from tracks of real arrivals
+    Tracks(TracksArgs),
     /// Install the plugin for poses and pictures into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
@@ -570,6 +572,38 @@ pub(crate) struct AirportImportArgs {
     /// Take the recommended figures where the files differ
     #[arg(long)]
     pub(crate) accept: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct TracksArgs {
+    #[command(subcommand)]
+    pub(crate) command: TracksCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TracksCommand {
+    /// Smooth the arrivals in files of tracks, and complete them to recordings
+    #[command(after_help = help::TRACKS_IMPORT)]
+    Import(TracksImportArgs),
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct TracksImportArgs {
+    /// Tracks: CSV of `traffic` or OpenSky, or `trace_full` of readsb (JSON)
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// The runway on which they land, e.g. LFPG/09R
+    #[arg(long, value_name = "ICAO/RUNWAY")]
+    pub(crate) runway: String,
+    /// A file with the runway's `[airport]` table: a sweep, or the output of `dtd airport import` [default: the built-in runways]
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) airports: Option<PathBuf>,
+    /// Folder for the recordings, one CSV file per arrival
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

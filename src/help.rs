@@ -183,6 +183,12 @@ pub(crate) const AIRPORT_IMPORT: &str = "\
 Example:
   dtd airport import EDDM 26L --from apt.dat earth_nav.dat runways.csv >> sweep.toml";
 
+pub(crate) const TRACKS_IMPORT: &str = "\
+Example:
+  dtd tracks import arrivals/*.csv --runway LFPG/09R --airports sweep.toml --out flights
+
+Exit codes: 3 if a file or track was refused, 2 if all were.";
+
 pub(crate) const TAPE: &str = "\
 Examples:
   dtd tape --sim 127.0.0.1:49000 --out session.mcap

@@ -30,6 +30,7 @@ mod refit;
 mod schema;
 mod stdin_ended;
 mod tape;
+mod tracks;
 mod train;
 mod train_detector;
 mod verify;
@@ -66,6 +67,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::View(args) => view::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
         Verb::Airport(args) => airport::run(&args),
+        Verb::Tracks(args) => tracks::run(&args),
         Verb::InstallPlugin(args) => install_plugin::run(&args),
         Verb::MockXplane(args) => mock_xplane::run(&args),
         Verb::Doctor(args) => doctor::run(&args),

@@ -87,7 +87,7 @@ pub enum RecordingError {
         column: &'static str,
         /// Its content.
         found: String,
-        /// What was expected.
+        /// The expected form.
         expected: &'static str,
     },
     /// The file is not a table.
@@ -123,7 +123,7 @@ pub enum RecordingError {
     Implausible {
         /// The file.
         path: PathBuf,
-        /// What it looks like.
+        /// The contradiction.
         fault: Implausible,
     },
 }
@@ -166,6 +166,12 @@ impl Recording {
             fault,
         };
         let states: Vec<FlightState> = rows.iter().map(|row| row.state).collect();
+        if !states.is_empty() && states.iter().all(|state| state.on_ground) {
+            return Err(implausible(Implausible::Contradiction {
+                why: "on_ground is true in every row".into(),
+                expected: "a flight that lands",
+            }));
+        }
         let (part, inbound) =
             approach_of(&states, runway, longest_dtd_m).ok_or_else(
                 || match plausibility::elsewhere(&states, runway) {

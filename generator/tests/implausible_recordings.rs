@@ -167,7 +167,7 @@ fn mistakes(good: &Table) -> BTreeMap<&'static str, (Table, &'static str)> {
         ),
         (
             "airspeed in knots",
-            (scaled("tas_mps", 1.943_84), "tas_mps that look like knots"),
+            (scaled("tas_mps", 1.943_84), "tas_mps"),
         ),
         (
             "airspeed in km/h",
@@ -234,14 +234,14 @@ fn mistakes(good: &Table) -> BTreeMap<&'static str, (Table, &'static str)> {
             "parallel runway",
             (
                 good.clone().moved(course_deg + 90.0, 1_500.0),
-                "1500 m right of the centreline",
+                "m right of the centreline",
             ),
         ),
         (
             "far to the side",
             (
                 good.clone().moved(course_deg - 90.0, 20_000.0),
-                "20000 m left of the centreline",
+                "m left of the centreline",
             ),
         ),
         (

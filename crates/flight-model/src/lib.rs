@@ -68,7 +68,7 @@ pub struct NotLanded {
     pub last: Option<Box<FlightState>>,
 }
 
-/// Where it was last.
+/// Its last place.
 fn place_of(last: Option<&FlightState>) -> String {
     last.map_or_else(String::new, |state| {
         let pose = state.pose;

@@ -21,7 +21,7 @@ const HEIGHT_M: f64 = 5.0;
 const OFFSET_LOCALIZER_M: f64 = 100.0;
 /// Two centrelines are equally near to the localizer within this, metres.
 const EQUALLY_NEAR_M: f64 = 3.0;
-/// Where glide path antennas stand past the threshold, metres; others belong to another threshold.
+/// Distances of glide path antennas past the threshold, metres; others belong to another threshold.
 const ANTENNA_M: std::ops::RangeInclusive<f64> = 150.0..=600.0;
 /// Without a glide path antenna: 3 degrees, over the threshold at a height of 50 ft.
 const USUAL_GLIDE_PATH_DEG: f64 = 3.0;
@@ -66,9 +66,9 @@ pub enum ImportError {
 pub struct Conflict {
     /// The key of the sweep.
     pub figure: &'static str,
-    /// What the tables say.
+    /// The figures by table.
     pub found: String,
-    /// Which of them is recommended, and why.
+    /// The recommended table, and the reason.
     pub recommended: String,
 }
 
@@ -77,7 +77,7 @@ pub struct Conflict {
 pub struct Imported {
     /// The runway.
     pub runway: Runway,
-    /// Where tables differ.
+    /// Figures on which tables differ.
     pub conflicts: Vec<Conflict>,
     /// Source of threshold and course.
     ends_from: String,

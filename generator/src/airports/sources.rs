@@ -1,4 +1,4 @@
-//! What published tables say of a runway: its ends (X-Plane's `apt.dat`, OurAirports) and its landing aids (X-Plane's `earth_nav.dat`).
+//! Published tables of a runway: its ends (X-Plane's `apt.dat`, OurAirports) and its landing aids (X-Plane's `earth_nav.dat`).
 //!
 //! Tables of the whole world are read line by line; the kind of a file follows from its content, never from its name.
 
@@ -56,7 +56,7 @@ pub(super) enum Aid {
     },
 }
 
-/// What files say of one runway.
+/// The content of files on one runway.
 #[derive(Debug, Default)]
 pub(super) struct Facts {
     pub(super) ends: Vec<Ends>,
@@ -95,7 +95,7 @@ pub enum SourceError {
         path: PathBuf,
         /// Its number, from 1.
         line: u64,
-        /// What is wrong.
+        /// Expected and found.
         why: String,
     },
 }

@@ -86,11 +86,11 @@ pub enum Implausible {
     Unit {
         /// The column or columns.
         column: &'static str,
-        /// What they seem to be.
+        /// Their likely unit.
         looks_like: &'static str,
         /// The evidence.
         why: String,
-        /// What they should be.
+        /// Their unit by name.
         expected: &'static str,
     },
     /// Columns that contradict each other.
@@ -98,15 +98,15 @@ pub enum Implausible {
     Contradiction {
         /// The evidence.
         why: String,
-        /// What should agree.
+        /// The agreement that was expected.
         expected: &'static str,
     },
     /// It does not land on this runway. `allow` of `[[recorded]]` accepts it.
     #[error("{how}; if this is meant, add `allow = [\"{}\"]` to its [[recorded]]", allowed.key())]
     NoApproach {
-        /// What it does instead.
+        /// Its course instead.
         how: String,
-        /// What would accept it.
+        /// The kind that accepts it.
         allowed: Allowed,
     },
 }
@@ -203,7 +203,12 @@ impl<'a> Seen<'a> {
                 )?;
             }
         }
-        match self.range().find_map(|index| self.leaves_corridor(index)) {
+        let aside_m = match self.inbound.passing {
+            Some(passing) if allow.contains(&Allowed::Offset) => self.places[passing].cross_track_m,
+            _ => 0.0,
+        };
+        let leaves = |index| self.leaves_corridor(index, aside_m);
+        match self.range().find_map(leaves) {
             Some(how) => refuse(Allowed::Outside, how),
             None => Ok(()),
         }
@@ -224,13 +229,14 @@ impl<'a> Seen<'a> {
             .filter(|height_m| *height_m > GO_AROUND_M)
     }
 
-    fn leaves_corridor(&self, index: usize) -> Option<String> {
+    /// `aside_m`: offset of the corridor to the right.
+    fn leaves_corridor(&self, index: usize, aside_m: f64) -> Option<String> {
         let at = &self.places[index];
         let to_go_m = at.along_track_m;
         let path_m = to_go_m * self.runway.glide_path_deg.to_radians().tan();
         let time_s = self.states[index].time_s;
         let widest_m = CORRIDOR_M + CORRIDOR * to_go_m;
-        let offset_m = at.cross_track_m.abs();
+        let offset_m = (at.cross_track_m - aside_m).abs();
         if offset_m > widest_m {
             return Some(format!(
                 "is {offset_m:.0} m beside the extended centreline {to_go_m:.0} m before the target (at {time_s} s), expected at most \
@@ -248,7 +254,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Where a flight without an approach would be with its coordinates in another form.
+/// The form of its coordinates in which a flight without an approach would be near the runway.
 pub(super) fn elsewhere(states: &[FlightState], runway: &Runway) -> Option<Implausible> {
     let target = runway.touchdown_target();
     let nearest_m = |change: &dyn Fn(f64, f64) -> (f64, f64)| {

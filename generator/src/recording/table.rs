@@ -25,7 +25,7 @@ const COLUMNS: [(&str, Limits); 13] = [
 ];
 /// The one column that is no number: 0 or 1.
 const ON_GROUND: &str = "on_ground";
-/// What may stand between two fields.
+/// Separators of fields.
 const SEPARATORS: [(u8, &str); 3] = [(b',', "a comma"), (b';', "a semicolon"), (b'\t', "a tab")];
 
 /// A row of the table.

@@ -91,20 +91,7 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         return fault(format!("video.{setting}"), message);
     }
     start.check(&profile, grid.profiles.is_some())?;
-    // A built-in profile may be too low for a runway at high elevation: that matters only if it is flown.
     let start_profiles = start.profiles();
-    let flown = combinations.iter().filter_map(|c| c.profile.as_ref());
-    for name in start_profiles.iter().chain(flown) {
-        if let Err(unfit) = profiles::check_one(name, &profile[name], &runway) {
-            let (name, reason) = (name, unfit.message);
-            return fault(
-                "approach.runway",
-                format!(
-                    "profile {name} does not fit the runway: {reason}; define [profile.{name}] otherwise"
-                ),
-            );
-        }
-    }
     split.check()?;
     let (nearest_nm, longest_nm) = start.dtd_nm.range();
     let (recorded, rule_of) = recorded::read(recorded, &combinations, folder, &runway, longest_nm)?;

@@ -12,7 +12,7 @@ use super::limits::Enforce;
 
 /// Steepest descent from the start to the touchdown target, degrees. From steeper ones the flight model lands far beyond the target, or not
 /// at all.
-const STEEPEST_DEG: f64 = 15.0;
+const STEEPEST_DEG: f64 = 25.0;
 /// Heights over the runway at which an approach can start, metres.
 const OVER_RUNWAY_M: (f64, f64) = (100.0, 6_000.0);
 
@@ -59,7 +59,7 @@ pub(super) fn check(profiles: &BTreeMap<String, ApproachProfile>, runway: &Runwa
 }
 
 /// Rejects a profile that cannot be flown to a runway.
-pub(super) fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<()> {
+fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<()> {
     let ground_m = runway.threshold.altitude_msl_m;
     let (least_m, most_m) = (ground_m + OVER_RUNWAY_M.0, ground_m + OVER_RUNWAY_M.1);
     let above_ground = Limits::new(least_m, most_m, "an altitude in metres, above the runway,");
