@@ -129,7 +129,7 @@ impl Imaging {
         }
     }
 
-    /// What a simulator has to draw: all but the camera's stream.
+    /// The part that a simulator has to draw: all but the camera's stream.
     #[must_use]
     pub fn drawn(self) -> Self {
         let without_stream = |degradation: Degradation| Degradation {
