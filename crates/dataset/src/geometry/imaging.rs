@@ -286,7 +286,7 @@ mod tests {
             serde_json::from_str::<Imaging>(text)
                 .unwrap()
                 .check(&mut check);
-            check.first().map(ToString::to_string)
+            check.first().map(|fault| fault.to_string())
         };
         let seeing = |more: &str| {
             format!(
