@@ -129,7 +129,7 @@ impl Imaging {
         }
     }
 
-    /// What a simulator has to draw: all but the camera's stream.
+    /// The part that a simulator has to draw: all but the camera's stream.
     #[must_use]
     pub fn drawn(self) -> Self {
         let without_stream = |degradation: Degradation| Degradation {
@@ -286,7 +286,7 @@ mod tests {
             serde_json::from_str::<Imaging>(text)
                 .unwrap()
                 .check(&mut check);
-            check.first().map(ToString::to_string)
+            check.first().map(|fault| fault.to_string())
         };
         let seeing = |more: &str| {
             format!(

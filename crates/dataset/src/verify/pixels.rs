@@ -107,7 +107,7 @@ pub(super) struct Watcher<'a> {
     scenario: &'a Scenario<'a>,
     /// True boxes of this view by tick, with their rows.
     boxes: Vec<Option<(usize, &'a TruthBox)>>,
-    /// Where they appear, by tick, if air or mast move the image.
+    /// Their places in the images, which air and mast may move, by tick.
     places: Vec<Option<PixelBox>>,
     /// The same for the other views.
     others: Vec<(&'a str, Vec<Option<PixelBox>>)>,

@@ -1,4 +1,4 @@
-//! The stream between a camera and its recorder: what a picture looks like after the camera's own encoder.
+//! The stream between a camera and its recorder: a picture after the camera's own encoder.
 //!
 //! Cameras code H.264 at a bit rate, whatever the picture needs: a key frame every two seconds, no B-frames, limited range, one second of
 //! buffer. Each picture is coded with x264 and decoded again at once; the corpus's encoder then takes it. One thread: the same pictures
@@ -29,7 +29,7 @@ const CAMERA_RATE: FrameRate = FrameRate {
 /// Seconds between key frames, and of pictures in the rate control's buffer.
 const KEY_FRAME_S: f64 = 2.0;
 const BUFFER_S: f64 = 1.0;
-/// About what encoders in cameras achieve.
+/// About as good as encoders in cameras.
 const PRESET: &str = "veryfast";
 const LIMITED_RANGE: bool = false;
 

@@ -33,7 +33,7 @@ impl MovingImage {
         })
     }
 
-    /// Where the aircraft of a true box appears.
+    /// The place at which the aircraft of a true box appears.
     pub(super) fn place(&self, truth: PixelBox, row: &TickRow) -> PixelBox {
         let time_s = row.time_ns as f64 / 1e9;
         let aircraft_m = row.pose.position().to_ecef();

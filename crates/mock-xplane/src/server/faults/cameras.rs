@@ -80,7 +80,7 @@ impl FaultyCameras {
         self.views.values_mut().for_each(View::begin_flight);
     }
 
-    /// What is wrong with a fault of a view that the rig does not have: it would do nothing. Known from the second tick on.
+    /// Refusal of a fault of a view that the rig does not have: it would do nothing. `None` in the first tick, which shows the views.
     pub(crate) fn fault_of_no_view(&mut self, request: &CaptureRequest) -> Option<String> {
         if request.tick == *self.first_tick.get_or_insert(request.tick) {
             self.rig.insert(request.view);
