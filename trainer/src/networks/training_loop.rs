@@ -115,6 +115,7 @@ pub(crate) struct Kept<N> {
 }
 
 /// A network that is trained.
+#[derive(Debug)]
 pub(crate) struct Learned<N> {
     /// The network.
     pub(crate) kept: Kept<N>,
