@@ -1,3 +1,5 @@
+//! Ends, judgements and the rate of the loop.
+
 use super::*;
 use crate::networks::dense::Dense;
 use crate::networks::encoded::numbers;
