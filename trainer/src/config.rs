@@ -52,7 +52,7 @@ pub struct TrainConfig {
     pub loss: Loss,
     /// Unit of the distance that networks predict, nautical miles; 10 in the authors' software. The logarithm has no unit.
     pub target_unit_nm: f64,
-    /// What the features of boxes are divided by.
+    /// Divisor of the features of boxes.
     pub feature_scale: FeatureScale,
     /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
     /// Formulas are always fitted to boxes that contain it.
@@ -140,7 +140,7 @@ pub struct CalibrationConfig {
     pub head_hidden: Vec<usize>,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
-    /// What ends the stage.
+    /// End of the stage.
     pub ends: StageEnd,
     /// Steps of the first cycle, if a plateau ends the stage.
     pub first_cycle: usize,
@@ -199,7 +199,7 @@ pub struct EstimatorConfig {
     pub head_hidden: Vec<usize>,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
-    /// What ends the stage.
+    /// End of the stage.
     pub ends: StageEnd,
     /// Steps of the first cycle, if a plateau ends the stage.
     pub first_cycle: usize,
@@ -257,7 +257,7 @@ pub struct MonoConfig {
     pub hidden: Vec<usize>,
     /// Mini-batches and learning rate, of each view's network.
     pub optimisation: Optimisation,
-    /// What ends the training of a network.
+    /// End of the training of a network.
     pub ends: StageEnd,
     /// Steps of the first cycle, if a plateau ends it.
     pub first_cycle: usize,

@@ -121,7 +121,7 @@ pub(crate) struct Learned<N> {
     pub(crate) kept: Kept<N>,
     /// Steps done.
     pub(crate) steps: usize,
-    /// Why no more were.
+    /// Cause of its end.
     pub(crate) ended_by: EndedBy,
     /// Its cycles.
     pub(crate) cycles: Vec<Cycle>,
@@ -247,7 +247,7 @@ impl<N: Module> Position<N> {
         })
     }
 
-    /// Why no more steps are made, if none are.
+    /// Cause of the end, if no more steps are made.
     fn ended_by<T: Task<Network = N>>(&self, task: &T, settings: &Optimisation) -> Option<EndedBy> {
         let plateau = task.plateau();
         if plateau.is_some_and(|plateau| is_reached(plateau, &self.cycles)) {
