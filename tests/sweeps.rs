@@ -307,10 +307,11 @@ fn the_committed_schemas_are_what_the_command_prints() {
     }
 }
 
-const OURS: [&str; 8] = [
+const OURS: [&str; 9] = [
     "scenarios.toml",
     "demo.toml",
     "detector.toml",
+    "paper.toml",
     "docs/results/detector-judge.toml",
     "docs/results/detector-judge-imaging.toml",
     "docs/results/jitter-imaging.toml",
