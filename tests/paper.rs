@@ -62,6 +62,10 @@ fn figures(out: &Path) -> Value {
     let text = fs::read_to_string(out.join("results/paper.json")).unwrap();
     let mut results: Value = serde_json::from_str(&text).unwrap();
     results.as_object_mut().unwrap().remove("stages");
+    for split in ["by_trajectory", "by_scenario"] {
+        let training = results[split]["training"].as_object_mut().unwrap();
+        training.remove("training_s");
+    }
     for range in results["ranges"].as_array_mut().unwrap() {
         range.as_object_mut().unwrap().remove("cpu_ms_per_picture");
     }

@@ -315,6 +315,7 @@ const OURS: [&str; 9] = [
     "scenarios.toml",
     "demo.toml",
     "detector.toml",
+    "paper.toml",
     "docs/results/detector-judge.toml",
     "docs/results/detector-judge-imaging.toml",
     "docs/results/jitter-imaging.toml",

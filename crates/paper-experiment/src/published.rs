@@ -1,4 +1,4 @@
-//! What the paper states about its detector. `trainer::paper` has what it states about estimators.
+//! The paper's figures of its detector. `trainer::paper` has what it states about estimators.
 
 /// Share of the data points that miss one view.
 pub const SINGLE_VIEW_SHARE: f64 = 0.15;

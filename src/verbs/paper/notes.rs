@@ -1,4 +1,4 @@
-//! `PAPER.json`: whose folder it is, with which settings, and what its stages found.
+//! `PAPER.json`: the settings of an experiment, and the findings of its stages.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -20,7 +20,7 @@ const MADE_BY: &str = "dtd paper";
 /// Files and folders of the page.
 const PAGE: [&str; 3] = ["paper.md", "results", "images"];
 
-/// What must stay the same from call to call.
+/// Settings that stay the same from call to call.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Settings {
@@ -49,7 +49,7 @@ struct Written {
     found: Found,
 }
 
-/// What stages found for later ones.
+/// Findings of stages, for later ones.
 #[derive(Debug, Default, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Found {
@@ -155,7 +155,7 @@ impl Notes {
         self.noted(self.found.detections.clone())
     }
 
-    /// What a stage must have noted.
+    /// A finding that a stage must have noted.
     pub(super) fn noted<T>(&self, value: Option<T>) -> Result<T, Failure> {
         value.ok_or_else(|| {
             Failure::bad_input_message(format!(

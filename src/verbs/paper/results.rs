@@ -1,4 +1,4 @@
-//! The page and what it follows from.
+//! The page, and the results that it follows from.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -16,7 +16,7 @@ use crate::failure::Failure;
 /// Estimators of the box plot, besides the recommended one.
 const CHARTED: [&str; 2] = ["paper_lstm", "mono_network_box"];
 
-/// What was written.
+/// The written page.
 pub(super) struct Page {
     pub(super) path: PathBuf,
     pub(super) results: Results,

@@ -230,7 +230,7 @@ pub(super) fn single_views(results: &Results) -> String {
     table.markdown()
 }
 
-/// How the networks were trained.
+/// Steps of the trainings, and the reasons why they ended.
 pub(super) fn training(results: &Results) -> String {
     let mut table = Table::new(&[
         "networks",
