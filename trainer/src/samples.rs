@@ -80,7 +80,7 @@ impl DistanceRange {
     }
 }
 
-/// What decides which boxes of a corpus count.
+/// Moment at which it is decided which boxes of a corpus count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
     /// Whole flights: all boxes of confirmed tracks, moved where a camera was off.

@@ -31,7 +31,7 @@ pub(crate) struct PairedViews {
     paths: Vec<Path>,
 }
 
-/// What the views saw of one object at a tick.
+/// One object at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct OfObject {
     /// Number in the order of appearance.
