@@ -272,7 +272,7 @@ impl Conductor {
                 (&cameras[1], &searched.looked.patch),
             );
             let moved_px = best_of(searched).map_or([0.0; 2], moved);
-            Some(moved_shift(shift.ok()?, moved_px))
+            Some((0, moved_shift(shift.ok()?, moved_px)))
         });
         let counting = searched.looked.boxes.iter().filter(|found| found.counts);
         let boxes = counting.map(|found| Candidate {
@@ -298,7 +298,7 @@ impl Conductor {
         }
         let is_sighted = !views[0].boxes.is_empty() && !views[view].boxes.is_empty();
         let shift = views[view].registration.filter(|_| is_sighted);
-        let sighting = shift.zip(best_of(searched)).map(|(shift, track)| {
+        let sighting = shift.zip(best_of(searched)).map(|((_, shift), track)| {
             let here_px = DVec2::new(shift.x_px, shift.y_px);
             Sighting {
                 places_px: [here_px, here_px + DVec2::new(shift.dx_px, shift.dy_px)],
