@@ -33,7 +33,7 @@ const SILENCE_S: f64 = 0.3;
 const MOTION_S: f64 = 0.05;
 /// Seconds between two events about overload.
 const OVERLOAD_S: f64 = 5.0;
-/// How long the end may take: for threads, and for the last lines.
+/// Limits of the end: for threads, and for the last lines.
 const STOP: Duration = Duration::from_millis(800);
 const LAST_LINES: Duration = Duration::from_millis(500);
 
@@ -258,7 +258,7 @@ impl Conductor {
         self.metrics.time(Stage::Total, now_s - arrival_s);
     }
 
-    /// What a view saw, moved to the time of the tick.
+    /// The boxes of a view, moved to the time of the tick.
     fn seen_view(&self, joined: &Joined<Box<Searched>>, view: usize) -> SeenView {
         let Some((time_s, searched)) = &joined.images[view] else {
             return SeenView::default();
