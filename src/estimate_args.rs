@@ -10,7 +10,7 @@ use live::Source;
 
 use crate::args::{RuntimeArgs, folder};
 
-/// Which run, from which sources, and where the answers go.
+/// A run, its sources, and outputs.
 #[derive(Debug, Args)]
 pub(crate) struct EstimateArgs {
     /// Folder of the run, as written by `dtd train`

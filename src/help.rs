@@ -122,7 +122,8 @@ Examples:
       --view right=rtsp://user@camera2/video --metrics 127.0.0.1:9464
   dtd estimate run --view left=left.mp4 --view right=right.mp4 \\
       --as-fast-as-possible
-  dtd estimate run --view left=corpus:corpus/0001 --view right=corpus:corpus/0001
+  dtd estimate run --view left=corpus:corpus/0001-a \\
+      --view right=corpus:corpus/0001-a
 
 Environment:
   DTD_PASSWORD_VIEW     password of a view's server, e.g. DTD_PASSWORD_LEFT
@@ -331,6 +332,7 @@ mod tests {
         ("start-from", "to start from instead of random"),
         ("sweep", "The sweep to "),
         ("timeout", "Longest wait for "),
+        ("view", "iew "),
     ];
 
     #[test]

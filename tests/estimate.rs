@@ -6,6 +6,8 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
@@ -18,6 +20,8 @@ use testkit::{repository, skipped};
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 /// Debian's Python, for which its GStreamer is built.
 const PYTHON: &str = "/usr/bin/python3";
+/// No test takes longer.
+const LONGEST: Duration = Duration::from_secs(100);
 const VIEWS: [&str; 2] = ["left", "right"];
 const SETTINGS: &str = "
 [calibration]
@@ -381,13 +385,27 @@ fn a_server_gets_its_password_from_the_environment_and_nobody_sees_it() {
 struct Running {
     child: Child,
     lines: std::io::Lines<BufReader<std::process::ChildStdout>>,
+    /// The watchdog ends with it.
+    _alive: Sender<()>,
 }
 
 impl Running {
     fn start(command: &mut Command) -> Self {
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        Self { child, lines }
+        let pid = Pid::from_child(&child);
+        let (alive, is_over) = channel::<()>();
+        thread::spawn(move || {
+            if is_over.recv_timeout(LONGEST) == Err(RecvTimeoutError::Timeout) {
+                // Whoever waits for its lines then sees that it ended.
+                let _ = kill_process(pid, Signal::KILL);
+            }
+        });
+        Self {
+            child,
+            lines,
+            _alive: alive,
+        }
     }
 
     fn next(&mut self) -> Value {

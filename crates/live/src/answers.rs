@@ -1,4 +1,4 @@
-//! What is said about each aircraft: how fresh it is, and nothing that is out of date.
+//! Answers about each aircraft, with their freshness, and without numbers that are out of date.
 
 use std::collections::BTreeMap;
 use std::time::SystemTime;

@@ -18,7 +18,7 @@ use crate::views::Views;
 const MOST: Duration = Duration::from_secs(8);
 const WAIT: Duration = Duration::from_millis(50);
 
-/// What a source is.
+/// A source that was opened.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {
     /// Name of the view.
@@ -29,9 +29,9 @@ pub struct Found {
     pub codec: Option<&'static str>,
     /// Columns and rows of its images.
     pub size_px: Option<[u32; 2]>,
-    /// What the times of its images come from at first.
+    /// Source of the times of its first images.
     pub clock: Option<ClockSource>,
-    /// Why it has no images.
+    /// Cause if it has no images.
     pub why: Option<String>,
 }
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
-/// What the time of an image comes from.
+/// Source of the time of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClockSource {
@@ -70,7 +70,7 @@ pub(crate) struct Stamp {
     pub(crate) clock: ClockSource,
 }
 
-/// What is known about when an image was taken.
+/// Clues to the time of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Clues {
     /// When it arrived, seconds since the start.

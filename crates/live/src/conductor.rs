@@ -33,7 +33,7 @@ const SILENCE_S: f64 = 0.3;
 const MOTION_S: f64 = 0.05;
 /// Seconds between two events about overload.
 const OVERLOAD_S: f64 = 5.0;
-/// How long the end may take: for threads, and for the last lines.
+/// Limits of the end: for threads, and for the last lines.
 const STOP: Duration = Duration::from_millis(800);
 const LAST_LINES: Duration = Duration::from_millis(500);
 
@@ -258,7 +258,7 @@ impl Conductor {
         self.metrics.time(Stage::Total, now_s - arrival_s);
     }
 
-    /// What a view saw, moved to the time of the tick.
+    /// The boxes of a view, moved to the time of the tick.
     fn seen_view(&self, joined: &Joined<Box<Searched>>, view: usize) -> SeenView {
         let Some((time_s, searched)) = &joined.images[view] else {
             return SeenView::default();
@@ -272,7 +272,7 @@ impl Conductor {
                 (&cameras[1], &searched.looked.patch),
             );
             let moved_px = best_of(searched).map_or([0.0; 2], moved);
-            Some(moved_shift(shift.ok()?, moved_px))
+            Some((0, moved_shift(shift.ok()?, moved_px)))
         });
         let counting = searched.looked.boxes.iter().filter(|found| found.counts);
         let boxes = counting.map(|found| Candidate {
@@ -298,7 +298,7 @@ impl Conductor {
         }
         let is_sighted = !views[0].boxes.is_empty() && !views[view].boxes.is_empty();
         let shift = views[view].registration.filter(|_| is_sighted);
-        let sighting = shift.zip(best_of(searched)).map(|(shift, track)| {
+        let sighting = shift.zip(best_of(searched)).map(|((_, shift), track)| {
             let here_px = DVec2::new(shift.x_px, shift.y_px);
             Sighting {
                 places_px: [here_px, here_px + DVec2::new(shift.dx_px, shift.dy_px)],

@@ -10,7 +10,7 @@ pub enum Error {
     Source {
         /// The text, without secrets.
         r#source: String,
-        /// What was expected.
+        /// Expectation and finding.
         why: String,
     },
     /// A source does not have the images that the run needs.
@@ -42,7 +42,7 @@ pub enum Error {
     Metrics {
         /// The address.
         address: SocketAddr,
-        /// What the system says.
+        /// The system's error.
         r#source: std::io::Error,
     },
     /// A thread cannot be started.

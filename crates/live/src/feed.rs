@@ -37,13 +37,13 @@ pub(crate) struct FeedImage {
     /// When its last packet arrived, and when it was decoded.
     pub(crate) arrival_s: f64,
     pub(crate) decoded_s: f64,
-    /// What its time comes from.
+    /// Source of its time.
     pub(crate) clock: ClockSource,
     /// False while the camera looks elsewhere or its images repeat: the search only sees whether that is over.
     pub(crate) can_be_measured: bool,
 }
 
-/// What the threads of a view tell the conductor.
+/// Message from a thread of a view to the conductor.
 pub(crate) enum Message {
     /// About the source of a view.
     Report(usize, Report),
@@ -55,7 +55,7 @@ pub(crate) enum Message {
     Finished(usize),
 }
 
-/// What a feed reports besides its images.
+/// Report of a feed besides its images.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Report {
     /// It was opened: the codec.
@@ -73,7 +73,7 @@ pub(crate) enum Report {
     Ended,
 }
 
-/// How time passes.
+/// Passing of time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pace {
     /// There is a camera: times of images are those of clocks.
@@ -84,7 +84,7 @@ pub(crate) enum Pace {
     AsFastAsPossible,
 }
 
-/// What all feeds share.
+/// State that all feeds share.
 pub(crate) struct Shared {
     pub(crate) clock: RunClock,
     pub(crate) pace: Pace,
@@ -360,7 +360,7 @@ impl Feed {
     }
 }
 
-/// What is known of an open source.
+/// State of an open source.
 #[derive(Default)]
 struct Connection {
     stamper: Stamper,

@@ -14,13 +14,13 @@ const LEAST_DEVIATIONS: f64 = 2.0;
 /// An aircraft that two views see at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Sighting {
-    /// Where the first view sees it, and where this one does.
+    /// Its pixels in the first view and in this one.
     pub(crate) places_px: [DVec2; 2],
     /// Motion in this view.
     pub(crate) motion_px_s: DVec2,
 }
 
-/// What is new about the clock of a view.
+/// News about the clock of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum News {
     /// Its offset is unknown.

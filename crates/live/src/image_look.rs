@@ -1,4 +1,4 @@
-//! What an image shows without a search: darkness, and whether it repeats the one before.
+//! Properties of an image that need no search: darkness, and the change from the image before.
 
 use dataset::video::Luma;
 
@@ -10,7 +10,7 @@ const DARK_LEVEL: usize = 40;
 const DARK_SPREAD: usize = 6;
 const IGNORED_PART: f64 = 0.001;
 
-/// What an image shows.
+/// Properties of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ImageLook {
     /// Black, or evenly grey like it.

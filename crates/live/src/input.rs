@@ -35,7 +35,7 @@ const GAP_PERIODS: f64 = 1.75;
 /// Part by which a new interval changes the usual one.
 const LEARNED_PART: f64 = 0.05;
 
-/// Why a source was not opened.
+/// Cause of a source that was not opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum OpenFault {
     /// It may be there later.
@@ -44,7 +44,7 @@ pub(crate) enum OpenFault {
     Useless(String),
 }
 
-/// Why images end.
+/// Cause of the end of images.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum End {
     /// There are no more.
@@ -55,7 +55,7 @@ pub(crate) enum End {
     Stopped,
 }
 
-/// How long FFmpeg may wait.
+/// Limit of FFmpeg's waits.
 pub(crate) struct Patience {
     clock: RunClock,
     until_ms: AtomicU64,
@@ -293,7 +293,7 @@ impl Input {
     }
 }
 
-/// Where FFmpeg finds a source, and what is known of it.
+/// FFmpeg's name of a source, and what is known of it.
 struct Place {
     name: String,
     options: Vec<(&'static str, String)>,

@@ -28,7 +28,7 @@ pub enum AnswerState {
     Lost,
 }
 
-/// What is known about an aircraft at a time.
+/// An answer about an aircraft at a time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Answer {
     /// Time of the images, seconds: since the first one, for recordings their own.
@@ -67,7 +67,7 @@ pub struct Answer {
     pub state: AnswerState,
 }
 
-/// What happened.
+/// An event.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
@@ -77,7 +77,7 @@ pub enum Event {
         time_s: f64,
         /// BLAKE3 of the run.
         run: String,
-        /// Which estimator answers.
+        /// Name of the estimator that answers.
         estimator: String,
         /// The sources, without secrets.
         sources: Vec<(String, String)>,
@@ -92,7 +92,7 @@ pub enum Event {
         state: ViewState,
         /// The cause, and what to do about it.
         why: Option<String>,
-        /// What times of its images come from.
+        /// Source of the times of its images.
         clock: Option<ClockSource>,
     },
     /// Images were not searched, or lines were dropped, since the last such event.
@@ -136,7 +136,7 @@ pub enum Line {
     Event(Event),
 }
 
-/// Where lines go.
+/// Output of lines.
 pub struct Lines {
     queue: Arc<Queue>,
     metrics: Arc<Metrics>,
@@ -184,7 +184,7 @@ impl Lines {
         self.queue.changed.notify_all();
     }
 
-    /// Why no line can be written any more.
+    /// Cause of an output that takes no more lines.
     pub(crate) fn failure(&self) -> Option<io::ErrorKind> {
         self.queue.lock().failure
     }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use crate::view_state::ViewState;
 
-/// What became of a decoded image.
+/// Fate of a decoded image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fate {
     Searched,
@@ -32,7 +32,7 @@ impl Fate {
         Self::Disordered,
     ];
 
-    /// Why images of a view in this state are not measured.
+    /// Fate of the images of a view in this state.
     pub(crate) fn of(state: ViewState) -> Self {
         match state {
             ViewState::Frozen => Self::Frozen,

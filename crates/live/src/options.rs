@@ -1,4 +1,4 @@
-//! What a live estimation is asked for, checked against the run.
+//! Options of a live estimation, checked against the run.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -14,7 +14,7 @@ use crate::source::Source;
 pub struct Options {
     /// The run.
     pub run: OnlineRun,
-    /// How images are searched.
+    /// Search of the images.
     pub searcher: Searcher,
     /// Sources by view.
     pub sources: BTreeMap<String, Source>,
@@ -24,7 +24,7 @@ pub struct Options {
     pub offsets_s: BTreeMap<String, f64>,
     /// Recordings are read as fast as they can be searched.
     pub as_fast_as_possible: bool,
-    /// Where metrics are served.
+    /// Address of the metrics.
     pub metrics: Option<SocketAddr>,
 }
 

@@ -13,7 +13,7 @@ const LEARNED_PART: f64 = 0.05;
 /// Images that wait in a lane, at most.
 const MOST_WAITING: usize = 256;
 
-/// What is known at one time.
+/// Images of one time.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Joined<T> {
     /// The time of the first view's image, else of the earliest.
@@ -61,7 +61,7 @@ impl<T> Pairing<T> {
         }
     }
 
-    /// Whether a view will deliver more.
+    /// Sets if a view will deliver more.
     pub(crate) fn set_live(&mut self, view: usize, is_live: bool) {
         self.lanes[view].is_live = is_live;
     }

@@ -14,7 +14,7 @@ struct State<T> {
     is_closed: bool,
 }
 
-/// What a wait for a thing ended with.
+/// Result of a wait for a thing.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Taken<T> {
     /// It came.

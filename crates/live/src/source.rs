@@ -1,4 +1,4 @@
-//! Where the images of a view come from.
+//! Sources of the images of a view.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -37,7 +37,7 @@ pub struct Stream {
     transport: Transport,
 }
 
-/// How packets travel.
+/// Transport of packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Transport {
     /// In the connection of the commands: nothing is lost.

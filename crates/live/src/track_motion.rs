@@ -1,4 +1,4 @@
-//! How the boxes of a view move, to say where an aircraft was a moment before or after an image.
+//! Motion of the boxes of a view, to say where an aircraft was a moment before or after an image.
 
 use std::collections::{BTreeMap, VecDeque};
 

@@ -5,11 +5,11 @@ use crate::feed::Report;
 use crate::lines::Event;
 use crate::view_state::ViewState;
 
-/// What was said about a view, and what is known of its source.
+/// The last event about a view, and what is known of its source.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ViewNews {
     told: Option<ViewState>,
-    /// Why it was lost.
+    /// Cause of its loss.
     why: Option<String>,
     clock: Option<ClockSource>,
     has_ended: bool,

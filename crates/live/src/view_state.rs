@@ -1,4 +1,4 @@
-//! Whether a view can be measured: from its images as they come, and from their absence.
+//! Condition of a view, from its images as they come, and from their absence.
 //!
 //! Equal images alone say nothing: an encoder repeats a scene without noise. So a view is frozen if its images stop changing although they
 //! changed all the time before; where they never did, the search tells (an aircraft that should have moved).
@@ -79,7 +79,7 @@ const LEAST_PART: f64 = 0.95;
 /// An image that changed by less than this part of the usual repeats the one before.
 const REPEATED_PART: f64 = 0.1;
 
-/// What is known of an image when it was decoded.
+/// An image that was decoded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Seen {
     /// Now, seconds since the start.
@@ -122,7 +122,7 @@ impl ViewWatch {
         }
     }
 
-    /// What the search says of the camera.
+    /// Takes the condition of the camera by the search.
     pub(crate) fn set_camera(&mut self, is_moved: bool, is_frozen: bool) {
         (self.is_moved, self.is_frozen) = (is_moved, is_frozen);
     }
