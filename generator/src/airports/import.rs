@@ -131,6 +131,19 @@ pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported
     for other in &lines {
         conflicts.extend(differences(best, other, &reason));
     }
+    if let Some(localizer_m) = best
+        .localizer_m
+        .filter(|localizer_m| *localizer_m > PLACE_M)
+    {
+        conflicts.push(Conflict {
+            figure: "course_true_deg",
+            found: format!(
+                "the centreline of {} misses the localizer by {localizer_m:.0} m, or the localizer stands beside it",
+                best.ends.source
+            ),
+            recommended: format!("{}: a chart, or arrivals, decide", best.ends.source),
+        });
+    }
     let antenna = facts.aids.iter().find_map(|aid| match aid {
         Aid::GlidePath {
             place,

@@ -149,7 +149,7 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
         });
     }
     let gap = arrival.windows(2).find(|pair| {
-        let matters = pair[0].to_go_m > GAPS_MATTER_M.0 && pair[1].to_go_m < GAPS_MATTER_M.1;
+        let matters = pair[1].to_go_m > GAPS_MATTER_M.0 && pair[0].to_go_m < GAPS_MATTER_M.1;
         matters && pair[1].fix.time_s - pair[0].fix.time_s > LONGEST_GAP_S
     });
     if let Some(pair) = gap {

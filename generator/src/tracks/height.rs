@@ -5,6 +5,7 @@
 //! near the glide path's, the stretch. A flight with another angle keeps it.
 
 use dataset::geometry::runway::Runway;
+use dataset::numbers::spread::median;
 
 use super::arrival::{NoArrival, Seen};
 
@@ -64,6 +65,27 @@ impl Datum {
     pub(super) fn height_m(self, altitude_m: f64) -> f64 {
         (altitude_m - self.target_m) * self.stretch
     }
+}
+
+/// The same by medians, which single wrong altitudes do not move: the slope is the median between the nearer and the further half.
+fn line_through_medians(points: &[(f64, f64)]) -> (f64, f64) {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = sorted.len() / 2;
+    let (nearer, further) = (&sorted[..half], &sorted[sorted.len() - half..]);
+    let pairs = nearer
+        .iter()
+        .zip(further)
+        .filter(|(near, far)| far.0 > near.0);
+    let mut slopes: Vec<f64> = pairs
+        .map(|(near, far)| (far.1 - near.1) / (far.0 - near.0))
+        .collect();
+    if slopes.is_empty() {
+        return (0.0, 0.0);
+    }
+    let slope = median(&mut slopes);
+    let mut at_zero: Vec<f64> = sorted.iter().map(|(x, y)| y - slope * x).collect();
+    (median(&mut at_zero), slope)
 }
 
 /// Value at 0 and slope of the line of least squares.
