@@ -17,6 +17,8 @@ use super::sources::{Aid, Ends, Facts, SourceError, Wanted};
 const COURSE_DEG: f64 = 0.05;
 const PLACE_M: f64 = 10.0;
 const HEIGHT_M: f64 = 5.0;
+/// The distance of the ends may differ from the stated length by this much, metres: overruns are counted differently.
+const LENGTH_M: f64 = 50.0;
 /// A localizer further from the centreline, metres, belongs to an approach at an angle.
 const OFFSET_LOCALIZER_M: f64 = 100.0;
 /// Two centrelines are equally near to the localizer within this, metres.
@@ -142,6 +144,18 @@ pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported
                 best.ends.source
             ),
             recommended: format!("{}: a chart, or arrivals, decide", best.ends.source),
+        });
+    }
+    let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
+    let off_m = stated_m.map_or(0.0, |stated_m| best.off_length_m(stated_m));
+    if off_m > LENGTH_M {
+        conflicts.push(Conflict {
+            figure: "threshold",
+            found: format!(
+                "the ends by {} are {:.0} m apart, {off_m:.0} m from the stated length",
+                best.ends.source, best.length_m
+            ),
+            recommended: format!("{}: a chart decides", best.ends.source),
         });
     }
     let antenna = facts.aids.iter().find_map(|aid| match aid {
@@ -290,7 +304,10 @@ impl<'a> Line<'a> {
 /// The table that agrees best with what is independent of it, and why.
 fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>, String)> {
     let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
-    let localizer_m = |line: &Line<'_>| line.localizer_m.unwrap_or(0.0);
+    // A centreline that is far from the localizer is the worst, unless all are: then it belongs to an approach at an angle.
+    let is_on_axis = lines.iter().any(|line| line.localizer_m.is_some());
+    let far_m = if is_on_axis { f64::MAX } else { 0.0 };
+    let localizer_m = |line: &Line<'_>| line.localizer_m.unwrap_or(far_m);
     let off_m = |line: &Line<'_>| stated_m.map_or(0.0, |stated_m| line.off_length_m(stated_m));
     let mut best = lines.first()?;
     for line in &lines[1..] {

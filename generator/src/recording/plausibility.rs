@@ -17,10 +17,7 @@ use serde::Deserialize;
 use crate::trajectory::Inbound;
 
 /// Ratios of two units, and what a number in the wrong one looks like.
-const LENGTH_RATIOS: [(f64, &str); 2] = [
-    (3.280_84, "feet"),
-    (1.0 / 3.280_84, "metres taken for feet"),
-];
+const LENGTH_RATIOS: [(f64, &str); 1] = [(3.280_84, "feet")];
 const SPEED_RATIOS: [(f64, &str); 3] = [
     (1.943_84, "knots"),
     (3.6, "kilometres per hour"),
@@ -43,6 +40,9 @@ const RADIANS: f64 = 0.2;
 const NEAR_M: f64 = 100_000.0;
 /// Height above the target where the aircraft passes it, metres.
 const HEIGHTS_AT_TARGET_M: std::ops::RangeInclusive<f64> = -10.0..=50.0;
+/// Within this distance of the target an aircraft on the ground is at most this much above or below it: runways slope by up to 2 %.
+const ROLL_M: f64 = 1_000.0;
+const ROLLING_HEIGHT_M: f64 = 20.0;
 /// Distance from the centreline there.
 const OFFSET_AT_TARGET_M: f64 = 100.0;
 /// Height that ends a landing: the aircraft goes around.
@@ -184,6 +184,14 @@ impl<'a> Seen<'a> {
                     expected: "heights above mean sea level",
                 });
             }
+            if let Some(rolls_m) = self.rolling_height_m() {
+                return Err(Implausible::Contradiction {
+                    why: format!(
+                        "it rolls on {airport} {name} at a height of {rolls_m:.0} m; is altitude_msl_m a pressure altitude?"
+                    ),
+                    expected: "heights above mean sea level, and on_ground on the runway",
+                });
+            }
             if height_m > *HEIGHTS_AT_TARGET_M.end() {
                 refuse(
                     Allowed::Overflight,
@@ -212,6 +220,17 @@ impl<'a> Seen<'a> {
             Some(how) => refuse(Allowed::Outside, how),
             None => Ok(()),
         }
+    }
+
+    /// Median height of the states on the ground near the target, if no runway is as high or as low.
+    fn rolling_height_m(&self) -> Option<f64> {
+        let near = self.states.iter().zip(&self.places);
+        let rolling = near.filter(|(state, place)| state.on_ground && place.dtd_m < ROLL_M);
+        let mut heights: Vec<f64> = rolling.map(|(_, place)| place.height_over_target_m).collect();
+        if heights.is_empty() {
+            return None;
+        }
+        Some(median(&mut heights)).filter(|height_m| height_m.abs() > ROLLING_HEIGHT_M)
     }
 
     /// Indices of the approach.
@@ -378,7 +397,7 @@ fn climb(approach: &[FlightState]) -> Result<(), Implausible> {
     let why =
         format!("altitude_msl_m falls by {falls_m:.0} m where v_down_mps makes {sinks_m:.0} m");
     let ratio = falls_m / sinks_m;
-    if let Some(looks_like) = unit_of(ratio, &LENGTH_RATIOS[..1]) {
+    if let Some(looks_like) = unit_of(ratio, &LENGTH_RATIOS) {
         return Err(Implausible::Unit {
             column: "altitude_msl_m",
             looks_like,
@@ -389,7 +408,7 @@ fn climb(approach: &[FlightState]) -> Result<(), Implausible> {
     let upwards = (falls_m + sinks_m).abs() <= allowed_m;
     let feet_per_minute = unit_of(ratio.recip().abs(), &SPEED_RATIOS[2..]);
     let feet_per_second =
-        unit_of(ratio.recip().abs(), &LENGTH_RATIOS[..1]).map(|_| "feet per second");
+        unit_of(ratio.recip().abs(), &LENGTH_RATIOS).map(|_| "feet per second");
     let looks_like = if upwards {
         Some("velocities upwards")
     } else {

@@ -138,7 +138,9 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
 /// Rejects a local time that is far from the sun's at the runway: noon would be dark.
 fn check_offset(utc_offset_h: f64, runway: &Runway) -> Checked<()> {
     let sun_h = runway.threshold.longitude_deg / 15.0;
-    if (utc_offset_h - sun_h).abs() <= MOST_FROM_SUN_H {
+    // Clocks on both sides of the date line show the same time.
+    let off_h = (utc_offset_h - sun_h + 12.0).rem_euclid(24.0) - 12.0;
+    if off_h.abs() <= MOST_FROM_SUN_H {
         return Ok(());
     }
     fault(
