@@ -311,7 +311,7 @@ fn the_committed_schemas_are_what_the_command_prints() {
     }
 }
 
-const OURS: [&str; 9] = [
+const OURS: [&str; 10] = [
     "scenarios.toml",
     "demo.toml",
     "detector.toml",

@@ -14,12 +14,15 @@ mod height;
 mod smoother;
 mod states;
 
+use std::fs::Permissions;
 use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use dataset::geometry::runway::Runway;
 use serde::Serialize;
 
+use arrival::FURTHEST_M;
 pub use arrival::NoArrival;
 pub use formats::TrackFileError;
 
@@ -100,6 +103,11 @@ pub fn import_tracks(
                 continue;
             }
         };
+        if tracks.is_empty() {
+            outcome
+                .refused
+                .push(refused(None, "it has no positions".into()));
+        }
         let alone = tracks.len() == 1;
         for track in tracks {
             let made = match states::of_track(&track.fixes, runway) {
@@ -113,15 +121,12 @@ pub fn import_tracks(
             };
             let stem = file.file_stem().unwrap_or_default().to_string_lossy();
             let name = match &track.aircraft {
-                Some(aircraft) if !alone => format!("{stem}-{aircraft}.csv"),
-                _ => format!("{stem}.csv"),
+                Some(aircraft) if !alone => format!("{}.csv", plain(&format!("{stem}-{aircraft}"))),
+                _ => format!("{}.csv", plain(&stem)),
             };
             let path = folder.join(name);
-            // The gate of all recordings has the last word.
             match write_checked(&path, &made.csv(), runway)? {
-                Some(error) => outcome
-                    .refused
-                    .push(refused(track.aircraft, error.to_string())),
+                Some(reason) => outcome.refused.push(refused(track.aircraft, reason)),
                 None => outcome.imported.push(ImportedTrack {
                     file: file.clone(),
                     aircraft: track.aircraft,
@@ -137,12 +142,21 @@ pub fn import_tracks(
     Ok(outcome)
 }
 
-/// Writes a recording beside its place, reads it as a sweep would, and puts it there if it is accepted.
+/// A name of a file without characters that mean something in a path.
+fn plain(name: &str) -> String {
+    let plain = |letter: char| letter.is_alphanumeric() || "-_.".contains(letter);
+    name.chars()
+        .map(|letter| if plain(letter) { letter } else { '_' })
+        .collect()
+}
+
+/// Writes a recording beside its place, reads it as a sweep would, and puts it there if it is accepted; else returns the reason. An
+/// existing file stays.
 fn write_checked(
     path: &Path,
     text: &str,
     runway: &Runway,
-) -> Result<Option<RecordingError>, TrackImportError> {
+) -> Result<Option<String>, TrackImportError> {
     let failed = |cause| TrackImportError::Write {
         path: path.to_owned(),
         cause,
@@ -150,12 +164,23 @@ fn write_checked(
     let folder = path.parent().unwrap_or(Path::new("."));
     let staged = tempfile::Builder::new()
         .suffix(".csv")
+        .permissions(Permissions::from_mode(0o666))
         .tempfile_in(folder)
         .map_err(failed)?;
     std::fs::write(staged.path(), text).map_err(failed)?;
-    if let Err(error) = Recording::read(staged.path(), runway, f64::MAX, &[]) {
-        return Ok(Some(error));
+    if let Err(error) = Recording::read(staged.path(), runway, FURTHEST_M, &[]) {
+        let reason = match error {
+            RecordingError::Implausible { fault, .. } => fault.to_string(),
+            RecordingError::Flight { fault, .. } => fault.to_string(),
+            other => other.to_string(),
+        };
+        return Ok(Some(format!("its states are no approach: it {reason}")));
     }
-    staged.persist(path).map_err(|error| failed(error.error))?;
-    Ok(None)
+    match staged.persist_noclobber(path) {
+        Ok(_) => Ok(None),
+        Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => {
+            Ok(Some(format!("{} exists already", path.display())))
+        }
+        Err(error) => Err(failed(error.error)),
+    }
 }

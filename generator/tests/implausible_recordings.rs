@@ -125,14 +125,14 @@ fn mistakes(good: &Table) -> BTreeMap<&'static str, (Table, &'static str)> {
             "pressure altitude of a high",
             (
                 good.clone().changed("altitude_msl_m", |m| m + 123.0),
-                "overflight",
+                "pressure altitude",
             ),
         ),
         (
             "flight level",
             (
                 good.clone().changed("altitude_msl_m", |m| m + 10_900.0),
-                "overflight",
+                "pressure altitude",
             ),
         ),
         (
@@ -200,7 +200,10 @@ fn mistakes(good: &Table) -> BTreeMap<&'static str, (Table, &'static str)> {
         ),
         (
             "latitude and longitude swapped",
-            (good.clone().swapped("latitude_deg", "longitude_deg"), ""),
+            (
+                good.clone().swapped("latitude_deg", "longitude_deg"),
+                "is out of range",
+            ),
         ),
         (
             "southern latitude",
@@ -353,6 +356,7 @@ fn flights_that_are_meant_are_allowed_by_kind() {
     let high = good
         .clone()
         .changed("altitude_msl_m", |m| m + 2_000.0)
+        .changed("on_ground", |_| 0.0)
         .text(",");
     let message = read(&high, &[]).unwrap_err();
     assert!(message.contains("allow = [\"overflight\"]"), "{message}");

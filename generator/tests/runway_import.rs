@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use dataset::geometry::geodesy::LatLon;
-use generator::airports::{Imported, import};
+use generator::airports::{Imported, import, in_file};
 
 const START: LatLon = LatLon {
     latitude_deg: 50.0,
@@ -137,4 +137,18 @@ fn what_is_missing_is_named() {
     assert!(
         message("ZZZZ", "07", &[broken]).contains(":4: the latitude is \"x\"; expected -90 to 90")
     );
+}
+
+#[test]
+fn a_table_that_is_far_from_the_localizer_is_never_recommended_and_the_output_is_a_sweeps_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = [
+        apt_dat(folder.path(), 160.0),
+        our_airports(folder.path()),
+        earth_nav(folder.path()),
+    ];
+    let found = imported(&files);
+    assert!((found.runway.course_true_deg - COURSE_DEG).abs() < 0.01);
+    let file = write(folder.path(), "runway.toml", found.toml());
+    assert_eq!(in_file(&file, "ZZZZ", "07"), Ok(found.runway));
 }

@@ -226,7 +226,9 @@ impl<'a> Seen<'a> {
     fn rolling_height_m(&self) -> Option<f64> {
         let near = self.states.iter().zip(&self.places);
         let rolling = near.filter(|(state, place)| state.on_ground && place.dtd_m < ROLL_M);
-        let mut heights: Vec<f64> = rolling.map(|(_, place)| place.height_over_target_m).collect();
+        let mut heights: Vec<f64> = rolling
+            .map(|(_, place)| place.height_over_target_m)
+            .collect();
         if heights.is_empty() {
             return None;
         }
@@ -407,8 +409,7 @@ fn climb(approach: &[FlightState]) -> Result<(), Implausible> {
     }
     let upwards = (falls_m + sinks_m).abs() <= allowed_m;
     let feet_per_minute = unit_of(ratio.recip().abs(), &SPEED_RATIOS[2..]);
-    let feet_per_second =
-        unit_of(ratio.recip().abs(), &LENGTH_RATIOS).map(|_| "feet per second");
+    let feet_per_second = unit_of(ratio.recip().abs(), &LENGTH_RATIOS).map(|_| "feet per second");
     let looks_like = if upwards {
         Some("velocities upwards")
     } else {

@@ -1,6 +1,6 @@
 //! The arrival in a track, in coordinates of the runway, or the reason why there is none.
 
-use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::geodesy::{Geodetic, LatLon};
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::spread::median;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
@@ -8,10 +8,13 @@ use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use super::formats::Fix;
 use crate::trajectory::last_approach;
 
-/// Fixes and altitudes that an arrival needs at least.
-const FEWEST: usize = 20;
+/// Fixes that an arrival needs at least, and the time that they cover, seconds. Some receivers report every eight seconds.
+const FEWEST: usize = 8;
+const SHORTEST_S: f64 = 60.0;
+/// No aircraft on approach is faster, m/s: a position that implies it to both neighbours is wrong.
+const FASTEST_MPS: f64 = 250.0;
 /// Arrivals begin within this distance, metres.
-const FURTHEST_M: f64 = 25.0 * METERS_PER_NAUTICAL_MILE;
+pub(super) const FURTHEST_M: f64 = 25.0 * METERS_PER_NAUTICAL_MILE;
 /// Slower aircraft taxi, m/s.
 const FLYING_MPS: f64 = 40.0;
 /// A track may end in the air within this distance.
@@ -34,10 +37,14 @@ const CORRIDOR: f64 = 0.5;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoArrival {
     /// Not enough to smooth.
-    #[error("{fixes} different positions on the approach, expected at least {FEWEST}")]
+    #[error(
+        "{fixes} different positions in {lasts_s:.0} s of approach, expected at least {FEWEST} in {SHORTEST_S} s"
+    )]
     TooFew {
         /// Their number.
         fixes: usize,
+        /// Time from the first to the last.
+        lasts_s: f64,
     },
     /// It is elsewhere, or departs.
     #[error(
@@ -78,7 +85,7 @@ pub enum NoArrival {
         climbs_m: f64,
     },
     /// Its heights cannot be recovered.
-    #[error("it has {altitudes} altitudes between 0.7 and 4 NM, expected at least {FEWEST}")]
+    #[error("it has {altitudes} plausible altitudes between 0.7 and 4 NM, expected at least 8")]
     NoAltitudes {
         /// Their number.
         altitudes: usize,
@@ -98,6 +105,36 @@ pub(super) struct Seen {
     /// Before the target along the course, and right of it, metres.
     pub(super) to_go_m: f64,
     pub(super) right_m: f64,
+}
+
+/// Leaves out positions that no aircraft reaches from the one before and leaves for the next one; returns their number as well.
+pub(super) fn without_jumps(fixes: &[Fix]) -> (Vec<Fix>, usize) {
+    let speed_mps = |from: &Fix, to: &Fix| {
+        let place = |fix: &Fix| LatLon {
+            latitude_deg: fix.latitude_deg,
+            longitude_deg: fix.longitude_deg,
+        };
+        place(from).distance_m(place(to)) / (to.time_s - from.time_s)
+    };
+    let mut kept: Vec<Fix> = Vec::with_capacity(fixes.len());
+    for (index, fix) in fixes.iter().enumerate() {
+        let jumps = |other: Option<&Fix>, is_before: bool| {
+            other.is_none_or(|other| {
+                let [from, to] = if is_before {
+                    [other, fix]
+                } else {
+                    [fix, other]
+                };
+                speed_mps(from, to) > FASTEST_MPS
+            })
+        };
+        let is_alone = kept.is_empty() && index + 1 == fixes.len();
+        if is_alone || !(jumps(kept.last(), true) && jumps(fixes.get(index + 1), false)) {
+            kept.push(*fix);
+        }
+    }
+    let left_out = fixes.len() - kept.len();
+    (kept, left_out)
 }
 
 /// The fixes of the last arrival of a track.
@@ -135,9 +172,14 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
     }
     let arrival = &seen[first..end];
     let approach = &seen[first..before_target];
-    if approach.len() < FEWEST {
+    let lasts_s = match approach {
+        [first, .., last] => last.fix.time_s - first.fix.time_s,
+        _ => 0.0,
+    };
+    if approach.len() < FEWEST || lasts_s < SHORTEST_S {
         return Err(NoArrival::TooFew {
             fixes: approach.len(),
+            lasts_s,
         });
     }
     if let Some(last) = approach

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use chrono::DateTime;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::numbers::units::METERS_PER_FOOT;
 use serde_json::Value;
@@ -156,14 +157,9 @@ fn csv_tracks(path: &Path, bytes: &[u8]) -> Result<Vec<Track>, TrackFileError> {
     };
     let [time, latitude, longitude, altitude] =
         needed(kind).map(|name| place(name).unwrap_or_default());
-    let [speed, track, ground, aircraft, position_time] = [
-        kind.speed,
-        kind.track,
-        "onground",
-        "icao24",
-        "last_position",
-    ]
-    .map(place);
+    let [speed, track, ground, aircraft] =
+        [kind.speed, kind.track, "onground", "icao24"].map(place);
+    let position_time = place("last_position").or_else(|| place("lastposupdate"));
     let mut tracks: BTreeMap<String, Vec<Fix>> = BTreeMap::new();
     for record in reader.records() {
         let record = record.map_err(|error| broken(error.to_string()))?;
@@ -179,8 +175,13 @@ fn csv_tracks(path: &Path, bytes: &[u8]) -> Result<Vec<Track>, TrackFileError> {
             },
         };
         let optional = |at: Option<usize>, what: &str| at.map_or(Ok(None), |at| number(at, what));
-        let stated_s = number(time, kind.time)?;
-        let valid_s = optional(position_time, "last_position")?;
+        let seconds = |at: usize, what: &str| match date_s(record.get(at).unwrap_or_default()) {
+            Some(date_s) => Ok(Some(date_s)),
+            None => number(at, what),
+        };
+        let stated_s = seconds(time, kind.time)?;
+        let valid_s =
+            position_time.map_or(Ok(None), |at| seconds(at, "the time of the position"))?;
         let (Some(time_s), Some(latitude_deg), Some(longitude_deg)) = (
             valid_s.or(stated_s),
             number(latitude, kind.latitude)?,
@@ -212,6 +213,16 @@ fn csv_tracks(path: &Path, bytes: &[u8]) -> Result<Vec<Track>, TrackFileError> {
         fixes,
     };
     Ok(tracks.into_iter().map(track).collect())
+}
+
+/// Seconds since 1970 of a date such as `2021-10-07 13:35:44+00:00`; without a zone it is UTC.
+fn date_s(text: &str) -> Option<f64> {
+    let has_date = text.len() > 10 && text.as_bytes().get(4) == Some(&b'-');
+    let text = has_date.then(|| text.replacen(' ', "T", 1))?;
+    let date = DateTime::parse_from_rfc3339(&text)
+        .or_else(|_| DateTime::parse_from_rfc3339(&format!("{text}Z")))
+        .ok()?;
+    Some(date.timestamp_micros() as f64 / 1e6)
 }
 
 /// A day of one aircraft: rows of seconds, latitude, longitude, altitude in feet or "ground", knots, track.

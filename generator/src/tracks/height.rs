@@ -11,7 +11,7 @@ use super::arrival::{NoArrival, Seen};
 
 /// Distances between which the line is fitted, metres: 0.7 to 4 NM.
 const FINAL_M: (f64, f64) = (1_300.0, 7_400.0);
-const FEWEST: usize = 20;
+const FEWEST: usize = 8;
 /// Angles of approaches, degrees.
 const ANGLES_DEG: std::ops::RangeInclusive<f64> = 2.0..=6.5;
 /// Altitudes further from the line are left out, metres.
@@ -39,14 +39,16 @@ impl Datum {
                 altitudes: points.len(),
             });
         }
-        let mut line = line_through(&points);
+        let rough = line_through_medians(&points);
         points.retain(|(to_go_m, altitude_m)| {
-            (altitude_m - line.0 - line.1 * to_go_m).abs() < OUTLIER_M
+            (altitude_m - rough.0 - rough.1 * to_go_m).abs() < OUTLIER_M
         });
-        if points.len() >= FEWEST {
-            line = line_through(&points);
+        if points.len() < FEWEST {
+            return Err(NoArrival::NoAltitudes {
+                altitudes: points.len(),
+            });
         }
-        let (target_m, slope) = line;
+        let (target_m, slope) = line_through(&points);
         let angle_deg = slope.atan().to_degrees();
         if !ANGLES_DEG.contains(&angle_deg) {
             return Err(NoArrival::NoDescent { angle_deg });

@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use dataset::geometry::runway::Runway;
-use dataset::numbers::spread::mean_and_deviation;
+use dataset::numbers::spread::{mean_and_deviation, median};
 use dataset::numbers::units::Degrees;
 
-use super::arrival::{NoArrival, Seen, arrival};
+use super::arrival::{NoArrival, Seen, arrival, without_jumps};
 use super::formats::Fix;
 use super::height::Datum;
 use super::smoother::{Measured, Noise, Smoothed, at, smooth};
@@ -30,6 +30,12 @@ const HEIGHT: Noise = Noise {
     speed_mps: 1.0,
     acceleration: 0.05,
 };
+/// An altitude this far from the median of its neighbours on both sides is wrong, metres.
+const SPIKE_M: f64 = 100.0;
+const NEIGHBOURS: usize = 5;
+/// Below this height an aircraft that sinks no faster than this, m/s, has landed: altitudes have steps.
+const LOW_M: f64 = 12.0;
+const SINKS_NO_MORE_MPS: f64 = 0.4;
 /// Height of the centre of gravity when the wheels touch the runway, metres.
 const ON_WHEELS_M: f64 = 3.5;
 /// Sink rates of an aircraft that is continued to the ground, m/s.
@@ -79,7 +85,8 @@ struct Path<'a> {
 
 /// The states of the arrival of a track.
 pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival> {
-    let seen = arrival(fixes, runway)?;
+    let (fixes, jumps) = without_jumps(fixes);
+    let seen = arrival(&fixes, runway)?;
     let datum = Datum::of(&seen, runway)?;
     let along_mps = |at: &Seen| {
         let track_deg = at.fix.track_deg?;
@@ -102,6 +109,7 @@ pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival
         .filter(|at| !at.fix.on_ground)
         .filter_map(|at| Some(measured(at, datum.height_m(at.fix.altitude_m?), None)))
         .collect();
+    let heights = without_spikes(&heights);
     let (to_go, along_outliers) = smooth(&along, ALONG);
     let (right, across_outliers) = smooth(&across, ACROSS);
     let (height, _) = smooth(&heights, HEIGHT);
@@ -138,9 +146,20 @@ pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival
             .collect(),
         along_sd_m,
         across_sd_m,
-        outliers: is_outlier.iter().filter(|outlier| **outlier).count(),
+        outliers: jumps + is_outlier.iter().filter(|outlier| **outlier).count(),
         continued_s: (last_s - path.ends_s).max(0.0),
     })
+}
+
+/// Heights near the median of their neighbours.
+fn without_spikes(heights: &[Measured]) -> Vec<Measured> {
+    let is_near = |index: &usize| {
+        let around = index.saturating_sub(NEIGHBOURS)..(index + NEIGHBOURS + 1).min(heights.len());
+        let mut near: Vec<f64> = heights[around].iter().map(|seen| seen.place_m).collect();
+        (heights[*index].place_m - median(&mut near)).abs() < SPIKE_M
+    };
+    let kept = (0..heights.len()).filter(is_near);
+    kept.map(|index| heights[index]).collect()
 }
 
 fn measured(at: &Seen, place_m: f64, speed_mps: Option<f64>) -> Measured {
@@ -163,7 +182,11 @@ impl Path<'_> {
         let steps = ((last.time_s - from_s) / STEP_S) as usize;
         let reaches_s = (0..=steps)
             .map(|step| from_s + step as f64 * STEP_S)
-            .find(|time_s| at(&self.height, *time_s).place_m <= ON_WHEELS_M);
+            .find(|time_s| {
+                let height = at(&self.height, *time_s);
+                let is_level = height.speed_mps > -SINKS_NO_MORE_MPS;
+                height.place_m <= ON_WHEELS_M || (height.place_m <= LOW_M && is_level)
+            });
         let sinks_mps = (-last.speed_mps).clamp(SINKS_MPS.0, SINKS_MPS.1);
         let continued_s = last.time_s + (last.place_m - ON_WHEELS_M).max(0.0) / sinks_mps;
         let touchdown_s = reaches_s.unwrap_or(continued_s);

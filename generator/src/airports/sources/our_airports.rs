@@ -29,7 +29,10 @@ pub(super) fn read<R: BufRead>(
                 .map(String::as_str)
                 .filter(|text| !text.is_empty())
         };
-        let has_ends = ["le_latitude_deg", "he_latitude_deg"].map(field).iter().all(Option::is_some);
+        let has_ends = ["le_latitude_deg", "he_latitude_deg"]
+            .map(field)
+            .iter()
+            .all(Option::is_some);
         if field("airport_ident") != Some(wanted.airport)
             || !has_ends
             || field("closed") == Some("1")
