@@ -45,7 +45,7 @@ fn generate(sweep: &Path, corpus: &Path, more: &[&str], threads: &str) {
     assert!(output.status.success(), "{}", said(&output));
 }
 
-/// Median distance of the outlines from where they should be, and whether there is no fault.
+/// Largest of the views' median distances of the aircraft from its place, and the report.
 fn verified(corpus: &Path) -> (f64, Value) {
     let output = DTD.run(&["verify", "--json", text(corpus)]);
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -79,8 +79,9 @@ fn a_corpus_is_the_same_bytes_however_it_was_recorded_and_its_boxes_are_found_wh
     assert!(output.status.success(), "{}", said(&output));
     let (offset_px, report) = verified(&whole);
     assert_eq!(report["findings"], Value::Array(vec![]), "{report:#}");
+    // The centre of brightness is 2 to 3 px from the centre of its box, and 4.5 px from a box that does not follow the sway.
     assert!(
-        (0.0..1.5).contains(&offset_px),
-        "outlines are {offset_px} px from their places"
+        (0.0..3.6).contains(&offset_px),
+        "aircraft are {offset_px} px from their places"
     );
 }
