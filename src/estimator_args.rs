@@ -98,6 +98,9 @@ pub(crate) struct PredictArgs {
     /// The default is the model of the training.
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
+    /// Answer each tick by the ticks up to it, as for a camera that has no end
+    #[arg(long)]
+    pub(crate) online: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -144,7 +144,7 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
 }
 
 /// The settings in a file, TOML or the `config.json` of a run. One that is out of range is shown in its line of the former.
-fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
+pub(crate) fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
     if path
         .extension()
         .is_some_and(|extension| extension == "json")
