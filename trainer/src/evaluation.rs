@@ -92,7 +92,10 @@ pub fn evaluate(
     match config.side {
         JudgedSide::All => samples.test_all(),
         JudgedSide::Test => match &trained.summary.scenario_split {
-            Some(split) => split.restore(&mut samples),
+            Some(split) if !split.restore(&mut samples) => {
+                return Err(Error::corpus(corpus.root(), CorpusFault::NothingDrawn));
+            }
+            Some(_) => {}
             None => split_again(corpus, &mut samples, trained.config.leave_out.as_deref())?,
         },
     }

@@ -15,6 +15,7 @@ use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{ScenarioSplitConfig, StageEnd};
 use trainer::{
     EvaluationConfig, JudgedSide, Metrics, RunFolder, TrainConfig, evaluate, figures, train,
+    train_on_all,
 };
 
 use hardly_trained::hardly_trained;
@@ -71,6 +72,18 @@ fn a_split_by_scenario_is_judged_on_what_was_drawn_and_says_which_flights_are_sh
     };
     let error = evaluate(&run, &corpus, &all, &Silent).unwrap_err();
     assert!(matches!(error, trainer::Error::Leak { .. }), "{error}");
+
+    // Another corpus, and the same twice.
+    let other = SyntheticCorpus {
+        seed: 1,
+        ..SyntheticCorpus::tiny()
+    };
+    let other = other.write(&folder.path().join("other")).unwrap();
+    let error = evaluate(&run, &other, &EvaluationConfig::default(), &Silent).unwrap_err();
+    assert!(error.to_string().contains("--side all"), "{error}");
+    let twice = [corpus.clone(), corpus.clone()];
+    let error = train_on_all(&twice, &folder.path().join("twice"), &config, &Silent).unwrap_err();
+    assert!(error.to_string().contains("set for 2 corpora"), "{error}");
 
     let both = TrainConfig {
         leave_out: Some("weather=clear".into()),

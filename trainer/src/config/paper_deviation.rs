@@ -5,7 +5,7 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CalibrationConfig, EstimatorConfig, Loss, TrainConfig};
+use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, TrainConfig, UNIT_NM};
 
 /// A part of the method of `paper_lstm` that is not the paper's. How long and in which batches networks train is not among them: the
 /// paper leaves it open, except for the most epochs of the calibration networks.
@@ -20,10 +20,12 @@ pub enum PaperDeviation {
     Loss,
     /// `only_true_boxes`: false boxes are removed from the training side by the labels.
     OnlyTrueBoxes,
-    /// `calibration.min_steps` or a threshold of Algorithm 1.
+    /// `calibration.min_steps`, a threshold of Algorithm 1, or `estimator.plateau_threshold_pct`.
     AlgorithmThresholds,
     /// `estimator.together_first` or `.alone_weight`: views are not dropped in equal shares of equal weight.
     ViewDropout,
+    /// `feature_scale` or `target_unit_nm` is not the authors'.
+    Scales,
     /// Widths of the calibration networks, the LSTM or their heads.
     LayerWidths,
     /// `calibration.patience` or `estimator.patience`: the networks with the lowest validation error are kept, not the last ones.
@@ -42,6 +44,7 @@ impl fmt::Display for PaperDeviation {
             Self::OnlyTrueBoxes => "false training boxes removed by the labels",
             Self::AlgorithmThresholds => "thresholds of Algorithm 1",
             Self::ViewDropout => "view dropout in unequal shares",
+            Self::Scales => "scales of features or distances",
             Self::LayerWidths => "layer widths",
             Self::Patience => "networks of the lowest validation error",
             Self::AlignedBackgrounds => "boxes aligned by backgrounds",
@@ -67,11 +70,16 @@ impl TrainConfig {
             (PaperDeviation::OnlyTrueBoxes, self.only_true_boxes),
             (
                 PaperDeviation::AlgorithmThresholds,
-                algorithm(c) != algorithm(&paper_c),
+                algorithm(c) != algorithm(&paper_c)
+                    || e.plateau_threshold_pct != paper_e.plateau_threshold_pct,
             ),
             (
                 PaperDeviation::ViewDropout,
                 e.together_first > 0.0 || e.alone_weight != 1.0,
+            ),
+            (
+                PaperDeviation::Scales,
+                self.feature_scale != FeatureScale::Deviation || self.target_unit_nm != UNIT_NM,
             ),
             (
                 PaperDeviation::LayerWidths,
@@ -134,6 +142,12 @@ mod tests {
                 r#"{"estimator": {"alone_weight": 0.02}}"#,
                 PaperDeviation::ViewDropout,
             ),
+            (
+                r#"{"estimator": {"plateau_threshold_pct": 0.1}}"#,
+                PaperDeviation::AlgorithmThresholds,
+            ),
+            (r#"{"feature_scale": "picture"}"#, PaperDeviation::Scales),
+            (r#"{"target_unit_nm": 1}"#, PaperDeviation::Scales),
             (
                 r#"{"estimator": {"lstm": [96, 96]}}"#,
                 PaperDeviation::LayerWidths,

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 pub enum StageEnd {
     /// The stage trains in cycles, each twice as long as the one before, over each of which the learning rate rises and falls. It ends when
-    /// a whole cycle lowers no validation error by more than `plateau_threshold_pct`, and keeps the weights of its best cycle.
-    /// `optimisation.steps` is a limit. With a `patience`, that alone decides.
+    /// a whole cycle lowers no validation error by more than `plateau_threshold_pct`, and keeps the last weights. `optimisation.steps` is a
+    /// limit. With a `patience`, that alone decides.
     Plateau,
     /// All `optimisation.steps` are made, as one cycle.
     Steps,

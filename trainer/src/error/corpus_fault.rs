@@ -163,6 +163,12 @@ pub enum CorpusFault {
         "has no scenario with {setting}, which the training leaves out for the test side; `dtd plan` lists weathers and times"
     )]
     NothingLeftOut { setting: String },
+    /// None of the scenarios that a training drew for the test.
+    #[error(
+        "has none of the scenarios that the run drew for its test; `dtd evaluate --side all` judges all scenarios of a corpus that it has \
+         not seen"
+    )]
+    NothingDrawn,
     /// No sample for evaluation.
     #[error("has no samples on the test side from {min_dtd_nm} to {max_dtd_nm} NM")]
     NoTestSamples { min_dtd_nm: f64, max_dtd_nm: f64 },

@@ -85,7 +85,7 @@ pub(crate) trait Task {
     fn patience(&self) -> Option<usize> {
         None
     }
-    /// The plateau that ends the training before all steps are made. The network of the cycle with the lowest error is then kept.
+    /// The plateau that ends the training before all steps are made.
     fn plateau(&self) -> Option<Plateau> {
         None
     }
@@ -156,7 +156,7 @@ struct Position<N> {
     optimiser: ModuleOptimizer,
     /// Steps done.
     step: usize,
-    /// The network with the lowest error so far, if there is patience, or of the cycle with the lowest.
+    /// The network with the lowest error so far, if there is patience.
     best: Option<Kept<N>>,
     /// Judgements since then.
     since_best: usize,
@@ -197,7 +197,7 @@ pub(crate) fn learn<T: Task>(
         let ends_cycle = at.step == cycle.end;
         if ends_cycle || at.step.is_multiple_of(task.judged_every()) {
             let errors_pct = judge(task, &at.network, at.step)?;
-            if ends_cycle || task.patience().is_some() {
+            if task.patience().is_some() {
                 at.compare_with_best(mean(&errors_pct));
             }
             if ends_cycle {

@@ -84,8 +84,9 @@ impl ScenarioSplit {
         }
     }
 
-    /// Puts the scenarios that the training drew for the test on that side, and all others on the training side.
-    pub(crate) fn restore(&self, samples: &mut Samples) {
+    /// Puts the scenarios that the training drew for the test on that side, and all others on the training side. Returns whether there is
+    /// such a scenario.
+    pub(crate) fn restore(&self, samples: &mut Samples) -> bool {
         for scenario in &mut samples.scenarios {
             scenario.side = if self.tests(scenario) {
                 Side::Test
@@ -93,6 +94,7 @@ impl ScenarioSplit {
                 Side::Train
             };
         }
+        samples.scenario_count(Side::Test) > 0
     }
 
     /// True if a scenario is one that the training drew for the test.
@@ -129,7 +131,7 @@ mod tests {
             let counts = [Side::Test, Side::Validation, Side::Train].map(of);
             assert_eq!(counts, [2, 1, 4]);
             let mut restored = samples.clone();
-            split.restore(&mut restored);
+            assert!(split.restore(&mut restored));
             for (scenario, side) in restored.scenarios.iter().zip(&sides) {
                 assert_eq!(scenario.side == Side::Test, *side == Side::Test);
             }

@@ -48,6 +48,13 @@ impl Flights {
         };
         let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
         watch.check()?;
+        if config.scenario_split.is_some() && corpora.len() > 1 {
+            return Err(Error::Setting {
+                setting: "scenario_split".into(),
+                found: format!("set for {} corpora", corpora.len()),
+                expected: "a single corpus: one scenario may be in several".into(),
+            });
+        }
         let scenario_split = (config.scenario_split.as_ref())
             .map(|config| ScenarioSplit::draw(&mut samples, config));
         if !config.accept_weather {
