@@ -77,16 +77,17 @@ pub fn markdown(results: &Results) -> String {
 fn introduction(results: &Results) -> String {
     let Results {
         dtd,
+        command,
         corpus,
         recommended,
         ..
     } = results;
     format!(
         "# The paper's experiment\n\n\
-         Made by `dtd paper --scale {}` (version {dtd}); [paper.json](results/paper.json) has the figures. The pictures are from {},\n\
-         not from X-Plane. `paper_lstm` has the paper's networks, losses and rules; `{recommended}` is the estimator that its run\n\
-         recommends. Errors are from 1 to 10 NM, in percent. Percentages of the paper are for its own pictures and flights.",
-        corpus.scale, corpus.simulator
+         Made by `{command}` (version {dtd}); [paper.json](results/paper.json) has the figures. The pictures\n\
+         are from {}, not from X-Plane. `paper_lstm` has the paper's networks, losses and rules; `{recommended}` is\n\
+         the estimator that its run recommends. Errors are from 1 to 10 NM, in percent; the paper's are of its own pictures and flights.",
+        corpus.simulator
     )
 }
 

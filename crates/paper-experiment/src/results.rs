@@ -10,6 +10,8 @@ use crate::single_views::SingleViews;
 pub struct Results {
     /// Version of this software.
     pub dtd: String,
+    /// The command without its folder.
+    pub command: String,
     /// The corpus.
     pub corpus: CorpusFigures,
     /// The detector that misses aircraft, whose boxes train and judge.

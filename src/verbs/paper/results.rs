@@ -11,6 +11,7 @@ use paper_experiment::{CorpusFigures, Range, Results, Search, markdown, write_fi
 use trainer::Metrics;
 
 use super::{Experiment, Place};
+use crate::args::PaperArgs;
 use crate::failure::Failure;
 
 /// Estimators of the box plot, besides the recommended one.
@@ -32,6 +33,7 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
     };
     let results = Results {
         dtd: env!("CARGO_PKG_VERSION").into(),
+        command: command(experiment.args),
         corpus: corpus_figures(experiment)?,
         weaker: notes.noted(notes.found.weaker.clone())?,
         ranges: notes.found.ranges.clone(),
@@ -60,6 +62,33 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
     Ok(Page { path, results })
 }
 
+/// The options that change the figures.
+fn command(args: &PaperArgs) -> String {
+    let mut command = format!("dtd paper --scale {}", args.scale.name());
+    if let Some(rate) = args.frame_rate {
+        command += &format!(" --frame-rate {}", as_text(rate));
+    }
+    let files = [
+        ("sweep", &args.sweep),
+        ("config", &args.config),
+        ("model", &args.model),
+    ];
+    for (option, file) in files {
+        if let Some(file) = file {
+            command += &format!(" --{option} {}", file.display());
+        }
+    }
+    command
+}
+
+/// A frame rate as a sweep has it.
+fn as_text(rate: FrameRate) -> String {
+    match rate.denominator {
+        1 => rate.numerator.to_string(),
+        denominator => format!("{}/{denominator}", rate.numerator),
+    }
+}
+
 fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure> {
     let mut figures = CorpusFigures {
         scale: experiment.args.scale.name().into(),
@@ -79,14 +108,7 @@ fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure>
         figures.pictures += record.pictures();
         flights.insert(record.trajectory);
         figures.simulator = record.versions.simulator;
-        let FrameRate {
-            numerator,
-            denominator,
-        } = record.frame_rate;
-        figures.frame_rate = match denominator {
-            1 => numerator.to_string(),
-            _ => format!("{numerator}/{denominator}"),
-        };
+        figures.frame_rate = as_text(record.frame_rate);
         if let Some(camera) = scenario.calibration()?.cameras.values().next() {
             (figures.width_px, figures.height_px) = (camera.width_px, camera.height_px);
         }
