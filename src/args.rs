@@ -28,6 +28,7 @@ use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
 
+use crate::estimate_args::EstimateArgs;
 use crate::estimator_args::{
     EvaluateArgs, ExportEstimatorsArgs, PredictArgs, RefitArgs, TrainArgs,
 };
@@ -174,6 +175,9 @@ pub(crate) enum Verb {
     /// Write a run's distances for a corpus, labelled or not
     #[command(after_help = help::PREDICT)]
     Predict(PredictArgs),
+    /// Estimate distances from camera feeds, while they run
+    #[command(after_help = help::ESTIMATE)]
+    Estimate(EstimateArgs),
     /// Export a run's estimators as ONNX models with a model card
     #[command(after_help = help::EXPORT_ESTIMATORS)]
     ExportEstimators(ExportEstimatorsArgs),
@@ -192,6 +196,10 @@ pub(crate) enum Verb {
     /// Train the aircraft detector on a labelled corpus; resumes
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
+    /// Make the table of a runway for a sweep from published ones
+    Airport(AirportArgs),
+    /// Make recordings for a sweep from tracks of real arrivals
+    Tracks(TracksArgs),
     /// Install the plugin for poses and pictures into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
@@ -533,6 +541,69 @@ pub(crate) struct TrainDetectorArgs {
     /// All resulting settings are saved in the report.
     #[arg(long, value_name = "DETECTOR.toml")]
     pub(crate) config: Option<PathBuf>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct AirportArgs {
+    #[command(subcommand)]
+    pub(crate) command: AirportCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum AirportCommand {
+    /// Print `[airport.ICAO.runway.NAME]` with the source of each figure, and where the tables differ
+    #[command(after_help = help::AIRPORT_IMPORT)]
+    Import(AirportImportArgs),
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct AirportImportArgs {
+    /// The airport, e.g. EDDM
+    #[arg(value_name = "ICAO")]
+    pub(crate) airport: String,
+    /// The runway in the landing direction, e.g. 26L
+    pub(crate) runway: String,
+    /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; better several
+    #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+    pub(crate) from: Vec<PathBuf>,
+    /// Take the recommended figures where the files differ
+    #[arg(long)]
+    pub(crate) accept: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct TracksArgs {
+    #[command(subcommand)]
+    pub(crate) command: TracksCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TracksCommand {
+    /// Smooth the arrivals in files of tracks, and complete them to recordings
+    #[command(after_help = help::TRACKS_IMPORT)]
+    Import(TracksImportArgs),
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct TracksImportArgs {
+    /// Tracks: CSV of `traffic` or OpenSky, or `trace_full` of readsb (JSON)
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// The runway on which they land, e.g. LFPG/09R
+    #[arg(long, value_name = "ICAO/RUNWAY")]
+    pub(crate) runway: String,
+    /// A file with the runway's `[airport]` table: a sweep, or the output of `dtd airport import` [default: the built-in runways]
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) airports: Option<PathBuf>,
+    /// Folder for the recordings, one CSV file per arrival
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

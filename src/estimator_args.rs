@@ -42,7 +42,7 @@ pub(crate) struct TrainArgs {
     pub(crate) leave_out: Option<String>,
     /// Draw this share of the scenarios for the test, whatever flights they share, e.g. 0.3 as in the paper
     ///
-    /// The figures are then not those of unseen flights, and say so.
+    /// The flights are then not unseen, and the figures say so.
     #[arg(long, value_name = "SHARE", conflicts_with = "leave_out")]
     pub(crate) split_by_scenario: Option<f64>,
     /// Also train on scenarios whose weather at the aircraft was not the planned one
@@ -98,6 +98,9 @@ pub(crate) struct PredictArgs {
     /// The default is the model of the training.
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
+    /// Answer each tick by the ticks up to it, as for a camera that has no end
+    #[arg(long)]
+    pub(crate) online: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

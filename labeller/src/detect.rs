@@ -7,14 +7,18 @@
 //! to it. Each worker holds one image and one session, and each scenario in work the surroundings of boxes whose other view is not decoded
 //! yet, so memory does not grow with the corpus.
 
+mod best_box;
 mod cpu_time;
+mod image;
 mod job;
+mod live_view;
 mod mode;
 mod pairs;
 mod pictures;
 mod record;
 mod scenario_search;
 mod sequence;
+mod timed;
 mod view_search;
 
 use std::cmp::Reverse;
@@ -45,8 +49,11 @@ use crate::outcome::Failure;
 use crate::statistics::{DetectionCounts, TruthInSight};
 use crate::tiling::TilingSettings;
 pub use cpu_time::CpuTime;
+pub use image::Image;
 use job::{End, ScenarioJob, ViewJob};
+pub use live_view::{Looked, SeenBox, ViewSearch};
 pub use mode::{Mode, ModeSettings};
+pub(crate) use pairs::registered;
 pub use scenario_search::{Findings, Searcher};
 
 /// Interval for polling a scenario that another process searches.

@@ -15,6 +15,7 @@ pub mod detector;
 mod error;
 mod false_boxes;
 mod label;
+pub mod live;
 pub mod matching;
 mod outcome;
 mod registration;

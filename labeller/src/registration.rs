@@ -21,7 +21,7 @@ use glam::DVec2;
 
 pub(crate) use expected::Expected;
 pub(crate) use linear::Normal;
-pub(crate) use patch::Patch;
+pub use patch::Patch;
 
 use fit::{Fit, fit};
 use patch::{BLUR_PX, Cleaned};

@@ -1,21 +1,30 @@
 //! Groups the boxes of a view's pictures into tracks, and decides which tracks are aircraft.
 //!
-//! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, the next expected places of the
-//! tracked aircraft and, at the end, the tracks that count. A track begins with any box that belongs to no track; it is confirmed by
-//! [`HITS`] clear boxes in [`OUTCOMES`] pictures, and then all of its boxes count, including the first ones, because a scenario is written
-//! at its end. Faint boxes, which are too uncertain to count alone, also begin and continue tracks, but do not confirm them (Zhang et al.,
-//! "ByteTrack", ECCV 2022). The filter is in [`motion`].
+//! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, whether it counts at this
+//! moment, and the next expected places of the tracked aircraft. A track begins with any box that belongs to no track; it is confirmed by
+//! [`HITS`] clear boxes in [`OUTCOMES`] pictures. Faint boxes, which are too uncertain to count alone, also begin and continue tracks, but
+//! do not confirm them (Zhang et al., "ByteTrack", ECCV 2022). The filter is in [`motion`].
+//!
+//! ```text
+//! boxes of a picture -> Tracker (bounded memory) -> track, counts now     dtd detect and live
+//!                          |  boxes with tracks
+//!                          v
+//!                       Hindsight (whole video) -> tracks that count      dtd detect, at the end
+//! ```
+//!
+//! With hindsight all boxes of a track that counts do so, including the first ones.
 
+mod hindsight;
+mod history;
 mod motion;
 mod standing;
 
 use dataset::tables::pixel_box::PixelBox;
 
+pub(crate) use hindsight::{Hindsight, TrackedBox};
+use history::History;
 use motion::Motion;
-use standing::{
-    GROWTH_SHOWS_S, LONGEST_STILL_S, TimedBox, has_stood_still, hops, is_mostly_at, is_same_thing,
-    place_if_still, stands_still, stays,
-};
+use standing::{GROWTH_SHOWS_S, LONGEST_STILL_S, has_stood_still, hops};
 
 /// Version of the rules, in the record of the detections. Detections of another version are repeated.
 pub(crate) const METHOD: u32 = 1;
@@ -35,8 +44,6 @@ const LONGEST_GAP_S: f64 = 2.0;
 /// A track that lasted shorter than this is no aircraft, seconds: at 30 pictures per second a patch of cloud looks like one for three of
 /// them, and is still there in the next ones.
 const SHORTEST_S: f64 = 2.0;
-/// In a video that is shorter, this part of it is enough.
-const SHORTEST_PART: f64 = 0.5;
 
 /// Follows the aircraft of one view.
 #[derive(Debug)]
@@ -45,10 +52,9 @@ pub(crate) struct Tracker {
     hits: u32,
     /// In the order of their beginning.
     followed: Vec<Track>,
-    /// Boxes of all tracks, also of those that ended, by number.
-    histories: Vec<History>,
-    /// Time of the first picture.
-    began_s: Option<f64>,
+    /// Number of the next track.
+    next: u32,
+    /// Since the first picture.
     now_s: f64,
 }
 
@@ -65,16 +71,7 @@ struct Track {
     looks: u32,
     misses: u32,
     seen_s: f64,
-}
-
-/// Data of a track that is kept for the final decision.
-#[derive(Debug, Default)]
-struct History {
-    boxes: Vec<TimedBox>,
-    /// The clear ones, whose sizes can be relied on.
-    clear: Vec<TimedBox>,
-    /// Time of the first of the clear boxes that confirmed it.
-    confirmed_s: Option<f64>,
+    history: History,
 }
 
 /// A box that was found.
@@ -109,19 +106,27 @@ impl Tracker {
         Self {
             hits: HITS.min(u32::try_from(pictures).unwrap_or(HITS)),
             followed: Vec::new(),
-            histories: Vec::new(),
-            began_s: None,
+            next: 0,
             now_s: 0.0,
         }
+    }
+
+    /// For a view without an end.
+    pub(crate) fn endless() -> Self {
+        Self::of_pictures(usize::MAX)
     }
 
     /// Goes on to the next picture, `seconds` after the last one.
     pub(crate) fn advance(&mut self, seconds: f64) {
         self.now_s += seconds;
-        self.began_s.get_or_insert(self.now_s);
         for track in &mut self.followed {
             track.motion.advance(seconds);
         }
+    }
+
+    /// Time of the picture since the first one, seconds.
+    pub(crate) fn now_s(&self) -> f64 {
+        self.now_s
     }
 
     /// The expected places of the tracked aircraft: confirmed ones first, then by the beginning of their tracks. Tracks with only faint
@@ -130,12 +135,12 @@ impl Tracker {
         let mut expected: Vec<_> = self
             .followed
             .iter()
-            .filter(|track| self.is_confirmed(track.number) || hits_in(track.clear) > 0)
+            .filter(|track| track.history.is_confirmed() || hits_in(track.clear) > 0)
             .map(|track| Expected {
                 track: track.number,
                 pixel_box: track.motion.expected(),
                 lengths_moved: track.motion.lengths_moved(period_s),
-                is_confirmed: self.is_confirmed(track.number),
+                is_confirmed: track.history.is_confirmed(),
             })
             .collect();
         expected.sort_by_key(|expected| !expected.is_confirmed);
@@ -147,8 +152,7 @@ impl Tracker {
         let matches = self.matches(boxes, Searched::Everywhere);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
         let mut tracks = self.followed.iter().enumerate();
-        tracks
-            .any(|(at, track)| track.misses == 0 && self.is_confirmed(track.number) && !is_seen(at))
+        tracks.any(|(at, track)| track.misses == 0 && track.history.is_confirmed() && !is_seen(at))
     }
 
     /// Takes the boxes that were found at the current time, and returns the tracks that they belong to: none for a faint box that
@@ -160,7 +164,7 @@ impl Tracker {
             let seen = boxes[index];
             track.motion.correct(&seen.pixel_box);
             track_of[index] = Some(track.number);
-            self.histories[track.number as usize].push(self.now_s, &seen);
+            track.history.push(self.now_s, &seen);
         }
         let hits = self.hits;
         for track in &mut self.followed {
@@ -175,17 +179,16 @@ impl Tracker {
             if found.is_some() || was_looked_for {
                 track.note(found, self.now_s);
                 if hits_in(track.clear) >= hits {
-                    self.histories[track.number as usize].confirm(hits);
+                    track.history.confirm(hits);
                 }
             }
         }
-        let (histories, now_s) = (&self.histories, self.now_s);
+        let now_s = self.now_s;
         self.followed.retain(|track| {
-            let history = &histories[track.number as usize];
-            if history.confirmed_s.is_some() {
+            if track.history.is_confirmed() {
                 !track.is_gone(now_s)
             } else {
-                !track.has_failed(hits) && !has_stood_still(&history.boxes, LONGEST_STILL_S)
+                !track.has_failed(hits) && !has_stood_still(track.history.boxes(), LONGEST_STILL_S)
             }
         });
         for (track, seen) in track_of.iter_mut().zip(boxes) {
@@ -203,9 +206,9 @@ impl Tracker {
     fn matches(&self, boxes: &[Seen], searched: Searched<'_>) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
-            let history = &self.histories[track.number as usize];
-            let is_confirmed = history.confirmed_s.is_some();
-            let was_clear = !history.clear.is_empty();
+            let history = &track.history;
+            let is_confirmed = history.is_confirmed();
+            let was_clear = history.was_clear();
             if !was_clear && searched != Searched::Everywhere {
                 continue;
             }
@@ -217,8 +220,8 @@ impl Tracker {
                     (GATE, !was_clear)
                 };
                 let is_refused = || {
-                    is_other && has_stood_still(&history.boxes, GROWTH_SHOWS_S)
-                        || hops(&history.boxes, &seen.pixel_box)
+                    is_other && has_stood_still(history.boxes(), GROWTH_SHOWS_S)
+                        || hops(history.boxes(), &seen.pixel_box)
                 };
                 if distance <= gate && !is_refused() {
                     let order = (seen.is_faint, !is_confirmed, !was_clear);
@@ -240,14 +243,14 @@ impl Tracker {
     }
 
     fn begin(&mut self, seen: Seen) -> u32 {
-        let number = self.histories.len() as u32;
+        let number = self.next;
+        self.next += 1;
         let clear = u32::from(!seen.is_faint);
         let mut history = History::default();
         history.push(self.now_s, &seen);
         if clear >= self.hits {
             history.confirm(self.hits);
         }
-        self.histories.push(history);
         self.followed.push(Track {
             number,
             motion: Motion::starting_at(&seen.pixel_box),
@@ -256,47 +259,25 @@ impl Tracker {
             looks: 1,
             misses: 0,
             seen_s: self.now_s,
+            history,
         });
         number
     }
 
-    /// True if a track has had enough boxes so far.
+    /// True if a track that is followed has had enough boxes so far.
     pub(crate) fn is_confirmed(&self, track: u32) -> bool {
-        self.histories[track as usize].confirmed_s.is_some()
+        self.history(track).is_some_and(History::is_confirmed)
     }
 
-    /// For each track, by number, true if it counts when all pictures are done.
-    pub(crate) fn finish(self) -> Vec<bool> {
-        let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
-        let shortest_s = SHORTEST_S.min(SHORTEST_PART * video_s);
-        let histories = self.histories;
-        let still: Vec<_> = histories
-            .iter()
-            .map(|history| place_if_still(&history.clear))
-            .collect();
-        let stays: Vec<_> = histories
-            .iter()
-            .flat_map(|history| stays(&history.boxes))
-            .collect();
-        let is_fixture = |place: &PixelBox| {
-            let there = histories
-                .iter()
-                .zip(&still)
-                .filter(|(_, other)| other.is_some_and(|other| is_same_thing(place, &other)));
-            let mut boxes: Vec<_> = there
-                .flat_map(|(history, _)| history.clear.iter().copied())
-                .collect();
-            boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
-            stands_still(&boxes)
-        };
-        let counts = |(history, still): (&History, &Option<PixelBox>)| {
-            history.confirmed_s.is_some()
-                && history.clear_for_s() >= shortest_s
-                && !stands_still(&history.clear)
-                && !is_mostly_at(&stays, &history.clear)
-                && !still.as_ref().is_some_and(is_fixture)
-        };
-        histories.iter().zip(&still).map(counts).collect()
+    /// True if a track that is followed counts by its boxes so far: it is confirmed, has lasted, and does not stand still.
+    pub(crate) fn counts(&self, track: u32) -> bool {
+        self.history(track)
+            .is_some_and(|history| history.clear_for_s() >= SHORTEST_S && !history.is_still())
+    }
+
+    fn history(&self, track: u32) -> Option<&History> {
+        let found = self.followed.iter().find(|known| known.number == track);
+        found.map(|found| &found.history)
     }
 }
 
@@ -330,30 +311,6 @@ impl Track {
 /// Number of the last [`OUTCOMES`] pictures that had a box.
 fn hits_in(outcomes: u32) -> u32 {
     (outcomes & ((1 << OUTCOMES) - 1)).count_ones()
-}
-
-impl History {
-    fn push(&mut self, now_s: f64, seen: &Seen) {
-        self.boxes.push((now_s, seen.pixel_box));
-        if !seen.is_faint {
-            self.clear.push((now_s, seen.pixel_box));
-        }
-    }
-
-    /// The last clear boxes, as many as `hits`, confirm it.
-    fn confirm(&mut self, hits: u32) {
-        let first = self.clear.len().saturating_sub(hits as usize);
-        let first_s = self.clear.get(first).map(|(at_s, _)| *at_s);
-        self.confirmed_s = self.confirmed_s.or(first_s);
-    }
-
-    /// From the first of the boxes that confirmed it to its last clear one.
-    fn clear_for_s(&self) -> f64 {
-        match (self.confirmed_s, self.clear.last()) {
-            (Some(first_s), Some((last_s, _))) => last_s - first_s,
-            _ => 0.0,
-        }
-    }
 }
 
 #[cfg(test)]

@@ -6,14 +6,17 @@
 //! needs a deviation that is large and certain, so that a healthy camera's rows say nothing.
 
 mod frozen;
+mod live;
 
+use dataset::geometry::camera::Camera;
 use dataset::tables::health::{CameraTurn, HealthState};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use glam::DVec2;
 
-use crate::camera_motion::{Measured, Turn};
+use crate::camera_motion::{CameraMotion, Measured, Turn};
 pub(crate) use frozen::Change;
+use live::LiveHealth;
 
 /// Version of this measurement; health of another one is measured again.
 pub(crate) const METHOD: u32 = 1;
@@ -62,6 +65,36 @@ impl Look {
             turn,
             change,
         }
+    }
+}
+
+/// Looks at the images of a camera, one after another. Its memory does not grow with their number.
+pub(crate) struct CameraWatch {
+    motion: CameraMotion,
+    live: LiveHealth,
+}
+
+impl CameraWatch {
+    pub(crate) fn new(camera: &Camera) -> Self {
+        Self {
+            motion: CameraMotion::new(camera),
+            live: LiveHealth::default(),
+        }
+    }
+
+    /// Looks at the next image, and judges it by the images so far. `images`: the one before and this one, `best`: its best box,
+    /// `counted`: the one that counts.
+    pub(crate) fn look(
+        &mut self,
+        at: (u32, f64),
+        images: [Option<Luma<'_>>; 2],
+        best: Option<PixelBox>,
+        counted: Option<PixelBox>,
+    ) -> (Look, HealthState) {
+        let turn = images[1].as_ref().and_then(|image| self.motion.next(image));
+        let look = Look::of(at, turn, images, best);
+        let state = self.live.next(&look, counted, images);
+        (look, state)
     }
 }
 

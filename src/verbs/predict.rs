@@ -1,6 +1,6 @@
 //! `dtd predict`: what a run's estimators answer for a corpus, without truth.
 
-use trainer::RunFolder;
+use trainer::{Moment, RunFolder};
 
 use super::Outcome;
 use super::open_corpus::open_sound_corpus;
@@ -17,6 +17,11 @@ pub(crate) fn run(args: &PredictArgs) -> Outcome {
         &corpus,
         args.detections.as_deref(),
         &args.out,
+        if args.online {
+            Moment::Live
+        } else {
+            Moment::Hindsight
+        },
         &VerbWatch::new("predict", "steps"),
     )
     .map_err(|error| failure_of(error).without_results())?;

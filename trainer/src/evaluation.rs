@@ -233,7 +233,7 @@ impl TrainedRun {
         observations: &[Observation],
         samples: &Samples,
     ) -> Vec<Observation> {
-        let other_cameras = samples.rig.cameras_vary && !self.summary.cameras_vary;
+        let other_cameras = self.has_other_cameras(samples);
         let usual: Vec<Observation> = (observations.iter())
             .map(|observed| self.normalisation.without_outliers(observed, other_cameras))
             .collect();
@@ -242,6 +242,11 @@ impl TrainedRun {
             return usual;
         }
         self.baselines.paired_views.of_one_aircraft(&usual)
+    }
+
+    /// True if the cameras of these samples vary and those of the training did not.
+    pub(crate) fn has_other_cameras(&self, samples: &Samples) -> bool {
+        samples.rig.cameras_vary && !self.summary.cameras_vary
     }
 }
 

@@ -9,6 +9,7 @@
 //! networks     layers, training loop and checkpoint
 //! estimators   paper_lstm, inverse_range with its filter, cameras and rays (geometry), single views (mono)
 //! run          the folder that a training writes, and its estimators
+//! live         a run that takes observations one by one, without a corpus
 //! evaluation   predictions, metrics and report
 //! export       ONNX models
 //! training     from a corpus to a run: stages, search, refit
@@ -27,6 +28,7 @@ mod error;
 mod estimators;
 mod evaluation;
 mod export;
+pub mod live;
 mod networks;
 pub mod paper;
 mod run;
@@ -50,6 +52,7 @@ pub use export::{
 pub use run::choice::Choice;
 pub use run::folder::RunFolder;
 pub use run::refitted_view::Refit;
+pub use samples::Moment;
 pub use training::refit::{MOST_APPROACHES, RefitConfig, refit};
 pub use training::search::{Search, SearchTable, TrainingResult, VariantResult, search};
 pub use training::{TrainOutcome, train, train_on_all};

@@ -28,7 +28,7 @@ pub const TABLE_3: [PaperCondition; 9] = [
 pub const MAPE_PCT: f64 = 0.18;
 /// MAPE of the paper's monoscopic model, percent.
 pub const MONO_MAPE_PCT: f64 = 0.58;
-/// What the paper states as the reduction against it, percent.
+/// Reduction against it, as the paper states it, percent.
 pub const REDUCTION_PCT: f64 = 67.0;
 /// Most epochs of Algorithm 1.
 pub const EPOCHS: usize = 225_000;

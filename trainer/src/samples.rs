@@ -27,7 +27,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use dataset::conditions::{Weather, transmission};
-use dataset::corpus::detections::{Detection, NoChoice, choose};
+use dataset::corpus::detections::{Detection, Detections, NoChoice, choose};
 use dataset::corpus::effective_weather::EffectiveWeather;
 use dataset::corpus::model_identity::NamedDetections;
 use dataset::corpus::open_scenario::OpenScenario;
@@ -40,12 +40,12 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::health::ViewHealth;
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::{CameraHealth, Corrections};
-use crate::samples::other_boxes::{Candidate, OtherBoxes, Registered};
+use crate::samples::other_boxes::{Candidate, Registered};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
 use crate::samples::view_shift::ViewShift;
@@ -78,6 +78,15 @@ impl DistanceRange {
         let dtd_nm = dtd_m / METERS_PER_NAUTICAL_MILE;
         dtd_nm >= self.min_nm && self.max_nm.is_none_or(|max_nm| dtd_nm <= max_nm)
     }
+}
+
+/// Moment at which it is decided which boxes of a corpus count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moment {
+    /// Whole flights: all boxes of confirmed tracks, moved where a camera was off.
+    Hindsight,
+    /// The images up to each tick, as without an end.
+    Live,
 }
 
 /// Information about a scenario apart from its samples.
@@ -230,6 +239,7 @@ impl Samples {
     pub(crate) fn without_truth(
         corpus: &Corpus,
         asked: Option<&str>,
+        moment: Moment,
     ) -> Result<(Self, Vec<Observation>)> {
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
@@ -239,7 +249,8 @@ impl Samples {
         for folder in &folders {
             let scenario = folder.open()?;
             let record = scenario.record()?;
-            let (summary, _, observations) = found.observe(&scenario, record, Side::Test)?;
+            let (summary, _, observations) =
+                found.observe(&scenario, record, Side::Test, moment)?;
             found.scenarios.push(summary);
             flights.extend(observations);
         }
@@ -306,7 +317,7 @@ impl Samples {
     ) -> Result<()> {
         let record = scenario.record()?;
         let side = side_of(scenario, &record, splits)?;
-        let observed = self.observe(scenario, record, side)?;
+        let observed = self.observe(scenario, record, side, Moment::Hindsight)?;
         self.add_labelled(scenario, observed, range)
     }
 
@@ -361,11 +372,17 @@ impl Samples {
         scenario: &OpenScenario,
         record: ScenarioRecord,
         side: Side,
+        moment: Moment,
     ) -> Result<(ScenarioSummary, Frames, Vec<Observation>)> {
         let folder = scenario.folder();
         let cameras = cameras_of(scenario)?;
+        let health = scenario.health(&self.detections.hash)?.unwrap_or_default();
         let detections = scenario.detections(&self.detections.hash)?;
-        let detections: Vec<_> = detections.into_confirmed().collect();
+        let detections: Vec<_> = match moment {
+            Moment::Hindsight => detections.into_confirmed().collect(),
+            Moment::Live => counting_live(detections, &health)
+                .ok_or_else(|| Error::corpus(folder.root(), CorpusFault::NoLiveBoxes))?,
+        };
         if let Some(Detection { view, .. }) = detections
             .iter()
             .find(|detection| !self.views.contains(&detection.view))
@@ -382,7 +399,6 @@ impl Samples {
             .map(|registration| ((registration.tick, registration.view.clone()), registration))
             .collect();
         let frames = scenario.frames()?;
-        let health = scenario.health(&self.detections.hash)?.unwrap_or_default();
         let mut summary = ScenarioSummary::of(scenario, record, cameras, &frames, side);
         let observe = |row: &TickRow| {
             let found: Vec<_> = self
@@ -390,8 +406,6 @@ impl Samples {
                 .iter()
                 .map(|view| detections.remove(&(row.tick, view.clone())))
                 .collect();
-            let best: Vec<_> = found.iter().map(|found| found.as_ref()?.first()).collect();
-            let boxes: Vec<_> = best.iter().map(|best| Some((*best)?.pixel_box)).collect();
             let registered: Vec<Option<Registered>> = (self.views.iter())
                 .map(|view| {
                     let registration = registrations.remove(&(row.tick, view.clone()))?;
@@ -399,24 +413,13 @@ impl Samples {
                     Some((reference, registration.result.ok()?))
                 })
                 .collect();
-            let shift = |(registered, seen): (&Option<Registered>, &Option<PixelBox>)| {
-                let (reference, shift) = registered.as_ref()?;
-                let in_reference = boxes[*reference].as_ref()?;
-                ViewShift::between((*reference, in_reference), seen.as_ref()?, shift)
-            };
-            Observation {
-                shifts: registered.iter().zip(&boxes).map(shift).collect(),
-                scenario: self.scenarios.len(),
-                tick: row.tick,
-                time_ns: row.time_ns,
-                cut_off: (found.iter().flatten())
-                    .filter(|found| found.is_empty())
-                    .count(),
-                tracks: best.iter().map(|best| (*best)?.track).collect(),
-                others: OtherBoxes::of(&found, &registered),
-                boxes,
-            }
+            let at = (self.scenarios.len(), row.tick, row.time_ns);
+            Observation::of(at, &found, &registered)
         };
+        if moment == Moment::Live {
+            let observations = frames.rows.iter().map(observe).collect();
+            return Ok((summary, frames, observations));
+        }
         let health = CameraHealth::of(&self.views, &summary.cameras, health);
         let mut corrections = Corrections::default();
         let observations = (frames.rows.iter().map(observe))
@@ -542,6 +545,21 @@ fn farther_from_training(one: Side, other: Side) -> Side {
     }
 }
 
+/// Boxes that count at their ticks, of cameras that were well then; `None` of detections that do not have this.
+fn counting_live(detections: Detections, health: &[ViewHealth]) -> Option<Vec<Detection>> {
+    let is_ill = |row: &&ViewHealth| row.state_live.is_some_and(|state| !state.is_well());
+    let ill: BTreeSet<(u32, &str)> = (health.iter().filter(is_ill))
+        .map(|row| (row.tick, row.view.as_str()))
+        .collect();
+    let mut counting = Vec::new();
+    for found in detections.boxes {
+        if found.counts_live? && !ill.contains(&(found.tick, found.view.as_str())) {
+            counting.push(found);
+        }
+    }
+    Some(counting)
+}
+
 /// The side of a scenario's trajectory.
 fn side_of(scenario: &OpenScenario, record: &ScenarioRecord, splits: &Splits) -> Result<Side> {
     let folder = scenario.folder();
@@ -624,17 +642,43 @@ fn refuse_unplanned(planned: &PlannedScenarios, folders: &[ScenarioFolder]) -> R
 fn whole_boxes(
     detections: Vec<Detection>,
     cameras: &BTreeMap<String, Camera>,
-) -> BTreeMap<(u32, String), Vec<Detection>> {
-    let mut whole: BTreeMap<(u32, String), Vec<Detection>> = BTreeMap::new();
-    for found in detections {
-        let is_whole = is_whole(&found.pixel_box, &cameras[&found.view]);
-        let here = whole.entry((found.tick, found.view.clone())).or_default();
-        if is_whole {
-            let lower = here.iter().position(|other| other.score < found.score);
-            here.insert(lower.unwrap_or(here.len()), found);
+) -> BTreeMap<(u32, String), Vec<Candidate>> {
+    let mut found: BTreeMap<(u32, String), Vec<Scored>> = BTreeMap::new();
+    for Detection {
+        tick,
+        view,
+        pixel_box,
+        score,
+        track,
+        ..
+    } in detections
+    {
+        let candidate = Candidate { pixel_box, track };
+        found
+            .entry((tick, view))
+            .or_default()
+            .push((score, candidate));
+    }
+    let whole = |((tick, view), found): ((u32, String), Vec<Scored>)| {
+        let whole = whole_of(found, &cameras[&view]);
+        ((tick, view), whole)
+    };
+    found.into_iter().map(whole).collect()
+}
+
+/// A box with its score.
+pub(crate) type Scored = (f64, Candidate);
+
+/// The whole boxes of a picture, the highest score first.
+pub(crate) fn whole_of(found: impl IntoIterator<Item = Scored>, camera: &Camera) -> Vec<Candidate> {
+    let mut whole: Vec<Scored> = Vec::new();
+    for (score, candidate) in found {
+        if is_whole(&candidate.pixel_box, camera) {
+            let lower = whole.iter().position(|(other, _)| *other < score);
+            whole.insert(lower.unwrap_or(whole.len()), (score, candidate));
         }
     }
-    whole
+    whole.into_iter().map(|(_, candidate)| candidate).collect()
 }
 
 /// Share of contrast that remains over the distance to the nearest camera whose picture contains the aircraft.

@@ -14,7 +14,8 @@ use tempfile::TempDir;
 use testkit::miscalibrated::Miscalibration;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{
-    Error, EvaluationConfig, JudgedSide, Metrics, RunFolder, TrainConfig, evaluate, predict, train,
+    Error, EvaluationConfig, JudgedSide, Metrics, Moment, RunFolder, TrainConfig, evaluate,
+    predict, train,
 };
 
 mod hardly_trained;
@@ -244,7 +245,15 @@ fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them(
     }
     fs::remove_file(trained.corpus().splits_path()).unwrap();
     let out = trained.path("distances.parquet");
-    let predicted = predict(&trained.run, &trained.corpus(), None, &out, &Silent).unwrap();
+    let predicted = predict(
+        &trained.run,
+        &trained.corpus(),
+        None,
+        &out,
+        Moment::Hindsight,
+        &Silent,
+    )
+    .unwrap();
     assert_eq!(predicted.scenarios, 7);
     for (there, expected) in [
         (out.clone(), "is not replaced"),
@@ -252,7 +261,14 @@ fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them(
         (trained.run.root().join("new.parquet"), "lies in a run"),
     ] {
         let before = fs::read(&there).ok();
-        let refused = predict(&trained.run, &trained.corpus(), None, &there, &Silent);
+        let refused = predict(
+            &trained.run,
+            &trained.corpus(),
+            None,
+            &there,
+            Moment::Hindsight,
+            &Silent,
+        );
         let message = refused.unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
         assert_eq!(fs::read(&there).ok(), before);

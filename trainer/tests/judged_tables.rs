@@ -14,8 +14,8 @@ use dataset::work::watch::Silent;
 use tempfile::TempDir;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{
-    EstimatorMetrics, EvaluationConfig, JudgedSide, Metrics, RunFolder, TableEvaluationConfig,
-    TableMetrics, evaluate, evaluate_table, predict, train,
+    EstimatorMetrics, EvaluationConfig, JudgedSide, Metrics, Moment, RunFolder,
+    TableEvaluationConfig, TableMetrics, evaluate, evaluate_table, predict, train,
 };
 
 mod hardly_trained;
@@ -90,7 +90,15 @@ fn a_table_of_the_predictions_of_a_run_gets_exactly_the_figures_of_the_run() {
     // A table of `dtd predict` has all ticks of all sides. The smoother uses those past touchdown, which an evaluation does not have, and
     // sums of the networks' f32 depend on which ticks are predicted together.
     let out = evaluated.path("predicted.parquet");
-    predict(&evaluated.run, &evaluated.corpus, None, &out, &Silent).unwrap();
+    predict(
+        &evaluated.run,
+        &evaluated.corpus,
+        None,
+        &out,
+        Moment::Hindsight,
+        &Silent,
+    )
+    .unwrap();
     let found = judged(&out, &evaluated.corpus);
     for name in ["self_calibrated", "triangulation", "mono_pinhole"] {
         let of_run = EstimatorMetrics {

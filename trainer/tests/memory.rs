@@ -9,7 +9,7 @@ use dataset::corpus::Corpus;
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::work::watch::Silent;
 use testkit::synthetic::SyntheticCorpus;
-use trainer::{EvaluationConfig, JudgedSide, RunFolder, evaluate, predict, train};
+use trainer::{EvaluationConfig, JudgedSide, Moment, RunFolder, evaluate, predict, train};
 
 mod hardly_trained;
 use hardly_trained::hardly_trained;
@@ -74,7 +74,7 @@ fn run_verb(verb: &str, folder: &Path, times: &str) {
         }
         _ => {
             let out = path(&format!("predicted-{times}.parquet"));
-            predict(&run, &open("new"), None, &out, &Silent).unwrap();
+            predict(&run, &open("new"), None, &out, Moment::Hindsight, &Silent).unwrap();
         }
     }
     let status = fs::read_to_string("/proc/self/status").unwrap();

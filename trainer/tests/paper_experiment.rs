@@ -1,4 +1,4 @@
-//! What the paper's experiment needs besides its estimator: its split, networks of one view, yardsticks without pictures, and a training
+//! Parts of the paper's experiment besides its estimator: its split, networks of one view, yardsticks without pictures, and a training
 //! that goes to its own end.
 
 mod hardly_trained;

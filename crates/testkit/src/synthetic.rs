@@ -309,7 +309,10 @@ impl SyntheticCorpus {
                     height_px: (exact.height_px + self.size_noise_px * normal(random)).max(1.0),
                 };
                 if is_whole(&noisy, &camera) && !random.random_bool(self.miss_ratio) {
-                    found.push(Detection::untracked(row.tick, view, noisy, 0.9, 0));
+                    found.push(Detection {
+                        counts_live: Some(true),
+                        ..Detection::untracked(row.tick, view, noisy, 0.9, 0)
+                    });
                 }
             }
         }

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use dataset::corpus::detections::Detections;
 use dataset::geometry::camera::Camera;
-use dataset::tables::registrations::{NoShift, Registration};
+use dataset::tables::registrations::{NoShift, Registration, Shift};
 
 use crate::registration::{Expected, Patch, register};
 
@@ -105,21 +105,9 @@ impl Pairs {
         }
     }
 
-    fn compare(
-        &self,
-        reference: &Look,
-        view: usize,
-        look: &Look,
-    ) -> Result<dataset::tables::registrations::Shift, NoShift> {
-        let (from, to) = match (reference.as_ref(), look.as_ref()) {
-            (Ok(from), Ok(to)) => (from, to),
-            // No box says more than one that is cut off.
-            (Err(NoShift::NoBox), _) | (_, Err(NoShift::NoBox)) => return Err(NoShift::NoBox),
-            (Err(reason), _) | (_, Err(reason)) => return Err(*reason),
-        };
+    fn compare(&self, reference: &Look, view: usize, look: &Look) -> Result<Shift, NoShift> {
         let cameras = [0, view].map(|index| &self.views[index].1);
-        let expected = Expected::of(cameras[0], cameras[1], from.centre_px(), to.centre_px());
-        register(from, to, &expected)
+        registered(cameras, [reference.as_ref(), look.as_ref()])
     }
 
     /// All registrations, by tick and then by view. Patches that still wait after a failure are dropped.
@@ -131,6 +119,21 @@ impl Pairs {
             .sort_by_key(|found| (found.tick, order(&found.view)));
         done
     }
+}
+
+/// The shift from the first view to the second, from the surroundings of their best boxes.
+pub(crate) fn registered(
+    [reference, view]: [&Camera; 2],
+    looks: [&Result<Patch, NoShift>; 2],
+) -> Result<Shift, NoShift> {
+    let (from, to) = match looks {
+        [Ok(from), Ok(to)] => (from, to),
+        // No box says more than one that is cut off.
+        [Err(NoShift::NoBox), _] | [_, Err(NoShift::NoBox)] => return Err(NoShift::NoBox),
+        [Err(reason), _] | [_, Err(reason)] => return Err(*reason),
+    };
+    let expected = Expected::of(reference, view, from.centre_px(), to.centre_px());
+    register(from, to, &expected)
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -3,14 +3,12 @@
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::numbers::units::SimTime;
 use dataset::tables::frames::Frames;
-use dataset::tables::pixel_box::PixelBox;
-use dataset::tables::registrations::NoShift;
 use dataset::video::{Luma, PicturePart, VideoReader};
 
 use super::cpu_time::{CpuClock, Stage};
-use crate::detector::{PictureView, Window};
+use super::image::Image;
+use crate::detector::PictureView;
 use crate::error::{Error, Result};
-use crate::registration::Patch;
 
 /// A view and its ticks.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,11 +77,6 @@ impl<'a> Pictures<'a> {
         })
     }
 
-    /// Width and height, pixels.
-    pub(super) fn size_px(&self) -> [u32; 2] {
-        [self.reader.width(), self.reader.height()]
-    }
-
     /// Goes on to the picture of a tick.
     pub(super) fn next(&mut self, expected: &ViewTick) -> Result<()> {
         self.is_converted = false;
@@ -115,8 +108,17 @@ impl<'a> Pictures<'a> {
         Ok(clock.during(Stage::Decode, || reader.skip_frame())?)
     }
 
-    /// The whole picture.
-    pub(super) fn whole(&mut self) -> Result<PictureView<'_>> {
+    fn fault(&self, message: String) -> Error {
+        Error::scenario(&self.scenario, format!("view {}: {message}", self.view))
+    }
+}
+
+impl Image for Pictures<'_> {
+    fn size_px(&self) -> [u32; 2] {
+        [self.reader.width(), self.reader.height()]
+    }
+
+    fn whole(&mut self) -> Result<PictureView<'_>> {
         if !self.is_converted {
             let (clock, reader) = (self.clock, &mut self.reader);
             clock.during(Stage::Convert, || reader.convert(&mut self.whole))?;
@@ -129,45 +131,6 @@ impl<'a> Pictures<'a> {
         })
     }
 
-    /// The pixels that a window shows, and the same window in them.
-    pub(super) fn behind(&mut self, window: Window) -> Result<(PictureView<'_>, Window)> {
-        let [width_px, height_px] = self.size_px();
-        let shown = |side_px: u32, start_px: u32, picture_px: u32| {
-            let shown_px = side_px.saturating_mul(window.shrink);
-            shown_px.min(picture_px.saturating_sub(start_px))
-        };
-        let part = PicturePart {
-            left_px: window.left_px,
-            top_px: window.top_px,
-            width_px: shown(window.width_px, window.left_px, width_px),
-            height_px: shown(window.height_px, window.top_px, height_px),
-        };
-        let within = Window {
-            left_px: 0,
-            top_px: 0,
-            ..window
-        };
-        Ok((self.part(part)?, within))
-    }
-
-    /// The brightness of the image before, and of this one.
-    pub(super) fn lumas(&self) -> [Option<Luma<'_>>; 2] {
-        [self.reader.previous_luma(), self.reader.luma()]
-    }
-
-    /// The surroundings of a box.
-    pub(super) fn patch(
-        &mut self,
-        pixel_box: PixelBox,
-    ) -> Result<std::result::Result<Patch, NoShift>> {
-        let part = match Patch::part_around(pixel_box, self.size_px()) {
-            Ok(part) => part,
-            Err(reason) => return Ok(Err(reason)),
-        };
-        let pixels = self.part(part)?;
-        Ok(Ok(Patch::of(&pixels, part, pixel_box)))
-    }
-
     fn part(&mut self, part: PicturePart) -> Result<PictureView<'_>> {
         let (clock, reader) = (self.clock, &mut self.reader);
         clock.during(Stage::Convert, || reader.convert_part(part, &mut self.part))?;
@@ -178,7 +141,7 @@ impl<'a> Pictures<'a> {
         })
     }
 
-    fn fault(&self, message: String) -> Error {
-        Error::scenario(&self.scenario, format!("view {}: {message}", self.view))
+    fn lumas(&self) -> [Option<Luma<'_>>; 2] {
+        [self.reader.previous_luma(), self.reader.luma()]
     }
 }

@@ -9,12 +9,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use dataset::corpus::detections::Detections;
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
+use dataset::geometry::camera::Camera;
 use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
 use dataset::work::workers;
 
 use super::cpu_time::CpuTime;
 use super::job::{cameras_of, lock, pairs_of};
+use super::live_view::ViewSearch;
 use super::pictures::ViewTicks;
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, MakeDetector, Model};
@@ -89,6 +91,15 @@ impl Searcher {
                 .map(|detector| Box::new(detector) as Box<dyn Detector>)
         };
         search_scenario(scenario, &make, &self.options, picture_done, watch)
+    }
+
+    /// The search of a view without an end, with a session of the model of its own. `camera`: the view's.
+    pub fn view_search(&self, camera: &Camera) -> Result<ViewSearch> {
+        let DetectOptions {
+            settings, modes, ..
+        } = self.options;
+        let detector = Box::new(self.detector()?);
+        Ok(ViewSearch::new(detector, settings, modes, camera))
     }
 
     fn detector(&self) -> Result<OrtDetector> {

@@ -3,13 +3,13 @@
 //! Whole pictures are searched as described in [`crate::tiling`]. Between them, each tracked aircraft gets one window around its expected
 //! place, and the rest of the picture is neither converted nor searched.
 
-use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, SearchMode};
+use dataset::corpus::detections::{MissReason, SearchMode};
 use dataset::tables::pixel_box::PixelBox;
+use dataset::video::PicturePart;
 
-use super::cpu_time::{CpuClock, Stage};
+use super::image::Image;
 use super::mode::{Mode, ModeSettings};
-use super::pictures::{Pictures, ViewTick, ViewTicks};
-use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize, keep_best};
+use crate::detector::{Detector, ScoredBox, Window, keep_best};
 use crate::error::Result;
 use crate::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
@@ -27,11 +27,9 @@ const MOST_LENGTHS: f64 = 1.0;
 /// A box this close to the border of its window may be cut off there, pixels.
 const BORDER_PX: f64 = 1.5;
 
-/// The pictures of a view while they are searched.
-pub(super) struct Sequence<'a> {
-    view: &'a str,
-    detector: Timed<'a>,
-    tiling: &'a TilingSettings,
+/// The search of a view. Its memory does not grow with the number of pictures.
+pub(super) struct Sequence {
+    tiling: TilingSettings,
     modes: ModeSettings,
     tracker: Tracker,
     /// Times of the last picture and of the last one that was searched whole.
@@ -49,53 +47,79 @@ struct Looked {
     nothing: MissReason,
 }
 
-impl<'a> Sequence<'a> {
+/// A box that belongs to a track, by what is known at its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Tracked {
+    pub(super) pixel_box: PixelBox,
+    pub(super) score: f64,
+    pub(super) tile: u32,
+    pub(super) track: u32,
+    /// Too uncertain to count alone.
+    pub(super) is_faint: bool,
+    /// Its track has had enough boxes.
+    pub(super) is_confirmed: bool,
+    /// Its track counts.
+    pub(super) counts: bool,
+}
+
+/// The boxes of a picture.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shown {
+    pub(super) boxes: Vec<Tracked>,
+    pub(super) mode: SearchMode,
+    /// Reason to report if there is no box.
+    pub(super) nothing: MissReason,
+}
+
+impl Sequence {
+    /// `pictures`: their number, if it is known.
     pub(super) fn new(
-        detector: &'a mut dyn Detector,
-        clock: &'a CpuClock,
-        tiling: &'a TilingSettings,
+        tiling: TilingSettings,
         modes: ModeSettings,
-        view: &'a ViewTicks,
+        pictures: Option<usize>,
     ) -> Self {
         Self {
-            view: &view.id,
-            detector: Timed {
-                detector,
-                clock,
-                windows: 0,
-            },
             tiling,
             modes,
-            tracker: Tracker::of_pictures(view.ticks.len()),
+            tracker: pictures.map_or_else(Tracker::endless, Tracker::of_pictures),
             last_s: None,
             last_full_s: None,
         }
     }
 
-    /// Searches the next picture. The confirmation of its boxes is not final yet, and faint ones may be dropped at the end.
+    /// Time of the last picture since the first one, seconds.
+    pub(super) fn now_s(&self) -> f64 {
+        self.tracker.now_s()
+    }
+
+    /// Searches the next picture.
     pub(super) fn look(
         &mut self,
-        pictures: &mut Pictures<'_>,
-        at: &ViewTick,
-    ) -> Result<Detections> {
-        let since_s = self.last_s.map_or(0.0, |last_s| at.time_s - last_s);
+        detector: &mut dyn Detector,
+        picture: &mut dyn Image,
+        time_s: f64,
+    ) -> Result<Shown> {
+        let since_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
         self.tracker.advance(since_s);
         let looked = match self.modes.mode {
-            Mode::Full => self.everywhere(pictures)?,
-            Mode::Scaled => self.shrunk(pictures)?,
-            Mode::Tracked | Mode::Auto => self.where_expected(pictures, at.time_s, since_s)?,
+            Mode::Full => self.everywhere(detector, picture)?,
+            Mode::Scaled => self.shrunk(detector, picture)?,
+            Mode::Tracked | Mode::Auto => {
+                self.where_expected(detector, picture, time_s, since_s)?
+            }
         };
-        self.last_s = Some(at.time_s);
+        self.last_s = Some(time_s);
         if looked.mode == SearchMode::Full {
-            self.last_full_s = Some(at.time_s);
+            self.last_full_s = Some(time_s);
         }
-        Ok(self.rows(looked, at))
+        Ok(self.shown(looked))
     }
 
     /// Searches the expected places of the tracked aircraft, or the whole picture if that is due.
     fn where_expected(
-        &mut self,
-        pictures: &mut Pictures<'_>,
+        &self,
+        detector: &mut dyn Detector,
+        picture: &mut dyn Image,
         now_s: f64,
         since_s: f64,
     ) -> Result<Looked> {
@@ -113,17 +137,17 @@ impl<'a> Sequence<'a> {
             self.modes.full_search_s
         };
         if is_too_fast || has_passed(period_s) {
-            return self.everywhere(pictures);
+            return self.everywhere(detector, picture);
         }
-        let looked = self.around(pictures, &expected)?;
+        let looked = self.around(detector, picture, &expected)?;
         if may_follow_loss && self.tracker.loses_any(&self.seen(&looked.sightings)) {
-            return self.everywhere(pictures);
+            return self.everywhere(detector, picture);
         }
         Ok(looked)
     }
 
-    fn everywhere(&mut self, pictures: &mut Pictures<'_>) -> Result<Looked> {
-        let found = search_picture(&mut self.detector, &pictures.whole()?, self.tiling)?;
+    fn everywhere(&self, detector: &mut dyn Detector, picture: &mut dyn Image) -> Result<Looked> {
+        let found = search_picture(detector, &picture.whole()?, &self.tiling)?;
         Ok(Looked {
             sightings: found.sightings,
             mode: SearchMode::Full,
@@ -135,12 +159,9 @@ impl<'a> Sequence<'a> {
         })
     }
 
-    fn shrunk(&mut self, pictures: &mut Pictures<'_>) -> Result<Looked> {
-        let window = shrunk_picture(pictures.size_px(), self.detector.window_size());
-        let picture = pictures.whole()?;
-        let found = self
-            .detector
-            .detect(&picture, &[window], self.tiling.least_score())?;
+    fn shrunk(&self, detector: &mut dyn Detector, picture: &mut dyn Image) -> Result<Looked> {
+        let window = shrunk_picture(picture.size_px(), detector.window_size());
+        let found = detector.detect(&picture.whole()?, &[window], self.tiling.least_score())?;
         let sightings = found
             .into_iter()
             .flatten()
@@ -154,18 +175,21 @@ impl<'a> Sequence<'a> {
     }
 
     /// In a window for each aircraft that is followed; the most promising ones if there are many.
-    fn around(&mut self, pictures: &mut Pictures<'_>, expected: &[Expected]) -> Result<Looked> {
+    fn around(
+        &self,
+        detector: &mut dyn Detector,
+        picture: &mut dyn Image,
+        expected: &[Expected],
+    ) -> Result<Looked> {
         let expected = &expected[..expected.len().min(self.tiling.most_windows)];
         let mut sightings = Vec::new();
         for (crop, expected) in (0..).zip(expected) {
-            let picture_px = pictures.size_px();
-            let window =
-                window_around(&expected.pixel_box, picture_px, self.detector.window_size());
-            let (pixels, within) = pictures.behind(window)?;
+            let picture_px = picture.size_px();
+            let window = window_around(&expected.pixel_box, picture_px, detector.window_size());
+            let (part, within) = behind(window, picture_px);
+            let pixels = picture.part(part)?;
             let shown_px = [pixels.width_px, pixels.height_px];
-            let found = self
-                .detector
-                .detect(&pixels, &[within], self.tiling.least_score())?;
+            let found = detector.detect(&pixels, &[within], self.tiling.least_score())?;
             let whole = found.into_iter().flatten().map(|found| ScoredBox {
                 pixel_box: PixelBox {
                     cx_px: found.pixel_box.cx_px + f64::from(window.left_px),
@@ -194,44 +218,32 @@ impl<'a> Sequence<'a> {
         keep_best(sightings, iou, most, Sighting::scored)
     }
 
-    /// Rows of the table for the results of a picture, with the tracks to which the boxes belong.
-    fn rows(&mut self, looked: Looked, at: &ViewTick) -> Detections {
+    /// The boxes of a picture with the tracks to which they belong.
+    fn shown(&mut self, looked: Looked) -> Shown {
         let searched = match &looked.around {
             None => Searched::Everywhere,
             Some(tracks) => Searched::Around(tracks),
         };
-        let tracks = self.tracker.take(&self.seen(&looked.sightings), searched);
-        let row = |(seen, track): (Sighting, Option<u32>)| {
+        let seen = self.seen(&looked.sightings);
+        let tracks = self.tracker.take(&seen, searched);
+        let tracked = |((found, seen), track): ((&Sighting, &Seen), Option<u32>)| {
             let track = track?;
-            Some(Detection {
-                track: Some(track),
-                mode: looked.mode,
-                confirmed: self.tracker.is_confirmed(track),
-                ..Detection::untracked(at.tick, self.view, seen.pixel_box, seen.score, seen.tile)
+            Some(Tracked {
+                pixel_box: found.pixel_box,
+                score: found.score,
+                tile: found.tile,
+                track,
+                is_faint: seen.is_faint,
+                is_confirmed: self.tracker.is_confirmed(track),
+                counts: self.tracker.counts(track),
             })
         };
-        let seen = looked.sightings.into_iter().zip(tracks);
-        let boxes: Vec<_> = seen.filter_map(row).collect();
-        let miss = boxes.is_empty().then(|| Miss {
-            tick: at.tick,
-            view: self.view.to_owned(),
+        let found = looked.sightings.iter().zip(&seen).zip(tracks);
+        Shown {
+            boxes: found.filter_map(tracked).collect(),
             mode: looked.mode,
-            reason: looked.nothing,
-        });
-        Detections {
-            boxes,
-            misses: miss.into_iter().collect(),
+            nothing: looked.nothing,
         }
-    }
-
-    /// Called after the last picture: decides which boxes count, and returns the number of windows that were searched.
-    pub(super) fn finish(self, detections: &mut Detections) -> u64 {
-        let counts = self.tracker.finish();
-        for found in &mut detections.boxes {
-            found.confirmed = found.track.is_some_and(|track| counts[track as usize]);
-        }
-        drop_faint(detections, self.tiling.score);
-        self.detector.windows
     }
 
     /// The tracker's input for these sightings.
@@ -244,27 +256,24 @@ impl<'a> Sequence<'a> {
     }
 }
 
-/// Drops the boxes below this score that do not count; a picture that had no others is a miss.
-fn drop_faint(detections: &mut Detections, score: f64) {
-    let Detections { boxes, misses } = detections;
-    let is_kept = |found: &Detection| found.confirmed || found.score >= score;
-    for here in boxes.chunk_by(|a, b| a.tick == b.tick) {
-        if !here.iter().any(is_kept) {
-            let reason = match here[0].mode {
-                SearchMode::Full => MissReason::Refuted,
-                SearchMode::Tracked => MissReason::Lost,
-                SearchMode::Scaled => MissReason::Nothing,
-            };
-            misses.push(Miss {
-                tick: here[0].tick,
-                view: here[0].view.clone(),
-                mode: here[0].mode,
-                reason,
-            });
-        }
-    }
-    boxes.retain(is_kept);
-    misses.sort_by_key(|miss| miss.tick);
+/// The part of a picture of this size that a window shows, and the same window in it.
+fn behind(window: Window, [width_px, height_px]: [u32; 2]) -> (PicturePart, Window) {
+    let shown = |side_px: u32, start_px: u32, picture_px: u32| {
+        let shown_px = side_px.saturating_mul(window.shrink);
+        shown_px.min(picture_px.saturating_sub(start_px))
+    };
+    let part = PicturePart {
+        left_px: window.left_px,
+        top_px: window.top_px,
+        width_px: shown(window.width_px, window.left_px, width_px),
+        height_px: shown(window.height_px, window.top_px, height_px),
+    };
+    let within = Window {
+        left_px: 0,
+        top_px: 0,
+        ..window
+    };
+    (part, within)
 }
 
 /// True if a box ends inside the pixels that a window shows, or at the edge of the picture.
@@ -281,40 +290,6 @@ fn is_whole(found: &PixelBox, window: Window, shown_px: [u32; 2], picture_px: [u
             (start == 0 || first >= f64::from(start) - 0.5 + BORDER_PX)
                 && (end == picture || last <= f64::from(end) - 0.5 - BORDER_PX)
         })
-}
-
-/// A detector whose time and windows are counted.
-struct Timed<'a> {
-    detector: &'a mut dyn Detector,
-    clock: &'a CpuClock,
-    windows: u64,
-}
-
-impl Detector for Timed<'_> {
-    fn window_size(&self) -> WindowSize {
-        self.detector.window_size()
-    }
-
-    fn detect(
-        &mut self,
-        picture: &PictureView<'_>,
-        windows: &[Window],
-        score_floor: f64,
-    ) -> Result<Vec<Vec<ScoredBox>>> {
-        self.windows += windows.len() as u64;
-        let detector = &mut self.detector;
-        self.clock.during(Stage::Infer, || {
-            detector.detect(picture, windows, score_floor)
-        })
-    }
-
-    fn first_pass_shrink(&self) -> u32 {
-        self.detector.first_pass_shrink()
-    }
-
-    fn description(&self) -> String {
-        self.detector.description()
-    }
 }
 
 #[cfg(test)]

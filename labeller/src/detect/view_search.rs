@@ -3,23 +3,26 @@
 //! Input: the video of a view, its ticks and a detector. Output: boxes with their tracks, reasons for pictures without any, the
 //! surroundings of the best box of each picture for registration, and a breakdown of the processor time. No files are written.
 
-use dataset::corpus::detections::{Detection, Detections};
+use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, SearchMode};
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::geometry::camera::Camera;
-use dataset::tables::health::ViewHealth;
+use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 
+use super::best_box::{best_counted_of, best_of};
 use super::cpu_time::{CpuClock, CpuTime};
+use super::image::{Image, patch};
 use super::mode::ModeSettings;
-use super::pictures::{Pictures, ViewTicks};
-use super::sequence::Sequence;
-use crate::camera_motion::CameraMotion;
+use super::pictures::{Pictures, ViewTick, ViewTicks};
+use super::sequence::{Sequence, Shown, Tracked};
+use super::timed::Timed;
 use crate::detector::Detector;
 use crate::error::Result;
 use crate::registration::Patch;
 use crate::tiling::TilingSettings;
-use crate::view_health::{Look, judge};
+use crate::tracking::{Hindsight, TrackedBox};
+use crate::view_health::{CameraWatch, Look, judge};
 
 /// Source of the boxes of a view.
 pub(crate) enum Finder<'a> {
@@ -86,34 +89,41 @@ pub(crate) fn search_view(
 ) -> Result<ViewFindings> {
     let clock = CpuClock::start();
     let mut pictures = Pictures::open(scenario, &view.id, &clock)?;
+    let count = view.ticks.len();
     let mut source = match finder {
         Finder::Model {
             detector,
             tiling,
             modes,
-        } => {
-            let sequence = Sequence::new(detector, &clock, tiling, *modes, view);
-            Source::Search(Box::new(sequence))
-        }
+        } => Source::Search(Box::new(Search {
+            detector: Timed {
+                detector,
+                clock: &clock,
+                windows: 0,
+            },
+            score: tiling.score,
+            sequence: Sequence::new(*tiling, *modes, Some(count)),
+            hindsight: Hindsight::of_pictures(count),
+        })),
         Finder::Known(detections) => Source::Known(detections),
     };
     let mut detections = Detections::default();
-    let mut motion = watched.map(CameraMotion::new);
+    let mut camera = watched.map(CameraWatch::new);
     let mut looks = Vec::new();
     for tick in &view.ticks {
         pictures.next(tick)?;
         let found = match &mut source {
-            Source::Search(sequence) => sequence.look(&mut pictures, tick)?,
+            Source::Search(search) => search.look(&mut pictures, &view.id, tick)?,
             Source::Known(known) => of_picture(known, &view.id, tick.tick),
         };
-        if let Some(motion) = &mut motion {
-            let images = pictures.lumas();
-            let turn = images[1].as_ref().and_then(|image| motion.next(image));
-            let seen = best_of(&found.boxes).map(|best| best.pixel_box);
-            looks.push(Look::of((tick.tick, tick.time_s), turn, images, seen));
+        let best = best_of(&found.boxes);
+        if let Some(camera) = &mut camera {
+            let counted = best_counted_of(&found.boxes);
+            let at = (tick.tick, tick.time_s);
+            looks.push(camera.look(at, pictures.lumas(), best, counted));
         }
-        let patch = match best_of(&found.boxes) {
-            Some(best) => pictures.patch(best.pixel_box)?,
+        let patch = match best {
+            Some(best) => patch(&mut pictures, best)?,
             None => Err(NoShift::NoBox),
         };
         picture_done(PictureDone {
@@ -125,7 +135,7 @@ pub(crate) fn search_view(
     }
     pictures.end()?;
     let windows = match source {
-        Source::Search(sequence) => sequence.finish(&mut detections),
+        Source::Search(search) => search.finish(&mut detections),
         Source::Known(_) => 0,
     };
     Ok(ViewFindings {
@@ -137,29 +147,119 @@ pub(crate) fn search_view(
 }
 
 /// Rows of a view whose images showed this.
-fn health_of(view: &str, looks: &[Look], detections: &Detections) -> Vec<ViewHealth> {
+fn health_of(
+    view: &str,
+    looks: &[(Look, HealthState)],
+    detections: &Detections,
+) -> Vec<ViewHealth> {
+    let (looks, live): (Vec<Look>, Vec<HealthState>) = looks.iter().copied().unzip();
     let confirmed: Vec<Option<PixelBox>> = (looks.iter())
         .map(|look| {
             let first = (detections.boxes).partition_point(|found| found.tick < look.tick);
             let here = (detections.boxes[first..].iter()).take_while(|b| b.tick == look.tick);
-            let best = best_of(here.filter(|found| found.view == view))?;
-            best.confirmed.then_some(best.pixel_box)
+            best_of(here.filter(|found| found.view == view && found.confirmed))
         })
         .collect();
-    let judged = looks.iter().zip(judge(looks, &confirmed));
-    judged
-        .map(|(look, (state, motion))| ViewHealth {
-            tick: look.tick,
-            view: view.to_owned(),
-            state,
-            motion,
-        })
-        .collect()
+    let judged = judge(&looks, &confirmed);
+    let rows = looks.iter().zip(live).zip(judged);
+    rows.map(|((look, state_live), (state, motion))| ViewHealth {
+        tick: look.tick,
+        view: view.to_owned(),
+        state,
+        motion,
+        state_live: Some(state_live),
+    })
+    .collect()
 }
 
 enum Source<'a> {
-    Search(Box<Sequence<'a>>),
+    Search(Box<Search<'a>>),
     Known(&'a Detections),
+}
+
+/// The search of a view's video, whose end is known.
+struct Search<'a> {
+    detector: Timed<'a>,
+    /// Least score of a box that is not faint.
+    score: f64,
+    sequence: Sequence,
+    hindsight: Hindsight,
+}
+
+impl Search<'_> {
+    /// Searches the next picture. The confirmation of its boxes is not final yet, and faint ones may be dropped at the end.
+    fn look(
+        &mut self,
+        pictures: &mut Pictures<'_>,
+        view: &str,
+        at: &ViewTick,
+    ) -> Result<Detections> {
+        let shown = (self.sequence).look(&mut self.detector, pictures, at.time_s)?;
+        let tracked = shown.boxes.iter().map(|seen| TrackedBox {
+            track: seen.track,
+            pixel_box: seen.pixel_box,
+            is_faint: seen.is_faint,
+            is_confirmed: seen.is_confirmed,
+        });
+        self.hindsight.take(self.sequence.now_s(), tracked);
+        Ok(rows_of(&shown, view, at.tick))
+    }
+
+    /// Called after the last picture: decides which boxes count, and returns the number of windows that were searched.
+    fn finish(self, detections: &mut Detections) -> u64 {
+        let counts = self.hindsight.counting();
+        for found in &mut detections.boxes {
+            found.confirmed = found.track.is_some_and(|track| counts[track as usize]);
+        }
+        drop_faint(detections, self.score);
+        self.detector.windows
+    }
+}
+
+/// Rows of the table for the results of a picture.
+fn rows_of(shown: &Shown, view: &str, tick: u32) -> Detections {
+    let row = |seen: &Tracked| Detection {
+        track: Some(seen.track),
+        mode: shown.mode,
+        confirmed: seen.is_confirmed,
+        counts_live: Some(seen.counts),
+        ..Detection::untracked(tick, view, seen.pixel_box, seen.score, seen.tile)
+    };
+    let miss = shown.boxes.is_empty().then(|| Miss {
+        tick,
+        view: view.to_owned(),
+        mode: shown.mode,
+        reason: shown.nothing,
+    });
+    Detections {
+        boxes: shown.boxes.iter().map(row).collect(),
+        misses: miss.into_iter().collect(),
+    }
+}
+
+/// Drops the boxes below this score that do not count and never did; a picture that had no others is a miss.
+fn drop_faint(detections: &mut Detections, score: f64) {
+    let Detections { boxes, misses } = detections;
+    let is_kept = |found: &Detection| {
+        found.confirmed || found.counts_live == Some(true) || found.score >= score
+    };
+    for here in boxes.chunk_by(|a, b| a.tick == b.tick) {
+        if !here.iter().any(is_kept) {
+            let reason = match here[0].mode {
+                SearchMode::Full => MissReason::Refuted,
+                SearchMode::Tracked => MissReason::Lost,
+                SearchMode::Scaled => MissReason::Nothing,
+            };
+            misses.push(Miss {
+                tick: here[0].tick,
+                view: here[0].view.clone(),
+                mode: here[0].mode,
+                reason,
+            });
+        }
+    }
+    boxes.retain(is_kept);
+    misses.sort_by_key(|miss| miss.tick);
 }
 
 /// The known detections of a picture.
@@ -172,12 +272,4 @@ fn of_picture(known: &Detections, view: &str, tick: u32) -> Detections {
     let here = misses[first..].iter().take_while(|miss| miss.tick == tick);
     let misses = here.filter(|miss| miss.view == view).cloned().collect();
     Detections { boxes, misses }
-}
-
-/// The box to register: a confirmed one, if there is any, and of these the one with the highest score.
-fn best_of<'a>(boxes: impl IntoIterator<Item = &'a Detection>) -> Option<&'a Detection> {
-    boxes.into_iter().max_by(|a, b| {
-        let confirmed = a.confirmed.cmp(&b.confirmed);
-        confirmed.then(a.score.total_cmp(&b.score))
-    })
 }

@@ -25,7 +25,7 @@ const STEPS_PER_GREY: f64 = 256.0;
 
 /// The surroundings of a box in a picture: luma, not yet without the background. Small, because it waits for the other view.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Patch {
+pub struct Patch {
     /// Of the aircraft, in the picture.
     pixel_box: PixelBox,
     /// Centre of the first pixel, in the picture.

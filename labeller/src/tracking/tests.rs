@@ -51,15 +51,26 @@ fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>
 
 fn track_seen(period_s: f64, pictures: &[Vec<Seen>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let mut tracker = Tracker::of_pictures(pictures.len());
+    let mut hindsight = Hindsight::of_pictures(pictures.len());
     let tracks = pictures
         .iter()
         .map(|boxes| {
             tracker.advance(period_s);
             let tracks = tracker.take(boxes, Searched::Everywhere);
+            let tracked = boxes.iter().zip(&tracks).filter_map(|(seen, track)| {
+                let track = (*track)?;
+                Some(TrackedBox {
+                    track,
+                    pixel_box: seen.pixel_box,
+                    is_faint: seen.is_faint,
+                    is_confirmed: tracker.is_confirmed(track),
+                })
+            });
+            hindsight.take(tracker.now_s(), tracked);
             tracks.into_iter().flatten().collect()
         })
         .collect();
-    (tracks, tracker.finish())
+    (tracks, hindsight.counting())
 }
 
 /// An approach at 70 m/s, seen by a camera 60 m beside its path with a focal length of 11,000 px, at this range.
@@ -424,4 +435,42 @@ fn nothing_is_followed_that_was_only_faint() {
         tracker.take(picture, Searched::Everywhere);
         assert_eq!(tracker.expected(1.0), []);
     }
+}
+
+/// Seconds in which the box of each picture counts at its moment.
+fn counting_s(period_s: f64, pictures: &[Vec<Seen>]) -> Vec<f64> {
+    let mut tracker = Tracker::endless();
+    let seconds = pictures.iter().filter_map(|boxes| {
+        tracker.advance(period_s);
+        let tracks = tracker.take(boxes, Searched::Everywhere);
+        let counts = tracks.into_iter().flatten().any(|t| tracker.counts(t));
+        counts.then(|| tracker.now_s())
+    });
+    seconds.collect()
+}
+
+#[test]
+fn an_approach_counts_two_seconds_after_its_first_boxes_and_from_then_on() {
+    for period_s in [1.0 / 30.0, 0.5, 1.0] {
+        let images = (120.0 / period_s) as u32;
+        let pictures: Vec<_> = (0..images)
+            .map(|step| {
+                let range_m = 18_520.0 - 70.0 * period_s * f64::from(step);
+                vec![clear(shaken(approach(range_m), 7, step))]
+            })
+            .collect();
+        let counting = counting_s(period_s, &pictures);
+        assert!(counting[0] <= 2.0 + 3.0 * period_s, "{counting:?}");
+        let later = (120.0 - counting[0]) / period_s;
+        assert!((counting.len() as f64 - later).abs() < 3.0);
+    }
+}
+
+#[test]
+fn a_mast_stops_counting_after_a_minute() {
+    let pictures: Vec<_> = (0..1_000)
+        .map(|step| vec![clear(shaken(at(900.0, 500.0, 40.0), 11, step))])
+        .collect();
+    let counting = counting_s(0.2, &pictures);
+    assert!(*counting.last().unwrap() < 62.0, "{counting:?}");
 }

@@ -86,7 +86,7 @@ impl Change {
         })
     }
 
-    fn is_equal(&self) -> bool {
+    pub(super) fn is_equal(&self) -> bool {
         self.levels <= MOST_EQUAL_LEVELS && self.whole_levels <= MOST_EQUAL_LEVELS
     }
 
@@ -202,7 +202,7 @@ fn moves(
 }
 
 /// Slope of values over time: the median over pairs (Theil and Sen).
-fn slope(values: impl Iterator<Item = (f64, f64)>) -> f64 {
+pub(super) fn slope(values: impl Iterator<Item = (f64, f64)>) -> f64 {
     let values: Vec<_> = values.collect();
     let pairs = (0..values.len()).flat_map(|i| (0..i).map(move |k| (i, k)));
     let mut slopes: Vec<f64> = pairs

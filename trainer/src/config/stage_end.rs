@@ -1,4 +1,4 @@
-//! What ends a stage of a training: a number of steps, or its plateau.
+//! The end of a stage of a training: a number of steps, or its plateau.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

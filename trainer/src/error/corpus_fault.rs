@@ -22,6 +22,12 @@ pub enum CorpusFault {
     /// No scenario is complete.
     #[error("has no complete scenario; record some with `dtd generate`")]
     NoScenarios,
+    /// Detections of an earlier version.
+    #[error(
+        "its detections do not say which boxes counted at each moment, because an earlier version made them; run `dtd detect --force` on the \
+         corpus with that model"
+    )]
+    NoLiveBoxes,
     /// A scenario that the split does not know.
     #[error("is not in splits.json, so it is on no side; make the corpus again from one plan")]
     NotInSplit,

@@ -107,6 +107,21 @@ pub enum RunFault {
          corpora with the new camera"
     )]
     AlignedRefit,
+    /// A run of which cameras are aligned, which takes whole flights.
+    #[error(
+        "was trained with align_backgrounds, which compares the images of whole flights, so it cannot answer image by image; train without \
+         it"
+    )]
+    AlignedOnline,
+    /// An estimator that needs more than the ticks so far.
+    #[error(
+        "has no estimator {estimator:?} that answers image by image without a corpus; those that do are {}",
+        known.join(", ")
+    )]
+    NotOnline {
+        estimator: String,
+        known: Vec<&'static str>,
+    },
     /// A refit that would replace the run that it starts from.
     #[error("is the run to fit again, which stays as it is; name another folder with --out")]
     RefitInPlace,

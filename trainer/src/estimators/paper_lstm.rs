@@ -79,7 +79,7 @@ pub(crate) struct EstimatorLogEntry {
     pub step: usize,
     /// Loss that was minimised, mean over the batches since the entry before.
     pub training_loss: Option<f64>,
-    /// Error in those of these batches that use all views, percent; `null` if there was none.
+    /// Error in the batches of all views since then, percent; `null` if there was none.
     pub training_mape_pct: Option<f64>,
     /// Error over all validation samples, percent.
     pub validation_mape_pct: f64,

@@ -153,7 +153,7 @@ pub struct TickCounts {
     pub common: usize,
 }
 
-/// How far a training went.
+/// Steps and duration of a training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrainingFigures {
     /// Its stages, in their order.

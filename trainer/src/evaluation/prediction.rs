@@ -1,4 +1,4 @@
-//! Distances for a corpus without truth: what every estimator answers at every tick.
+//! Distances for a corpus without truth: what every estimator answers at every tick, from whole flights or as if they were under way.
 
 use std::path::Path;
 
@@ -9,16 +9,18 @@ use dataset::work::watch::Watch;
 use serde::{Serialize, Serializer};
 
 use crate::error::{CorpusFault, Error, Result};
+use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::answers::Answered;
 use crate::evaluation::check_cameras;
 use crate::evaluation::prediction_table::add_answers;
+use crate::live::{InSight, Judged, Phase, check_causal};
 use crate::run::estimator::{Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::place::refuse_in_run;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
-use crate::samples::Samples;
 use crate::samples::camera_health::Corrections;
+use crate::samples::{Moment, Observation, Samples};
 
 /// How much was predicted.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -40,12 +42,14 @@ fn as_map<S: Serializer>(
 }
 
 /// Writes the answers of all estimators at all ticks of a corpus to a table (Parquet). The corpus needs detections by the model of the
-/// training, or by `detections`, but neither labels nor a split.
+/// training, or by `detections`, but neither labels nor a split. Live, each tick is answered by the ticks up to it, as by
+/// [`crate::live::OnlineRun`], about the aircraft that is followed, whose phase is a column; there is no smoother.
 pub fn predict(
     run: &RunFolder,
     corpus: &Corpus,
     detections: Option<&str>,
     out: &Path,
+    moment: Moment,
     watch: &dyn Watch,
 ) -> Result<Predicted> {
     if out.symlink_metadata().is_ok() {
@@ -55,8 +59,11 @@ pub fn predict(
     }
     refuse_in_run(out)?;
     let trained = TrainedRun::of(&SealedRun::read(run)?)?;
+    if moment == Moment::Live {
+        check_causal(&trained, run)?;
+    }
     let model = detections.unwrap_or(&trained.summary.model_hash);
-    let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model))?;
+    let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model), moment)?;
     check_cameras(run, corpus, &trained, &corpus_read)?;
     if flights.is_empty() {
         return Err(Error::corpus(corpus.root(), CorpusFault::NoScenarios));
@@ -80,22 +87,15 @@ pub fn predict(
     let mut done = 0;
     for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
         watch.check()?;
-        let believed = trained.believed(flight, &corpus_read);
-        let of_flight = Answered::of_all(&Task::new(&trained, &corpus_read.scenarios, &believed));
-        for ((_, count), of) in answered.iter_mut().zip(&of_flight) {
+        let of_flight = match moment {
+            Moment::Hindsight => OfFlight::whole(&trained, &corpus_read, flight),
+            Moment::Live => OfFlight::live(&trained, &corpus_read, flight),
+        };
+        for ((_, count), of) in answered.iter_mut().zip(&of_flight.answered) {
             *count += of.distances_m.iter().flatten().count();
         }
         let scenario = &corpus_read.scenarios[flight[0].scenario].id;
-        let columns = TableWriter::new()
-            .text("scenario", believed.iter().map(|_| scenario))
-            .u32("tick", believed.iter().map(|seen| seen.tick))
-            .i64("time_ns", believed.iter().map(|seen| seen.time_ns))
-            .u32(
-                "detections",
-                believed.iter().map(|seen| seen.detections() as u32),
-            );
-        let ticks: Vec<usize> = (0..believed.len()).collect();
-        table.add(add_answers(columns, &ticks, &of_flight))?;
+        table.add(of_flight.columns(scenario))?;
         done += 1;
         watch.advance(done, scenario);
     }
@@ -113,4 +113,89 @@ pub fn predict(
         ticks: flights.len(),
         answered: answered.into(),
     })
+}
+
+/// Answers of the estimators about one flight.
+struct OfFlight {
+    observed: Vec<Observation>,
+    answered: Vec<Answered>,
+    /// Of the aircraft that was followed at each tick, if there was one, live.
+    phases: Option<Vec<Option<Phase>>>,
+}
+
+impl OfFlight {
+    fn whole(trained: &TrainedRun, samples: &Samples, flight: &[Observation]) -> Self {
+        let observed = trained.believed(flight, samples);
+        Self {
+            answered: Answered::of_all(&Task::new(trained, &samples.scenarios, &observed)),
+            observed,
+            phases: None,
+        }
+    }
+
+    fn live(trained: &TrainedRun, samples: &Samples, flight: &[Observation]) -> Self {
+        let other_cameras = trained.has_other_cameras(samples);
+        let mut in_sight = InSight::default();
+        let followed: Vec<Option<Judged>> = (flight.iter())
+            .map(|observed| {
+                let judged = in_sight.take(trained, other_cameras, observed);
+                judged.into_iter().find(|of| of.is_followed)
+            })
+            .collect();
+        let seen = flight.iter().zip(&followed).map(|(observed, followed)| {
+            let nothing = || observed.with_boxes(vec![None; observed.boxes.len()]);
+            followed
+                .as_ref()
+                .map_or_else(nothing, |of| of.observed.clone())
+        });
+        let observed: Vec<Observation> = seen.collect();
+        let phases: Vec<_> = (followed.iter())
+            .map(|of| of.as_ref().map(|of| of.phase))
+            .collect();
+        let stated = followed.iter().map(|of| of.as_ref()?.stated().copied());
+        let estimates: Vec<Option<Estimate>> = stated.collect();
+        let task = Task::new(trained, &samples.scenarios, &observed);
+        let answered = Estimator::ALL.map(|estimator| match estimator {
+            Estimator::InverseRangeFiltered => Answered {
+                distances_m: Estimate::distances_m(&estimates),
+                estimates: Some(estimates.clone()),
+            },
+            Estimator::InverseRangeSmoothed => Answered {
+                distances_m: vec![None; observed.len()],
+                estimates: Some(vec![None; observed.len()]),
+            },
+            _ => {
+                let answers = estimator.predict(&task).into_iter().zip(&phases);
+                Answered {
+                    distances_m: answers
+                        .map(|(answer, phase)| answer.filter(|_| *phase == Some(Phase::Arrival)))
+                        .collect(),
+                    estimates: None,
+                }
+            }
+        });
+        Self {
+            answered: answered.into(),
+            observed,
+            phases: Some(phases),
+        }
+    }
+
+    fn columns(&self, scenario: &str) -> TableWriter {
+        let observed = &self.observed;
+        let mut columns = TableWriter::new()
+            .text("scenario", observed.iter().map(|_| scenario))
+            .u32("tick", observed.iter().map(|seen| seen.tick))
+            .i64("time_ns", observed.iter().map(|seen| seen.time_ns))
+            .u32(
+                "detections",
+                observed.iter().map(|seen| seen.detections() as u32),
+            );
+        if let Some(phases) = &self.phases {
+            let words = phases.iter().map(|phase| phase.map(Phase::word));
+            columns = columns.optional_text("phase", words);
+        }
+        let ticks: Vec<usize> = (0..observed.len()).collect();
+        add_answers(columns, &ticks, &self.answered)
+    }
 }

@@ -101,7 +101,7 @@ pub(crate) struct EndedStage {
     pub(crate) kept: KeptWeights,
     /// Steps done.
     pub(crate) steps: usize,
-    /// Why no more were.
+    /// Cause of its end.
     pub(crate) ended_by: EndedBy,
     /// Its cycles.
     pub(crate) cycles: Vec<Cycle>,

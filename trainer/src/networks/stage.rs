@@ -1,4 +1,4 @@
-//! How a stage of a training ends, and what is recorded of it.
+//! The end of a stage of a training, and the record of the stage.
 //!
 //! A stage trains in cycles: in each the learning rate rises and falls (Loshchilov and Hutter, *SGDR*, 2017), so that at its end the errors
 //! are free of the noise of mini-batches. Each cycle is twice as long as the one before. The stage has come to its end if a whole cycle
@@ -54,7 +54,7 @@ pub(crate) fn is_reached(plateau: Plateau, cycles: &[Cycle]) -> bool {
     !before.is_empty() && falls_pct.all(|fall_pct| fall_pct <= plateau.threshold_pct)
 }
 
-/// Why a stage ended.
+/// Cause of the end of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EndedBy {
@@ -84,7 +84,7 @@ pub struct StageSummary {
     pub samples: usize,
     /// Passes over these samples: what an epoch of the paper is one of.
     pub passes: f64,
-    /// Why it ended.
+    /// Cause of its end.
     pub ended_by: EndedBy,
     /// Its cycles.
     pub cycles: Vec<Cycle>,

@@ -47,7 +47,7 @@ pub(crate) enum Estimator {
     NoVisionTimeWeather,
 }
 
-/// Whether an estimator competes with the others.
+/// Part of an estimator in the comparison with the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Standing {
@@ -140,7 +140,7 @@ impl Estimator {
         self.description().name
     }
 
-    /// Whether it competes with the others.
+    /// Its part in the comparison with the others.
     pub(crate) fn standing(self) -> Standing {
         match self {
             Self::Triangulation => Standing::Oracle,

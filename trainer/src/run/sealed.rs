@@ -56,6 +56,17 @@ impl SealedRun {
         })
     }
 
+    /// BLAKE3 hash over all of them.
+    pub(crate) fn blake3(&self) -> String {
+        let mut hash = blake3::Hasher::new();
+        for (name, bytes) in &self.files {
+            hash.update(name.as_bytes());
+            hash.update(&(bytes.len() as u64).to_le_bytes());
+            hash.update(bytes);
+        }
+        hash.finalize().to_string()
+    }
+
     /// Writes the same files into another folder.
     pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
         for (name, bytes) in &self.files {

@@ -97,7 +97,7 @@ pub(crate) struct RunSummary {
     pub samples_blake3: String,
     /// Error of `paper_lstm` on the validation side, percent.
     pub validation_mape_pct: f64,
-    /// How far the stages of the training went, in their order.
+    /// Stages of the training, in their order.
     pub stages: Vec<StageSummary>,
     /// The recommended estimator.
     pub choice: Choice,

@@ -64,9 +64,7 @@ impl fmt::Display for Corrections {
 impl<'a> CameraHealth<'a> {
     /// `cameras` in the order of `views`.
     pub(crate) fn of(views: &'a [String], cameras: &'a [Camera], rows: Vec<ViewHealth>) -> Self {
-        let is_well =
-            |row: &ViewHealth| matches!(row.state, HealthState::Steady | HealthState::Unknown);
-        let rows = rows.into_iter().filter(|row| !is_well(row));
+        let rows = rows.into_iter().filter(|row| !row.state.is_well());
         let placed = rows.filter_map(|row| {
             let view = views.iter().position(|view| *view == row.view)?;
             Some(((row.tick, view), row))

@@ -3,7 +3,6 @@
 //! An observation has the box with the highest score of each view, and beside it the others of the same images, with what the detector
 //! registered, so that a later choice ([`crate::samples::paired_views`]) loses nothing. Most ticks have no others.
 
-use dataset::corpus::detections::Detection;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
 use glam::DVec2;
@@ -36,16 +35,11 @@ pub(crate) struct OtherBoxes {
 impl OtherBoxes {
     /// All but the first box of each view; `None` if no view has more than one.
     pub(crate) fn of(
-        found: &[Option<Vec<Detection>>],
+        found: &[Option<Vec<Candidate>>],
         registered: &[Option<Registered>],
     ) -> Option<Box<Self>> {
-        let others = |found: &Option<Vec<Detection>>| -> Vec<Candidate> {
-            let others = found.iter().flatten().skip(1);
-            let candidate = |found: &Detection| Candidate {
-                pixel_box: found.pixel_box,
-                track: found.track,
-            };
-            others.map(candidate).collect()
+        let others = |found: &Option<Vec<Candidate>>| -> Vec<Candidate> {
+            found.iter().flatten().skip(1).copied().collect()
         };
         Self {
             boxes: found.iter().map(others).collect(),
@@ -178,24 +172,24 @@ impl Observation {
 mod tests {
     use super::*;
 
-    fn detection(view: &str, cx_px: f64, score: f64) -> Detection {
+    fn candidate(cx_px: f64) -> Candidate {
         let pixel_box = PixelBox {
             cx_px,
             cy_px: 600.0,
             width_px: 40.0,
             height_px: 14.0,
         };
-        Detection::untracked(4, view, pixel_box, score, 0)
+        Candidate {
+            pixel_box,
+            track: None,
+        }
     }
 
     /// A false box has the highest score in the right view; the views are registered at the aircraft.
     fn observed() -> Observation {
         let found = [
-            Some(vec![detection("left", 500.0, 0.9)]),
-            Some(vec![
-                detection("right", 900.0, 0.8),
-                detection("right", 401.0, 0.7),
-            ]),
+            Some(vec![candidate(500.0)]),
+            Some(vec![candidate(900.0), candidate(401.0)]),
         ];
         let shift = Shift {
             x_px: 500.0,

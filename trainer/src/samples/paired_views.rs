@@ -12,12 +12,14 @@ mod path;
 mod relation;
 mod robust_line;
 
+use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{Observation, Sample};
-use follower::Follower;
+pub(crate) use follower::Follower;
+use follower::{InSight, Learned};
 use path::Path;
-use relation::Relation;
+use relation::{LEAST_PAIRS, Relation};
 
 /// The relations of a rig's views, and the paths in each.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -27,6 +29,17 @@ pub(crate) struct PairedViews {
     relations: Vec<Relation>,
     /// Sizes along the paths, of the views that saw the aircraft often enough, by their indices.
     paths: Vec<Path>,
+}
+
+/// One object at a tick.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct OfObject {
+    /// Number in the order of appearance.
+    pub number: usize,
+    /// Of all objects, this one is followed.
+    pub is_followed: bool,
+    /// The tick with its boxes alone.
+    pub observed: Observation,
 }
 
 impl PairedViews {
@@ -39,6 +52,23 @@ impl PairedViews {
                 .filter_map(|view| fitted_path(view, true_boxes))
                 .collect(),
         }
+    }
+
+    /// A line for users about each two views that stay unrelated. `views`: their names.
+    pub(crate) fn unrelated(&self, views: &[String], true_boxes: &[&Sample]) -> Vec<String> {
+        let pairs =
+            (0..views.len()).flat_map(|one| (one + 1..views.len()).map(move |other| [one, other]));
+        pairs
+            .filter(|pair| !self.relations.iter().any(|relation| relation.views == *pair))
+            .map(|pair| {
+                let [one, other] = pair.map(|view| &views[view]);
+                format!(
+                    "views {one} and {other} are not compared: both see the aircraft in {} ticks of the training side, expected at least \
+                     {LEAST_PAIRS}; the best box of each view counts, also if they are of different objects",
+                    common_boxes(pair, true_boxes).len()
+                )
+            })
+            .collect()
     }
 
     /// The same with what concerns one view learned again.
@@ -71,26 +101,61 @@ impl PairedViews {
         others
     }
 
+    /// True if boxes of two views can be told to be of one aircraft.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.relations.is_empty()
+    }
+
     /// Whole flights with at most one box per view: the boxes of one aircraft. Boxes of views without a relation stay as they are.
     pub(crate) fn of_one_aircraft(&self, flights: &[Observation]) -> Vec<Observation> {
-        if self.relations.is_empty() {
+        if self.is_empty() {
             return flights.to_vec();
         }
         let mut chosen = Vec::with_capacity(flights.len());
         for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
-            let mut follower = Follower::new(&self.relations, &self.paths);
+            let mut follower = Follower::default();
             chosen.extend(flight.iter().map(|observed| {
-                let of_one = follower.step(observed);
-                let kept = of_one.iter().enumerate().map(|(view, index)| {
-                    let best = observed.boxes[view].map(|_| 0);
-                    let is_followed = is_related(&self.relations, view);
-                    let index = if is_followed { *index } else { best };
-                    index.into_iter().collect()
-                });
-                observed.with_candidates(&kept.collect::<Vec<_>>())
+                let in_sight = follower.step(self.learned(), observed);
+                let followed = in_sight.into_iter().find(|of| of.is_followed);
+                self.of_object(observed, followed.as_ref())
             }));
         }
         chosen
+    }
+
+    /// The next tick of views without an end: the boxes of each object that is remembered, the followed one first.
+    pub(crate) fn next(&self, follower: &mut Follower, observed: &Observation) -> Vec<OfObject> {
+        let mut in_sight = follower.step(self.learned(), observed);
+        in_sight.sort_by_key(|of| (!of.is_followed, of.number));
+        let objects = in_sight.iter();
+        objects
+            .map(|of| OfObject {
+                number: of.number,
+                is_followed: of.is_followed,
+                observed: self.of_object(observed, Some(of)),
+            })
+            .collect()
+    }
+
+    fn learned(&self) -> Learned<'_> {
+        Learned {
+            relations: &self.relations,
+            paths: &self.paths,
+        }
+    }
+
+    /// The tick with the boxes of an object; the best box of a view without a relation is of the followed one.
+    fn of_object(&self, observed: &Observation, object: Option<&InSight>) -> Observation {
+        let kept = (0..observed.boxes.len()).map(|view| {
+            let index = if is_related(&self.relations, view) {
+                object.and_then(|object| object.boxes[view])
+            } else {
+                let is_followed = object.is_none_or(|object| object.is_followed);
+                observed.boxes[view].filter(|_| is_followed).map(|_| 0)
+            };
+            index.into_iter().collect()
+        });
+        observed.with_candidates(&kept.collect::<Vec<_>>())
     }
 
     /// True if these are relations between this many views and paths in them, with possible deviations.
@@ -121,11 +186,15 @@ fn is_related(relations: &[Relation], view: usize) -> bool {
 }
 
 fn fitted(views: [usize; 2], true_boxes: &[&Sample]) -> Option<Relation> {
+    Relation::fit(views, &common_boxes(views, true_boxes))
+}
+
+fn common_boxes<'a>(views: [usize; 2], true_boxes: &[&'a Sample]) -> Vec<[&'a PixelBox; 2]> {
     let boxes = true_boxes.iter().filter_map(|sample| {
         let [one, other] = views.map(|view| sample.boxes[view].as_ref());
         Some([one?, other?])
     });
-    Relation::fit(views, &boxes.collect::<Vec<_>>())
+    boxes.collect()
 }
 
 fn fitted_path(view: usize, true_boxes: &[&Sample]) -> Option<Path> {

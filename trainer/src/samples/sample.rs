@@ -6,7 +6,7 @@ use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
-use crate::samples::other_boxes::OtherBoxes;
+use crate::samples::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
 
@@ -32,6 +32,34 @@ pub(crate) struct Observation {
 }
 
 impl Observation {
+    /// Of a scenario at a tick and a time in nanoseconds. `found`: by view the whole boxes, the highest score first, none of them where
+    /// the picture's edge cuts off all; `registered`: by view.
+    pub(crate) fn of(
+        (scenario, tick, time_ns): (usize, u32, i64),
+        found: &[Option<Vec<Candidate>>],
+        registered: &[Option<Registered>],
+    ) -> Self {
+        let best: Vec<_> = found.iter().map(|found| found.as_ref()?.first()).collect();
+        let boxes: Vec<_> = best.iter().map(|best| Some((*best)?.pixel_box)).collect();
+        let shift = |(registered, seen): (&Option<Registered>, &Option<PixelBox>)| {
+            let (reference, shift) = registered.as_ref()?;
+            let in_reference = boxes[*reference].as_ref()?;
+            ViewShift::between((*reference, in_reference), seen.as_ref()?, shift)
+        };
+        Self {
+            shifts: registered.iter().zip(&boxes).map(shift).collect(),
+            scenario,
+            tick,
+            time_ns,
+            cut_off: (found.iter().flatten())
+                .filter(|found| found.is_empty())
+                .count(),
+            tracks: best.iter().map(|best| (*best)?.track).collect(),
+            others: OtherBoxes::of(found, registered),
+            boxes,
+        }
+    }
+
     /// The same tick with only some of its boxes; a shift goes with its box, and so do the other boxes of its view.
     pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
         let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {

@@ -1,6 +1,6 @@
 //! The paper's split: scenarios are drawn for the sides, whatever flights they share.
 //!
-//! Scenarios of one flight in other light then stand on both sides, so its figures are not those of unseen flights. A training with such a
+//! Scenarios of one flight in other light then stand on both sides, so it is no test with unseen flights. A training with such a
 //! split records what it drew, and the evaluation judges these scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,7 +36,7 @@ impl Default for ScenarioSplitConfig {
     }
 }
 
-/// What a training drew (`run.json`).
+/// The split that a training drew (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ScenarioSplit {
     /// Share of the scenarios on the test side.

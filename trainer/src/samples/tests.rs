@@ -6,7 +6,8 @@ use dataset::corpus::detections::{self, NewTables};
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::seal::seal_folder;
 use dataset::numbers::frame_rate::FrameRate;
-use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
+use dataset::tables::health::{CameraTurn, HealthState};
+use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use super::*;
@@ -418,6 +419,7 @@ fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<Cam
                 view,
                 state,
                 motion,
+                state_live: Some(state),
             })
         });
         let health: Vec<_> = rows.collect();

@@ -76,8 +76,11 @@ impl Flights {
             let fault = CorpusFault::NoTrueBoxes { samples };
             return Err(Error::corpus(corpus.root(), fault));
         }
-        let paired_views =
-            PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
+        let learned_from: Vec<&Sample> = true_boxes.iter().collect();
+        let paired_views = PairedViews::fit(samples.views.len(), &learned_from);
+        for line in paired_views.unrelated(&samples.views, &learned_from) {
+            watch.say(&line);
+        }
         Ok(Self {
             scenario_split,
             true_boxes,

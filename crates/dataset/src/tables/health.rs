@@ -27,6 +27,8 @@ pub struct ViewHealth {
     pub state: HealthState,
     /// Its direction relative to the flight's usual one. In the table, numbers are null where it was not measured.
     pub motion: Option<CameraTurn>,
+    /// Condition of the camera by the images up to this tick. Missing in tables of earlier versions.
+    pub state_live: Option<HealthState>,
 }
 
 /// The direction of a camera relative to its usual one, as seen in its image.
@@ -88,6 +90,11 @@ impl HealthState {
         }
     }
 
+    /// True unless boxes of such an image are off or old.
+    pub fn is_well(self) -> bool {
+        matches!(self, Self::Steady | Self::Unknown)
+    }
+
     fn of_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.word() == word)
     }
@@ -98,6 +105,9 @@ impl fmt::Display for HealthState {
         f.write_str(self.word())
     }
 }
+
+/// The column that earlier versions of this software did not write.
+const STATE_LIVE: &str = "state_live";
 
 /// Name of a number, its limits, and its accessor.
 type TurnField = (&'static str, Limits, fn(&CameraTurn) -> f64);
@@ -121,11 +131,16 @@ pub fn health_columns(rows: &[ViewHealth]) -> TableWriter {
         .text("view", rows.iter().map(|row| &row.view))
         .text("state", rows.iter().map(|row| row.state.word()));
     let turns = rows.iter().map(|row| row.motion.as_ref());
-    FIELDS
+    let table = FIELDS
         .into_iter()
         .fold(table, |table, (name, limits, get)| {
             table.optional_f64_within(name, limits, turns.clone().map(|turn| turn.map(get)))
-        })
+        });
+    let live = rows.iter().map(|row| row.state_live.map(HealthState::word));
+    match live.collect::<Option<Vec<_>>>() {
+        Some(live) => table.text(STATE_LIVE, live),
+        None => table,
+    }
 }
 
 /// Reads the content of `health/<model>.parquet` of a scenario with this many images, each with at most one row; messages name it as
@@ -155,16 +170,18 @@ fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
     for (name, limits, _) in FIELDS {
         columns.push(table.optional_f64_within(name, limits)?);
     }
-    let views = table.text("view")?;
-    let words = views.into_iter().zip(table.text("state")?);
-    let rows = ticks.into_iter().zip(words).enumerate();
-    rows.map(|(row, (tick, (view, word)))| {
-        let state = HealthState::of_word(&word).ok_or_else(|| {
-            let known = HealthState::ALL.map(HealthState::word).join(", ");
-            table.fault(format!(
-                "row {row}: state is {word:?}, expected one of {known}"
-            ))
-        })?;
+    let states = states_of(table, "state")?;
+    let live = if table.has(STATE_LIVE) {
+        states_of(table, STATE_LIVE)?
+            .into_iter()
+            .map(Some)
+            .collect()
+    } else {
+        vec![None; ticks.len()]
+    };
+    let keys = ticks.into_iter().zip(table.text("view")?);
+    let rows = keys.zip(states.into_iter().zip(live)).enumerate();
+    rows.map(|(row, ((tick, view), (state, state_live)))| {
         let numbers: Vec<_> = columns.iter().filter_map(|column| column[row]).collect();
         let motion = match numbers.as_slice() {
             [] => None,
@@ -187,9 +204,24 @@ fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
             view,
             state,
             motion,
+            state_live,
         })
     })
     .collect()
+}
+
+fn states_of(table: &Table, column: &str) -> Result<Vec<HealthState>> {
+    let words = table.text(column)?.into_iter().enumerate();
+    words
+        .map(|(row, word)| {
+            HealthState::of_word(&word).ok_or_else(|| {
+                let known = HealthState::ALL.map(HealthState::word).join(", ");
+                table.fault(format!(
+                    "row {row}: {column} is {word:?}, expected one of {known}"
+                ))
+            })
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -210,6 +242,7 @@ mod tests {
                 view: "left".into(),
                 state,
                 motion: (state != HealthState::Unknown).then_some(turn),
+                state_live: Some(HealthState::Steady),
             })
             .collect()
     }
@@ -218,7 +251,11 @@ mod tests {
     fn health_is_read_back_as_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("abc.parquet");
-        for rows in [rows(), Vec::new()] {
+        let mut earlier = rows();
+        for row in &mut earlier {
+            row.state_live = None;
+        }
+        for rows in [rows(), earlier, Vec::new()] {
             write_health(&path, &rows).unwrap();
             let content = std::fs::read(&path).unwrap();
             assert_eq!(parse_health(content, &path, 5).unwrap(), rows);

@@ -254,7 +254,8 @@ fn check_scores(file: &str, counts: &Counts, rows: &[Row], faults: &mut Faults) 
     };
     for row in rows {
         let Row::Box(found) = row else { continue };
-        let (name, least, what) = if found.confirmed {
+        let counts = found.confirmed || found.counts_live == Some(true);
+        let (name, least, what) = if counts {
             ("faint_score", faint.min(score), "a box")
         } else {
             ("score", score, "a box that does not count")

@@ -1,10 +1,13 @@
 use dataset::corpus::Corpus;
+use dataset::corpus::detections::{Detection, Detections};
 use dataset::numbers::frame_rate::FrameRate;
 use testkit::short_corpus;
 
+use super::super::pictures::ViewTicks;
 use super::super::view_search::{Finder, ViewFindings, search_view};
 use super::*;
 use crate::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
+use crate::detector::PictureView;
 use crate::tiling::find_aircraft;
 
 const WIDTH: u32 = 1280;

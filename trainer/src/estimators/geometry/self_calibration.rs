@@ -283,17 +283,7 @@ impl Locator<'_> {
         observed: &Observation,
         scenario: &ScenarioSummary,
     ) -> Option<f64> {
-        let ray = |(view, seen): (usize, &Option<PixelBox>)| {
-            let (centre, _) = centre_and_size(seen.as_ref()?);
-            Some((view, Ray::through(self.cameras[view].as_ref()?, centre)))
-        };
-        let (views, rays): (Vec<usize>, Vec<Ray>) =
-            observed.boxes.iter().enumerate().filter_map(ray).unzip();
-        let agreeing = of_one_aircraft(&rays)?;
-        let (views, rays): (Vec<usize>, Vec<Ray>) =
-            agreeing.iter().map(|&i| (views[i], rays[i])).unzip();
-        let measured = Measured::in_tick(observed, |view| views.contains(&view));
-        let point_m = self.best_point_m(&measured, meeting_point_m(&rays)?)?;
+        let (point_m, _) = self.seen_point_m(observed)?;
         let course = ecef_from_course(Geodetic::from_ecef(point_m), scenario);
         let aircraft_m = point_m - course * DVec3::from_array(self.fitted.point.to_array());
         let distance_m = Geodetic::from_ecef(aircraft_m)
@@ -304,8 +294,35 @@ impl Locator<'_> {
             .then_some(distance_m)
     }
 
-    /// The point that the measurements agree on best, by Gauss-Newton from a point nearby.
-    fn best_point_m(&self, measured: &[Measured], mut point_m: DVec3) -> Option<DVec3> {
+    /// The place of the point that the boxes are centred on, and its standard deviation, the root of the sum over the axes, metres; `None`
+    /// unless two fitted views or more saw the same object. It needs no runway.
+    pub(crate) fn place(&self, observed: &Observation) -> Option<(Geodetic, f64)> {
+        let (point_m, normal) = self.seen_point_m(observed)?;
+        let covariance = normal.inverse()?;
+        let variance_m2: f64 = (0..3).map(|axis| covariance[axis][axis]).sum();
+        Some((Geodetic::from_ecef(point_m), variance_m2.sqrt()))
+    }
+
+    fn seen_point_m(&self, observed: &Observation) -> Option<(DVec3, NormalEquations)> {
+        let ray = |(view, seen): (usize, &Option<PixelBox>)| {
+            let (centre, _) = centre_and_size(seen.as_ref()?);
+            Some((view, Ray::through(self.cameras[view].as_ref()?, centre)))
+        };
+        let (views, rays): (Vec<usize>, Vec<Ray>) =
+            observed.boxes.iter().enumerate().filter_map(ray).unzip();
+        let agreeing = of_one_aircraft(&rays)?;
+        let (views, rays): (Vec<usize>, Vec<Ray>) =
+            agreeing.iter().map(|&i| (views[i], rays[i])).unzip();
+        let measured = Measured::in_tick(observed, |view| views.contains(&view));
+        self.best_point_m(&measured, meeting_point_m(&rays)?)
+    }
+
+    /// The point that the measurements agree on best, by Gauss-Newton from a point nearby, with the last equations.
+    fn best_point_m(
+        &self,
+        measured: &[Measured],
+        mut point_m: DVec3,
+    ) -> Option<(DVec3, NormalEquations)> {
         for _ in 0..MOST_STEPS {
             let places_px = self.places_px(point_m);
             let moved: Vec<_> = DMat3::IDENTITY
@@ -330,7 +347,7 @@ impl Locator<'_> {
             let step_m = DVec3::from_array(normal.solve_for()?);
             point_m += step_m;
             if step_m.length() < LAST_STEP_M {
-                return Some(point_m);
+                return Some((point_m, normal));
             }
         }
         None

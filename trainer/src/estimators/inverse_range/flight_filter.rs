@@ -29,7 +29,7 @@ use std::borrow::Borrow;
 use dataset::numbers::spread::Spread;
 use serde::{Deserialize, Serialize};
 
-use crate::estimators::inverse_range::{CrossFitted, InverseRange};
+use crate::estimators::inverse_range::{CrossFitted, InverseRange, Measurement, scale_m};
 use crate::networks::normalisation::Normalisation;
 use crate::samples::flight_parts::MOST_PARTS;
 use crate::samples::{Observation, Sample, Samples};
@@ -38,7 +38,7 @@ use backward::smooth;
 use correlated_error::CorrelatedError;
 use estimate::HalfWidths;
 pub(crate) use estimate::{Estimate, Estimated};
-use forward::{Tick, filter};
+use forward::{Filter, Tick, filter};
 use gaussian::Gaussian;
 use hypothesis::Model;
 use labelled_flight::LabelledFlight;
@@ -57,6 +57,10 @@ pub(crate) struct FlightFilter {
     /// ... and of the smoother.
     smoothed: HalfWidths,
 }
+
+/// The filter of one aircraft, tick by tick. Its memory does not grow with their number.
+#[derive(Clone)]
+pub(crate) struct OnlineFilter(Filter);
 
 /// Ticks that an estimate may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -165,12 +169,47 @@ impl FlightFilter {
         self.of_ticks(&ticks(fits, flight), knowing)
     }
 
-    fn of_ticks(&self, ticks: &[Tick], knowing: Knowing) -> Vec<Option<Estimate>> {
-        let model = Model {
+    /// The filter of an aircraft that comes into sight.
+    pub(crate) fn online(&self) -> OnlineFilter {
+        let fits = (0..self.errors.len()).collect();
+        OnlineFilter(Filter::new(self.model(), fits))
+    }
+
+    /// Its estimate at the next tick, as [`Self::predict`] has it by the past.
+    pub(crate) fn next(
+        &self,
+        filter: &mut OnlineFilter,
+        fits: &InverseRange,
+        observed: &Observation,
+    ) -> Option<Estimate> {
+        let tick = Tick::of(fits, observed);
+        let known = filter.0.take(self.model(), &tick)?;
+        self.filtered.estimate(&self.motion, &known)
+    }
+
+    /// Standard deviation of a measurement, metres: of its part that changes slowly, with the time in which half of that is forgotten,
+    /// seconds, and of the part that is new at each tick.
+    pub(crate) fn deviations_m(&self, measurement: &Measurement) -> (f64, f64, f64) {
+        let error = &self.errors[measurement.fit];
+        let distance_m = measurement.distance_m;
+        let sd_m = error.deviation_at(distance_m) * scale_m(distance_m) / measurement.precision;
+        (
+            sd_m * (1.0 - error.new_share).sqrt(),
+            error.half_time_s,
+            sd_m * error.new_share.sqrt(),
+        )
+    }
+
+    fn model(&self) -> Model<'_> {
+        Model {
             motion: &self.motion,
             errors: &self.errors,
             tick_s: self.tick_s,
-        };
+        }
+    }
+
+    fn of_ticks(&self, ticks: &[Tick], knowing: Knowing) -> Vec<Option<Estimate>> {
+        let model = self.model();
         let filtered = filter(model, ticks);
         let (widths, known) = match knowing {
             Knowing::Past => (&self.filtered, filtered.known),
@@ -233,11 +272,17 @@ fn ticks<O: Borrow<Observation>>(
     fits: &InverseRange,
     flight: impl IntoIterator<Item = O>,
 ) -> Vec<Tick> {
-    let tick = |observed: O| Tick {
-        time_s: observed.borrow().time_ns as f64 * 1e-9,
-        measurements: fits.measurements(observed.borrow()),
-    };
+    let tick = |observed: O| Tick::of(fits, observed.borrow());
     flight.into_iter().map(tick).collect()
+}
+
+impl Tick {
+    fn of(fits: &InverseRange, observed: &Observation) -> Self {
+        Self {
+            time_s: observed.time_ns as f64 * 1e-9,
+            measurements: fits.measurements(observed),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -39,6 +39,11 @@ impl InverseRange {
             .collect()
     }
 
+    /// Distance of the cameras behind the touchdown target by a fit, metres.
+    pub(crate) fn setback_m(&self, fit: usize) -> f64 {
+        self.fits[fit].setback_m
+    }
+
     /// Measurement of one fit; `None` if one of its views is empty, or its formula gives no distance at these positions.
     pub(super) fn measurement(&self, number: usize, observed: &Observation) -> Option<Measurement> {
         let fit = &self.fits[number];

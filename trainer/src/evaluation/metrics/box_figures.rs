@@ -14,7 +14,7 @@ pub struct BoxFigures {
 }
 
 impl BoxFigures {
-    /// `None` without errors.
+    /// `None` without errors, or if they are too large to be told apart.
     pub(crate) fn of(mut errors_pct: Vec<f64>) -> Option<Self> {
         errors_pct.sort_by(f64::total_cmp);
         let (first, last) = (*errors_pct.first()?, *errors_pct.last()?);
@@ -33,10 +33,13 @@ impl BoxFigures {
         let high = errors()
             .rev()
             .find(|&error| error <= quartiles_pct[2] + reach);
-        Some(Self {
+        let whiskers_pct = [low.unwrap_or(first), high.unwrap_or(last)];
+        let mean_pct: f64 = errors().map(|error| error / count).sum();
+        let mut all = quartiles_pct.iter().chain(&whiskers_pct);
+        (all.all(|number| number.is_finite()) && mean_pct.is_finite()).then_some(Self {
             quartiles_pct,
-            whiskers_pct: [low.unwrap_or(first), high.unwrap_or(last)],
-            mean_pct: errors().map(|error| error / count).sum(),
+            whiskers_pct,
+            mean_pct,
         })
     }
 }
@@ -52,5 +55,6 @@ mod tests {
         assert_eq!(found.whiskers_pct, [1.0, 4.0]);
         assert!((found.mean_pct - 22.0).abs() < 1e-12);
         assert_eq!(BoxFigures::of(Vec::new()), None);
+        assert_eq!(BoxFigures::of(vec![-1e308, -1e308, 1e308, 1e308]), None);
     }
 }

@@ -353,12 +353,9 @@ pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use super::*;
     use crate::estimators::paper_lstm::EstimatorLogEntry;
-    use crate::estimators::paper_lstm::calibration_training::CalibrationLogEntry;
-    use crate::evaluation::metrics::EstimatorMetrics;
+    use crate::evaluation::metrics::{EstimatorMetrics, WithoutViews};
     use crate::evaluation::rules::EvaluationRules;
 
     /// A plot of extreme values must still open: finite numbers, and not too many of them.
@@ -401,12 +398,15 @@ mod tests {
             let samples: Vec<_> = ticks.iter().map(|t| sample(t.0, t.1)).collect();
             for answer in answers {
                 let outcomes: Vec<_> = ticks.iter().map(|t| outcome(t.1, Some(answer))).collect();
-                let shown = (0..Estimator::ALL.len()).map(|which| (which, outcomes.clone()));
-                assert_sound(&errors_by_distance(shown, 1.0).unwrap());
                 let rules = EvaluationRules::current();
                 let common = vec![true; outcomes.len()];
-                let metrics = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), &rules);
+                let without = WithoutViews::default();
+                let metrics = EstimatorMetrics::of(&outcomes, &common, without, &rules);
                 let bins = &metrics.by_distance_nm[..];
+                let shown: Vec<_> = (0..Estimator::ALL.len())
+                    .map(|which| (which, bins))
+                    .collect();
+                assert_sound(&errors_by_distance(&shown).unwrap());
                 assert_sound(&best_by_distance(&[(0, bins), (7, bins)]).unwrap());
                 let of = |_| samples.iter().zip(outcomes.iter().copied()).collect();
                 assert_sound(&flight(of).unwrap());
@@ -432,6 +432,8 @@ mod tests {
             calibration: (0..100_000)
                 .map(|step| CalibrationLogEntry {
                     step,
+                    training_loss: None,
+                    training_mape_pct: vec![Some(1e308), None],
                     validation_mape_pct: vec![Some(if step == 7 { 1e308 } else { 2.0 })],
                     optimised: vec![step % 2 == 0, true],
                 })
@@ -439,6 +441,8 @@ mod tests {
             estimator: (0..100_000)
                 .map(|step| EstimatorLogEntry {
                     step,
+                    training_loss: Some(1.0),
+                    training_mape_pct: Some(1.0),
                     validation_mape_pct: 0.0,
                 })
                 .collect(),
@@ -446,17 +450,5 @@ mod tests {
             estimator_kept_step: 99_999,
         };
         assert_sound(&convergence(&log).unwrap());
-    }
-
-    #[test]
-    fn five_numbers_of_one_to_nine_and_an_outlier() {
-        let numbers = FiveNumbers::of(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 100.0]).unwrap();
-        assert_eq!(numbers.quartiles, [3.0, 5.0, 7.0]);
-        assert_eq!(
-            numbers.whiskers,
-            [1.0, 8.0],
-            "the outlier lies beyond 7 + 1.5 * 4"
-        );
-        assert!(FiveNumbers::of(Vec::new()).is_none());
     }
 }

@@ -36,11 +36,16 @@ const RIVAL_S: f64 = 3.0;
 const INTRUDER: f64 = 2.0;
 const INTRUDER_AWAY: f64 = 0.2;
 
-/// The objects in sight of a flight.
-#[derive(Debug)]
-pub(super) struct Follower<'a> {
-    relations: &'a [Relation],
-    paths: &'a [Path],
+/// Relations and paths that the training learned.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Learned<'a> {
+    pub(super) relations: &'a [Relation],
+    pub(super) paths: &'a [Path],
+}
+
+/// The objects in sight of a flight. Their number is limited, and so is what is remembered of each.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Follower {
     aircraft: Vec<Aircraft>,
     /// Number of the one that is followed.
     followed: Option<usize>,
@@ -48,21 +53,19 @@ pub(super) struct Follower<'a> {
     last_s: Option<f64>,
 }
 
-impl<'a> Follower<'a> {
-    /// At the start of a flight.
-    pub(super) fn new(relations: &'a [Relation], paths: &'a [Path]) -> Self {
-        Self {
-            relations,
-            paths,
-            aircraft: Vec::new(),
-            followed: None,
-            next_number: 0,
-            last_s: None,
-        }
-    }
+/// An object at a tick.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct InSight {
+    pub(super) number: usize,
+    /// It is the one that is followed.
+    pub(super) is_followed: bool,
+    /// By view, the index of its box among [`Observation::candidates`]; none where it may be something else.
+    pub(super) boxes: Vec<Option<usize>>,
+}
 
-    /// The boxes of the followed aircraft at the next tick: by view, the index among [`Observation::candidates`].
-    pub(super) fn step(&mut self, observed: &Observation) -> Vec<Option<usize>> {
+impl Follower {
+    /// The objects of the next tick, also those that are out of sight for a while.
+    pub(super) fn step(&mut self, learned: Learned, observed: &Observation) -> Vec<InSight> {
         let time_s = observed.time_ns as f64 / 1e9;
         let step_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
         // Never zero: an object that was paired once differs from one that never was.
@@ -71,13 +74,13 @@ impl<'a> Follower<'a> {
         let views = 0..observed.boxes.len();
         let boxes: Vec<Vec<Candidate>> = views
             .map(|view| {
-                let is_followed = is_related(self.relations, view);
+                let is_followed = is_related(learned.relations, view);
                 let most = if is_followed { MOST_BOXES } else { 0 };
                 observed.candidates(view).take(most).collect()
             })
             .collect();
         let tick = Tick {
-            relations: self.relations,
+            learned,
             time_s,
             boxes: &boxes,
         };
@@ -98,10 +101,16 @@ impl<'a> Follower<'a> {
         }
         let chosen = self.choose(&tick, step_s);
         self.followed = chosen.map(|chosen| self.aircraft[chosen].number);
-        match chosen.map(|chosen| &self.aircraft[chosen]) {
-            Some(chosen) if self.is_certain(chosen, step_s) => chosen.boxes.clone(),
-            _ => vec![None; boxes.len()],
-        }
+        let in_sight = self.aircraft.iter().map(|aircraft| InSight {
+            number: aircraft.number,
+            is_followed: Some(aircraft.number) == self.followed,
+            boxes: if self.is_certain(aircraft, &tick, step_s) {
+                aircraft.boxes.clone()
+            } else {
+                vec![None; boxes.len()]
+            },
+        });
+        in_sight.collect()
     }
 
     /// Drops objects that are out of sight.
@@ -235,7 +244,7 @@ impl<'a> Follower<'a> {
             let is_favoured = followed(aircraft) && aircraft.paired_s > 0.0;
             let advantage_s = if is_favoured { ADVANTAGE_S } else { 0.0 };
             // Of what one view alone has seen, an older object that is no arrival does not stand in the way of one that may be.
-            let certain = f64::from(u8::from(self.is_certain(aircraft, step_s)));
+            let certain = f64::from(u8::from(self.is_certain(aircraft, tick, step_s)));
             let width_px = tick.width_px(aircraft);
             [
                 aircraft.paired_s + advantage_s,
@@ -261,7 +270,8 @@ impl<'a> Follower<'a> {
 
     /// False if its views contradict each other, or if it was never seen by two views and stands still, has another size than
     /// aircraft have there, or is contradicted by what another view sees.
-    fn is_certain(&self, chosen: &Aircraft, step_s: f64) -> bool {
+    fn is_certain(&self, chosen: &Aircraft, tick: &Tick, step_s: f64) -> bool {
+        let Learned { relations, paths } = tick.learned;
         if chosen.disputed_s > 0.0 && chosen.count() > 1 {
             return false;
         }
@@ -274,12 +284,12 @@ impl<'a> Follower<'a> {
                 && boxes.any(|there| {
                     let mut here = chosen.last_boxes();
                     here.any(|here| {
-                        let related = related(self.relations, here, there);
+                        let related = related(relations, here, there);
                         related.is_some_and(|(relation, pair)| relation.misfit(pair).is_none())
                     })
                 })
         };
-        let path = |view: usize| self.paths.iter().find(|path| path.view == view);
+        let path = |view: usize| paths.iter().find(|path| path.view == view);
         let is_on_path =
             |(view, seen): (usize, &PixelBox)| path(view).is_none_or(|path| path.holds(seen));
         let follows_path = |(view, boxes): (usize, [&PixelBox; 2])| {
@@ -313,7 +323,7 @@ fn contradicts(relations: &[Relation], a: (usize, &PixelBox), b: (usize, &PixelB
 
 /// The boxes of a tick.
 struct Tick<'a> {
-    relations: &'a [Relation],
+    learned: Learned<'a>,
     time_s: f64,
     boxes: &'a [Vec<Candidate>],
 }
@@ -345,7 +355,7 @@ impl Tick<'_> {
                     return None;
                 }
                 let (a, b) = (self.pixel_box(a), self.pixel_box(b));
-                if let Some((relation, pair)) = related(self.relations, a, b) {
+                if let Some((relation, pair)) = related(self.learned.relations, a, b) {
                     misfits.push(relation.misfit(pair)?);
                 }
             }
@@ -359,7 +369,7 @@ impl Tick<'_> {
         let others = self.seen(aircraft).filter(|other| other.0 != of.0);
         let of = self.pixel_box(of);
         others
-            .filter(|&other| contradicts(self.relations, of, self.pixel_box(other)))
+            .filter(|&other| contradicts(self.learned.relations, of, self.pixel_box(other)))
             .count()
     }
 

@@ -42,6 +42,9 @@ pub struct Detection {
     /// Whether the box counts: its track has enough boxes and does not stand still (docs/tracks.md). True without tracking, false in rows
     /// without a box.
     pub confirmed: bool,
+    /// True if the box counts at its tick, by the images up to it: its track has been confirmed by then, and does not stand still. Missing
+    /// in tables of earlier versions and without tracking, false in rows without a box.
+    pub counts_live: Option<bool>,
 }
 
 /// A picture without a box.
@@ -130,6 +133,7 @@ impl Detection {
             track: None,
             mode: SearchMode::Full,
             confirmed: true,
+            counts_live: None,
         }
     }
 }
@@ -149,6 +153,9 @@ impl From<Vec<Detection>> for Detections {
         }
     }
 }
+
+/// The column that earlier versions of this software did not write.
+const COUNTS_LIVE: &str = "counts_live";
 
 /// A row of the table.
 #[derive(Debug, Clone, PartialEq)]
@@ -222,7 +229,7 @@ pub fn detection_columns(detections: &Detections) -> TableWriter {
         .u32("tick", rows.iter().map(Row::tick))
         .text("view", rows.iter().map(Row::view));
     let found = rows.iter().map(Row::found);
-    BOX_FIELDS
+    let table = BOX_FIELDS
         .into_iter()
         .fold(table, |table, (name, limits, get)| {
             let values = found.clone().map(|found| Some(get(&found?.pixel_box)));
@@ -238,12 +245,19 @@ pub fn detection_columns(detections: &Detections) -> TableWriter {
         .text("mode", rows.iter().map(|row| row.mode().word()))
         .bool(
             "confirmed",
-            found.map(|found| found.is_some_and(|found| found.confirmed)),
+            found
+                .clone()
+                .map(|found| found.is_some_and(|found| found.confirmed)),
         )
         .optional_text(
             "reason",
             rows.iter().map(|row| row.reason().map(MissReason::word)),
-        )
+        );
+    let live = found.map(|found| found.map_or(Some(false), |found| found.counts_live));
+    match live.collect::<Option<Vec<bool>>>() {
+        Some(live) => table.bool(COUNTS_LIVE, live),
+        None => table,
+    }
 }
 
 /// Reads the content of `detections/<model>.parquet` of a scenario with this many pictures; messages name it as `path`.
@@ -323,6 +337,11 @@ fn rows_of(table: &mut Table) -> Result<Vec<Row>> {
     let tracks = table.optional_u32("track")?;
     let modes = modes_of(table)?;
     let confirmed = table.bool("confirmed")?;
+    let live = if table.has(COUNTS_LIVE) {
+        Some(table.bool(COUNTS_LIVE)?)
+    } else {
+        None
+    };
     let reasons = reasons_of(table)?;
     let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
     keys.map(|(row, (tick, view))| {
@@ -344,6 +363,7 @@ fn rows_of(table: &mut Table) -> Result<Vec<Row>> {
                     track: tracks[row],
                     mode,
                     confirmed: confirmed[row],
+                    counts_live: live.as_ref().map(|live| live[row]),
                 }))
             }
             (&[], None, Some(reason)) => Ok(Row::Miss(Miss {
@@ -416,7 +436,11 @@ mod tests {
     fn boxes_and_misses_are_read_back_as_written_and_lie_in_the_order_of_ticks() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("abc.parquet");
-        for detections in [sample(), Detections::default()] {
+        let mut live = sample();
+        for found in &mut live.boxes {
+            found.counts_live = Some(found.tick > 0);
+        }
+        for detections in [sample(), live, Detections::default()] {
             write_detections(&path, &detections).unwrap();
             assert_eq!(read(&path).unwrap(), detections);
         }

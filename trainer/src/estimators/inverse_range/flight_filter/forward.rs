@@ -87,22 +87,10 @@ pub(super) struct Filtered {
 
 /// Filters a flight.
 pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
-    let fits = fits_of(ticks);
-    let mut filter = Filter {
-        levels: levels(model),
-        model,
-        fits,
-        time_s: 0.0,
-        step: None,
-        hypotheses: Vec::new(),
-        decided: Vec::new(),
-    };
-    let known = ticks.iter().enumerate();
-    let known = known
-        .map(|(number, tick)| filter.take(number, tick))
-        .collect();
+    let mut filter = Filter::new(model, fits_of(ticks));
+    filter.decided = Some(Vec::new());
     Filtered {
-        known,
+        known: ticks.iter().map(|tick| filter.take(model, tick)).collect(),
         decisions: filter.decisions(ticks.len()),
     }
 }
@@ -135,6 +123,7 @@ struct Weighed {
 }
 
 /// A decision of a hypothesis, and the entry before it.
+#[derive(Clone)]
 struct Decided {
     decision: Decision,
     tick: usize,
@@ -152,8 +141,10 @@ struct Way {
     is_displaced: bool,
 }
 
-struct Filter<'a> {
-    model: Model<'a>,
+/// The filter after some ticks. Unless decisions are kept, its memory does not grow with their number.
+#[derive(Clone)]
+pub(super) struct Filter {
+    /// The fits whose errors are unknowns, ascending.
     fits: Vec<usize>,
     /// Highest level of new errors.
     levels: u8,
@@ -163,17 +154,36 @@ struct Filter<'a> {
     step: Option<(f64, Step)>,
     /// The heaviest first.
     hypotheses: Vec<Weighed>,
-    decided: Vec<Decided>,
+    /// Number of ticks so far.
+    ticks: usize,
+    /// All decisions, if a smoother needs them.
+    decided: Option<Vec<Decided>>,
 }
 
-impl Filter<'_> {
-    fn take(&mut self, number: usize, tick: &Tick) -> Option<Gaussian> {
+impl Filter {
+    /// Before the first tick.
+    pub(super) fn new(model: Model, fits: Vec<usize>) -> Self {
+        Self {
+            levels: levels(model),
+            fits,
+            time_s: 0.0,
+            step: None,
+            hypotheses: Vec::new(),
+            ticks: 0,
+            decided: None,
+        }
+    }
+
+    /// State of the motion after the next tick; `None` before the first measurement.
+    pub(super) fn take(&mut self, model: Model, tick: &Tick) -> Option<Gaussian> {
+        let number = self.ticks;
+        self.ticks += 1;
         let seconds = (tick.time_s - self.time_s).max(0.0);
         let count = if self.hypotheses.is_empty() {
             1.0
         } else {
-            self.advance(seconds);
-            Tick::count(self.model, seconds)
+            self.advance(model, seconds);
+            Tick::count(model, seconds)
         };
         self.time_s = tick.time_s;
         match tick.best() {
@@ -184,13 +194,12 @@ impl Filter<'_> {
                     self.hypotheses[number_of].decided = decided;
                 }
             }
-            Some(best) if self.hypotheses.is_empty() => self.begin(number, best),
-            Some(best) => self.branch(number, best, count),
+            Some(best) if self.hypotheses.is_empty() => self.begin(model, number, best),
+            Some(best) => self.branch(model, number, best, count),
         }
         for measurement in tick.others() {
             for of in &mut self.hypotheses {
-                of.hypothesis
-                    .learn(self.model, &self.fits, measurement, count);
+                of.hypothesis.learn(model, &self.fits, measurement, count);
             }
         }
         self.merge();
@@ -209,31 +218,34 @@ impl Filter<'_> {
     }
 
     fn decide(&mut self, decision: Decision, tick: usize, before: Option<usize>) -> usize {
-        self.decided.push(Decided {
+        let Some(decided) = &mut self.decided else {
+            return 0;
+        };
+        decided.push(Decided {
             decision,
             tick,
             before,
         });
-        self.decided.len() - 1
+        decided.len() - 1
     }
 
-    fn advance(&mut self, seconds: f64) {
+    fn advance(&mut self, model: Model, seconds: f64) {
         let is_of = |(of_s, _): &(f64, Step)| (of_s - seconds).abs() < 1e-6;
         if !self.step.as_ref().is_some_and(is_of) {
-            self.step = Some((seconds, step(self.model, &self.fits, seconds)));
+            self.step = Some((seconds, step(model, &self.fits, seconds)));
         }
         let Some((_, step)) = &self.step else { return };
         for of in &mut self.hypotheses {
-            of.hypothesis.advance(self.model, step, seconds);
+            of.hypothesis.advance(model, step, seconds);
         }
     }
 
     /// The first measurement, with new errors of any size.
-    fn begin(&mut self, number: usize, best: &Measurement) {
+    fn begin(&mut self, model: Model, number: usize, best: &Measurement) {
         for level in 0..=self.levels {
             let decided = self.decide(Decision::Begun { level }, number, None);
             self.hypotheses.push(Weighed {
-                hypothesis: Hypothesis::begun(self.model, &self.fits, best, level),
+                hypothesis: Hypothesis::begun(model, &self.fits, best, level),
                 // Each level is half as likely as the one below.
                 log_weight: -f64::from(level) * std::f64::consts::LN_2,
                 log_whole: -f64::from(level) * std::f64::consts::LN_2,
@@ -245,14 +257,14 @@ impl Filter<'_> {
         }
     }
 
-    fn branch(&mut self, number: usize, best: &Measurement, count: f64) {
+    fn branch(&mut self, model: Model, number: usize, best: &Measurement, count: f64) {
         let mut readings = Vec::with_capacity(self.hypotheses.len());
         let mut ways = Vec::new();
         for (of, weighed) in self.hypotheses.iter().enumerate() {
-            let reading = weighed.hypothesis.reading(self.model, &self.fits, best);
+            let reading = weighed.hypothesis.reading(model, &self.fits, best);
             let Some(reading) = reading else { return };
             readings.push(reading);
-            self.ways(of, &readings[of], count, &mut ways);
+            self.ways(model, of, &readings[of], count, &mut ways);
         }
         let ways = Self::heaviest(ways, count);
         let before = std::mem::take(&mut self.hypotheses);
@@ -269,7 +281,7 @@ impl Filter<'_> {
                 }
                 Decision::Outlier => next.hypothesis.is_outlier = true,
                 Decision::Begun { level } => {
-                    next.hypothesis = Hypothesis::begun(self.model, &self.fits, best, level);
+                    next.hypothesis = Hypothesis::begun(model, &self.fits, best, level);
                     next.began = number;
                     next.was_answer = false;
                     next.taken_s = self.time_s;
@@ -280,7 +292,7 @@ impl Filter<'_> {
     }
 
     /// The ways in which a hypothesis continues.
-    fn ways(&self, of: usize, reading: &Levelled, count: f64, ways: &mut Vec<Way>) {
+    fn ways(&self, model: Model, of: usize, reading: &Levelled, count: f64, ways: &mut Vec<Way>) {
         let Weighed {
             hypothesis,
             log_weight,
@@ -289,7 +301,7 @@ impl Filter<'_> {
             taken_s,
             ..
         } = &self.hypotheses[of];
-        let longest_s = DISPLACED_S.max(DISPLACED_TICKS * self.model.tick_s);
+        let longest_s = DISPLACED_S.max(DISPLACED_TICKS * model.tick_s);
         let heaviest = &self.hypotheses[0];
         let is_displaced =
             *was_answer && *began != heaviest.began && self.time_s - taken_s <= longest_s;
@@ -393,6 +405,7 @@ impl Filter<'_> {
     /// The decisions of the hypothesis that is the likeliest by all ticks.
     fn decisions(&self, ticks: usize) -> Vec<Decision> {
         let mut decisions = vec![Decision::Unmeasured; ticks];
+        let decided = self.decided.as_deref().unwrap_or_default();
         let by_all_ticks = |a: &&Weighed, b: &&Weighed| a.log_whole.total_cmp(&b.log_whole);
         let likeliest = self.hypotheses.iter().max_by(by_all_ticks);
         let mut next = likeliest.map(|of| of.decided);
@@ -400,7 +413,7 @@ impl Filter<'_> {
             decision,
             tick,
             before,
-        }) = next.and_then(|number| self.decided.get(number))
+        }) = next.and_then(|number| decided.get(number))
         {
             decisions[*tick] = *decision;
             next = *before;

@@ -1,0 +1,37 @@
+//! The search's view of a decoded image, of a file or of a camera.
+
+use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::registrations::NoShift;
+use dataset::video::{Luma, PicturePart};
+
+use crate::detector::PictureView;
+use crate::error::Result;
+use crate::registration::Patch;
+
+/// A decoded image, converted as far as it is looked at.
+pub trait Image {
+    /// Columns and rows.
+    fn size_px(&self) -> [u32; 2];
+
+    /// The whole image as RGB.
+    fn whole(&mut self) -> Result<PictureView<'_>>;
+
+    /// A part of it as RGB.
+    fn part(&mut self, part: PicturePart) -> Result<PictureView<'_>>;
+
+    /// The brightness of the image before, and of this one; `None` if it is not coded in planes of bytes.
+    fn lumas(&self) -> [Option<Luma<'_>>; 2];
+}
+
+/// The surroundings of a box.
+pub(super) fn patch(
+    image: &mut dyn Image,
+    pixel_box: PixelBox,
+) -> Result<std::result::Result<Patch, NoShift>> {
+    let part = match Patch::part_around(pixel_box, image.size_px()) {
+        Ok(part) => part,
+        Err(reason) => return Ok(Err(reason)),
+    };
+    let pixels = image.part(part)?;
+    Ok(Ok(Patch::of(&pixels, part, pixel_box)))
+}

@@ -1,0 +1,209 @@
+//! One view without an end, image by image.
+
+use dataset::corpus::detections::SearchMode;
+use dataset::geometry::camera::Camera;
+use dataset::tables::health::HealthState;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::registrations::NoShift;
+
+use super::best_box::{best_counted_of, best_of};
+use super::image::{Image, patch};
+use super::mode::ModeSettings;
+use super::sequence::{Sequence, Shown, Tracked};
+use crate::detector::Detector;
+use crate::error::Result;
+use crate::registration::Patch;
+use crate::tiling::TilingSettings;
+use crate::view_health::CameraWatch;
+
+/// The search of one view, image by image.
+pub struct ViewSearch {
+    detector: Box<dyn Detector + Send>,
+    sequence: Sequence,
+    camera: CameraWatch,
+    images: u32,
+}
+
+/// Results of the search of an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Looked {
+    /// Its boxes, the best first.
+    pub boxes: Vec<SeenBox>,
+    /// The surroundings of its best box, for the registration with another view.
+    pub patch: std::result::Result<Patch, NoShift>,
+    /// Way in which it was searched.
+    pub mode: SearchMode,
+    /// Condition of the camera by the images so far.
+    pub camera: HealthState,
+}
+
+/// A box that belongs to a track.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenBox {
+    /// The box in the image.
+    pub pixel_box: PixelBox,
+    /// Confidence of the model.
+    pub score: f64,
+    /// Number of its track in this view.
+    pub track: u32,
+    /// True if its track is confirmed at this moment and does not stand still, and the camera is well.
+    pub counts: bool,
+}
+
+impl ViewSearch {
+    pub(super) fn new(
+        detector: Box<dyn Detector + Send>,
+        tiling: TilingSettings,
+        modes: ModeSettings,
+        camera: &Camera,
+    ) -> Self {
+        Self {
+            detector,
+            sequence: Sequence::new(tiling, modes, None),
+            camera: CameraWatch::new(camera),
+            images: 0,
+        }
+    }
+
+    /// Searches the next image. Damaged images and those that are left out are not passed; `time_s` never decreases.
+    ///
+    /// # Errors
+    /// The detector or the conversion of the image fails.
+    pub fn look(&mut self, image: &mut dyn Image, time_s: f64) -> Result<Looked> {
+        let detector = &mut *self.detector;
+        let Shown { boxes, mode, .. } = self.sequence.look(detector, image, time_s)?;
+        let best = best_of(&boxes);
+        let counted = best_counted_of(&boxes);
+        let at = (self.images, time_s);
+        self.images = self.images.wrapping_add(1);
+        let (_, state) = self.camera.look(at, image.lumas(), best, counted);
+        let patch = match best {
+            Some(best) => patch(image, best)?,
+            None => Err(NoShift::NoBox),
+        };
+        let seen = |found: &Tracked| SeenBox {
+            pixel_box: found.pixel_box,
+            score: found.score,
+            track: found.track,
+            counts: found.counts && state.is_well(),
+        };
+        Ok(Looked {
+            boxes: boxes.iter().map(seen).collect(),
+            patch,
+            mode,
+            camera: state,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::corpus::detections::Detection;
+    use dataset::corpus::model_identity::ModelIdentity;
+    use dataset::numbers::frame_rate::FrameRate;
+    use dataset::tables::registrations::Registration;
+    use dataset::work::watch::Silent;
+    use testkit::short_corpus;
+
+    use super::super::cpu_time::CpuClock;
+    use super::super::job::cameras_of;
+    use super::super::pictures::{Pictures, ViewTicks};
+    use super::super::{DetectOptions, Model, detect_with};
+    use super::*;
+    use crate::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
+    use crate::live::register_views;
+
+    const MODEL: &str = "0123456789abcdef";
+    const SIZE_PX: [u32; 2] = [1280, 768];
+
+    fn blob(left: f64, top: f64) -> PixelBox {
+        PixelBox::from_edges(left - 0.5, top - 0.5, left + 15.5, top + 7.5)
+    }
+
+    /// An aircraft in all images of a camera, a lamp, and something faint that passes.
+    fn paint(view: &str, tick: u32, rgb: &mut [u8]) {
+        rgb.fill(20);
+        let from = if view == "left" { 100.0 } else { 630.0 };
+        paint_blob(rgb, SIZE_PX[0], &blob(from + 4.0 * f64::from(tick), 200.0));
+        paint_blob(rgb, SIZE_PX[0], &blob(900.0, 600.0));
+        if tick > 20 {
+            paint_grey_blob(
+                rgb,
+                SIZE_PX[0],
+                &blob(60.0 + 3.0 * f64::from(tick), 400.0),
+                200,
+            );
+        }
+    }
+
+    #[test]
+    fn a_view_without_an_end_finds_image_by_image_what_detect_writes_as_counting_live() {
+        let folder = tempfile::tempdir().unwrap();
+        let rate = FrameRate {
+            numerator: 4,
+            denominator: 1,
+        };
+        let corpus = short_corpus::write_flight(folder.path(), "0001-a", SIZE_PX, rate, 60, &paint);
+        let model = Model {
+            identity: ModelIdentity {
+                model: Some("blobs.onnx".into()),
+                model_blake3: MODEL.repeat(4),
+                profile_blake3: None,
+            },
+            profile: None,
+        };
+        let options = DetectOptions::default();
+        let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
+        detect_with(&corpus, &model, &make, &options, &Silent).unwrap();
+
+        let scenario = corpus.scenario("0001-a").open().unwrap();
+        let cameras = cameras_of(&scenario, &scenario.record().unwrap()).unwrap();
+        let (mut boxes, mut states, mut patches) = (Vec::new(), Vec::new(), Vec::new());
+        for (view, camera) in ViewTicks::of(&scenario.frames().unwrap())
+            .iter()
+            .zip(&cameras)
+        {
+            let clock = CpuClock::start();
+            let mut pictures = Pictures::open(&scenario, &view.id, &clock).unwrap();
+            let detector = Box::new(BlobFinder::default());
+            let mut live = ViewSearch::new(detector, options.settings, options.modes, camera);
+            let mut of_view = Vec::new();
+            for tick in &view.ticks {
+                pictures.next(tick).unwrap();
+                let looked = live.look(&mut pictures, tick.time_s).unwrap();
+                let seen =
+                    |b: &SeenBox| (tick.tick, view.id.clone(), b.pixel_box, b.track, b.counts);
+                boxes.extend(looked.boxes.iter().filter(|b| b.counts).map(seen));
+                states.push((tick.tick, view.id.clone(), looked.camera));
+                of_view.push(looked.patch);
+            }
+            patches.push(of_view);
+        }
+
+        let written = scenario.detections(MODEL).unwrap().boxes;
+        let counts = |found: &&Detection| found.counts_live == Some(true);
+        let mut counting: Vec<_> = (written.iter().filter(counts))
+            .map(|b| (b.tick, b.view.clone(), b.pixel_box, b.track.unwrap(), true))
+            .collect();
+        counting.sort_by(|a, b| a.1.cmp(&b.1).then(a.0.cmp(&b.0)));
+        assert!(counting.len() > 100, "{}", counting.len());
+        assert_eq!(boxes, counting);
+        let late = |found: &Detection| found.confirmed && found.counts_live == Some(false);
+        assert!(written.iter().any(late), "confirmed before it counted");
+        let mut health = scenario.health(MODEL).unwrap().unwrap();
+        health.sort_by(|a, b| a.view.cmp(&b.view).then(a.tick.cmp(&b.tick)));
+        let written: Vec<_> = (health.into_iter())
+            .map(|row| (row.tick, row.view, row.state_live.unwrap()))
+            .collect();
+        assert_eq!(states, written);
+        let registered: Vec<Registration> = scenario.registrations(MODEL).unwrap().unwrap();
+        for row in registered {
+            let tick = row.tick as usize;
+            let found = register_views(
+                (&cameras[0], &patches[0][tick]),
+                (&cameras[1], &patches[1][tick]),
+            );
+            assert_eq!(found, row.result, "tick {tick}");
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Selection of the tracks of a whole video that are aircraft, once all of its boxes are known.
+//!
+//! Input: the boxes of the [`Tracker`](super::Tracker) with their tracks. Output: true for each track that counts. Things that stand still
+//! at the end, or pass where something stood, are known only then.
+
+use dataset::tables::pixel_box::PixelBox;
+
+use super::standing::{TimedBox, is_mostly_at, is_same_thing, place_if_still, stands_still, stays};
+use super::{HITS, SHORTEST_S};
+
+/// In a video that is shorter than twice [`SHORTEST_S`], a track that lasts for this part of it counts.
+const SHORTEST_PART: f64 = 0.5;
+
+/// All boxes of a view's tracks.
+#[derive(Debug)]
+pub(crate) struct Hindsight {
+    hits: usize,
+    /// By number of the track.
+    tracks: Vec<Whole>,
+    /// Times of the first and of the last picture.
+    began_s: Option<f64>,
+    now_s: f64,
+}
+
+/// A box with what the tracker made of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TrackedBox {
+    pub(crate) track: u32,
+    pub(crate) pixel_box: PixelBox,
+    /// Too uncertain to count alone.
+    pub(crate) is_faint: bool,
+    /// Its track had enough boxes by then.
+    pub(crate) is_confirmed: bool,
+}
+
+/// A track.
+#[derive(Debug, Default)]
+struct Whole {
+    boxes: Vec<TimedBox>,
+    /// The clear ones, whose sizes can be relied on.
+    clear: Vec<TimedBox>,
+    /// Time of the first of the clear boxes that confirmed it.
+    confirmed_s: Option<f64>,
+}
+
+impl Hindsight {
+    /// For a view with this number of pictures, as for its tracker.
+    pub(crate) fn of_pictures(pictures: usize) -> Self {
+        Self {
+            hits: pictures.min(HITS as usize),
+            tracks: Vec::new(),
+            began_s: None,
+            now_s: 0.0,
+        }
+    }
+
+    /// Takes the boxes of the next picture.
+    pub(crate) fn take(&mut self, now_s: f64, boxes: impl IntoIterator<Item = TrackedBox>) {
+        self.began_s.get_or_insert(now_s);
+        self.now_s = now_s;
+        for seen in boxes {
+            let number = seen.track as usize;
+            if self.tracks.len() <= number {
+                self.tracks.resize_with(number + 1, Whole::default);
+            }
+            self.tracks[number].push(now_s, &seen, self.hits);
+        }
+    }
+
+    /// For each track, by number, true if it counts when all pictures are done.
+    pub(crate) fn counting(&self) -> Vec<bool> {
+        let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
+        let shortest_s = SHORTEST_S.min(SHORTEST_PART * video_s);
+        let tracks = &self.tracks;
+        let still: Vec<_> = tracks
+            .iter()
+            .map(|track| place_if_still(&track.clear))
+            .collect();
+        let stays: Vec<_> = tracks
+            .iter()
+            .flat_map(|track| stays(&track.boxes))
+            .collect();
+        let is_fixture = |place: &PixelBox| {
+            let there = tracks
+                .iter()
+                .zip(&still)
+                .filter(|(_, other)| other.is_some_and(|other| is_same_thing(place, &other)));
+            let mut boxes: Vec<_> = there
+                .flat_map(|(track, _)| track.clear.iter().copied())
+                .collect();
+            boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
+            stands_still(&boxes)
+        };
+        let counts = |(track, still): (&Whole, &Option<PixelBox>)| {
+            track.confirmed_s.is_some()
+                && track.clear_for_s() >= shortest_s
+                && !stands_still(&track.clear)
+                && !is_mostly_at(&stays, &track.clear)
+                && !still.as_ref().is_some_and(is_fixture)
+        };
+        tracks.iter().zip(&still).map(counts).collect()
+    }
+}
+
+impl Whole {
+    fn push(&mut self, now_s: f64, seen: &TrackedBox, hits: usize) {
+        self.boxes.push((now_s, seen.pixel_box));
+        if !seen.is_faint {
+            self.clear.push((now_s, seen.pixel_box));
+        }
+        if seen.is_confirmed && self.confirmed_s.is_none() {
+            let first = self.clear.len().saturating_sub(hits);
+            self.confirmed_s = self.clear.get(first).map(|(at_s, _)| *at_s);
+        }
+    }
+
+    /// From the first of the boxes that confirmed it to its last clear one.
+    fn clear_for_s(&self) -> f64 {
+        match (self.confirmed_s, self.clear.last()) {
+            (Some(first_s), Some((last_s, _))) => last_s - first_s,
+            _ => 0.0,
+        }
+    }
+}

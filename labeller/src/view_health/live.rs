@@ -1,0 +1,260 @@
+//! The condition of a camera by its images so far, for what cannot wait for the end of a flight.
+//!
+//! Input: the looks of a view one after another, and the box that counts of each. Output: a state at once. The usual direction is the one
+//! in which the first images look; an image that was taken just after a move counts as shaking until enough of them agree. Memory does not
+//! grow.
+
+use std::collections::VecDeque;
+
+use dataset::tables::health::HealthState;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::video::Luma;
+use glam::DVec2;
+
+use super::frozen::slope;
+use super::{AROUND_S, AROUND_TICKS, Look, Off, direction_at, median};
+use crate::camera_motion::Turn;
+
+/// Images and seconds that decide about the usual direction.
+const FIRST_LOOKS: usize = 11;
+const FIRST_S: f64 = 2.5;
+/// Times in which an aircraft should have moved, seconds.
+const MOVED_IN_S: [f64; 3] = [1.0, 3.0, 10.0];
+/// Boxes are remembered so often and for so long, seconds.
+const BOX_EACH_S: f64 = 0.2;
+const BOXES_S: f64 = 21.0;
+/// Boxes that give its motion, over at least this part of the time.
+const FEWEST_BOXES: usize = 4;
+const LEAST_PART: f64 = 0.7;
+/// Motion that is expected at least, pixels, and the part of it that an image that repeats another one has at most.
+const LEAST_MOVED_PX: f64 = 3.0;
+const MOST_MOVED_PART: f64 = 1.0 / 3.0;
+/// Rows that are compared: one of so many.
+const ROW_STEP: usize = 16;
+/// An image has noise if this part of its rows differ from the one before, and a view does if this part of so many images had.
+const NOISY_ROWS: f64 = 0.5;
+const NOISY_IMAGES: f64 = 0.9;
+const FEWEST_NOISY: u32 = 50;
+/// Weight of a new image among those before it.
+const NEW_WEIGHT: f64 = 0.02;
+/// Without any change for so long, seconds, and in so many images, a view that had noise is frozen.
+const EQUAL_S: f64 = 0.5;
+const EQUAL_IMAGES: u32 = 3;
+
+/// Judges the images of a view, one after another.
+#[derive(Debug, Default)]
+pub(super) struct LiveHealth {
+    usual: Usual,
+    /// Those that decide about the direction of the next one.
+    recent: Vec<Look>,
+    /// The last direction that was measured.
+    last: Option<HealthState>,
+    motion: ExpectedMotion,
+    noise: Noise,
+}
+
+impl LiveHealth {
+    /// The state at an image. `counted`: its box that counts, `images`: the one before and this one.
+    pub(super) fn next(
+        &mut self,
+        look: &Look,
+        counted: Option<PixelBox>,
+        images: [Option<Luma<'_>>; 2],
+    ) -> HealthState {
+        let direction = self.direction(look);
+        let repeats = [
+            self.motion.repeats(look, counted),
+            self.noise.repeats(look.time_s, images),
+        ];
+        if repeats.contains(&true) {
+            HealthState::Frozen
+        } else {
+            direction
+        }
+    }
+
+    fn direction(&mut self, look: &Look) -> HealthState {
+        self.usual.take(look);
+        self.recent.push(*look);
+        let many = self.recent.len();
+        let is_old = |(index, old): (usize, &Look)| {
+            many - 1 - index > AROUND_TICKS && look.time_s - old.time_s > AROUND_S
+        };
+        let old = self.recent.iter().enumerate().take_while(|at| is_old(*at));
+        let old = old.count();
+        self.recent.drain(..old);
+        let usual = self.usual.direction;
+        let off: Vec<Option<Off>> = (self.recent.iter())
+            .map(|look| Some(Off::of(look.turn?, usual?)))
+            .collect();
+        match direction_at(self.recent.len() - 1, &self.recent, &off) {
+            Some(state) => {
+                self.last = Some(state);
+                state
+            }
+            // Until it is measured again, it looks where it looked last.
+            None => match self.last {
+                Some(state @ (HealthState::Moved | HealthState::Shaking)) => state,
+                _ => HealthState::Unknown,
+            },
+        }
+    }
+}
+
+/// The direction in which the first images look.
+#[derive(Debug, Default)]
+struct Usual {
+    first: Vec<Turn>,
+    since_s: f64,
+    is_final: bool,
+    direction: Option<Turn>,
+}
+
+impl Usual {
+    fn take(&mut self, look: &Look) {
+        let Some(measured) = look.turn.filter(|_| !self.is_final) else {
+            return;
+        };
+        if self.first.is_empty() {
+            self.since_s = look.time_s;
+        }
+        self.first.push(measured.turn);
+        let shift_px = median(self.first.iter().map(|turn| turn.shift_px));
+        let rolls = self.first.iter().map(|turn| DVec2::splat(turn.roll_rad));
+        self.direction = Some(Turn {
+            shift_px,
+            roll_rad: median(rolls).x,
+        });
+        if self.first.len() >= FIRST_LOOKS && look.time_s - self.since_s >= FIRST_S {
+            self.is_final = true;
+            self.first = Vec::new();
+        }
+    }
+}
+
+/// Motion of an aircraft that images should show.
+#[derive(Debug, Default)]
+struct ExpectedMotion {
+    /// Boxes that count, the oldest first.
+    boxes: VecDeque<(f64, PixelBox)>,
+    /// Time of the image that the following ones equal, and their number.
+    equal: Option<(f64, u32)>,
+    last: Option<(f64, Option<PixelBox>)>,
+}
+
+impl ExpectedMotion {
+    /// True if the images have been equal while an aircraft should have moved, and its box has not.
+    fn repeats(&mut self, look: &Look, counted: Option<PixelBox>) -> bool {
+        let now_s = look.time_s;
+        let is_equal = look.change.is_some_and(|change| change.is_equal());
+        self.equal = match (self.last, self.equal) {
+            (Some((last_s, Some(_))), None) if is_equal && counted.is_some() => Some((last_s, 1)),
+            (_, Some((since_s, images))) if is_equal && counted.is_some() => {
+                Some((since_s, images + 1))
+            }
+            _ => None,
+        };
+        let repeats = counted.is_some_and(|seen| self.should_have_moved(now_s, &seen));
+        if let Some(seen) = counted {
+            let newest = self.boxes.back();
+            if newest.is_none_or(|(at_s, _)| now_s - at_s >= BOX_EACH_S) {
+                self.boxes.push_back((now_s, seen));
+            }
+        }
+        while (self.boxes.front()).is_some_and(|(at_s, _)| now_s - at_s > BOXES_S) {
+            self.boxes.pop_front();
+        }
+        self.last = Some((now_s, counted));
+        repeats
+    }
+
+    fn should_have_moved(&self, now_s: f64, seen: &PixelBox) -> bool {
+        let Some((since_s, _)) = self.equal.filter(|(_, images)| *images >= 2) else {
+            return false;
+        };
+        MOVED_IN_S.iter().any(|&seconds| {
+            now_s - since_s >= seconds
+                && self
+                    .moved_px(now_s, seconds, seen)
+                    .is_some_and(|[expected_px, moved_px]| {
+                        expected_px >= LEAST_MOVED_PX && moved_px < MOST_MOVED_PART * expected_px
+                    })
+        })
+    }
+
+    /// The motion that is expected in the last seconds by the boxes before, and the one that a box shows, pixels.
+    fn moved_px(&self, now_s: f64, seconds: f64, seen: &PixelBox) -> Option<[f64; 2]> {
+        let start_s = now_s - seconds;
+        let before: Vec<_> = (self.boxes.iter())
+            .filter(|(at_s, _)| (start_s - seconds..=start_s).contains(at_s))
+            .collect();
+        let (first, last) = (before.first()?, before.last()?);
+        if before.len() < FEWEST_BOXES || last.0 - first.0 < LEAST_PART * seconds {
+            return None;
+        }
+        let rate = |value: fn(&PixelBox) -> f64| {
+            slope(before.iter().map(|(at_s, seen)| (*at_s, value(seen))))
+        };
+        let moved = |right: f64, down: f64, wider: f64| right.hypot(down).hypot(wider / 2.0);
+        let expected_px_s = moved(
+            rate(|seen| seen.cx_px),
+            rate(|seen| seen.cy_px),
+            rate(|seen| seen.width_px),
+        );
+        let moved_px = moved(
+            seen.cx_px - last.1.cx_px,
+            seen.cy_px - last.1.cy_px,
+            seen.width_px - last.1.width_px,
+        );
+        Some([expected_px_s * (now_s - last.0), moved_px])
+    }
+}
+
+/// Noise of a view's images.
+#[derive(Debug, Default)]
+struct Noise {
+    /// Share of images that had noise, without those of a run of equal ones.
+    share: f64,
+    images: u32,
+    /// Time of the last image that differed from the one before, the images since, and whether they are frozen.
+    changed_s: f64,
+    equal: u32,
+    is_frozen: bool,
+}
+
+impl Noise {
+    /// True if nothing at all has changed for a while, although there was noise before.
+    fn repeats(&mut self, now_s: f64, images: [Option<Luma<'_>>; 2]) -> bool {
+        let [Some(before), Some(now)] = images else {
+            return false;
+        };
+        let changed = changed_rows(&before, &now);
+        if changed > 0.0 || self.images == 0 {
+            let is_noisy = f64::from(u8::from(changed >= NOISY_ROWS));
+            // An encoder leaves out noise between key frames.
+            if !self.is_frozen {
+                self.share *= (1.0 - NEW_WEIGHT).powf(f64::from(self.equal));
+            }
+            self.images = self.images.saturating_add(1);
+            self.share += (is_noisy - self.share) * NEW_WEIGHT.max(1.0 / f64::from(self.images));
+            (self.changed_s, self.equal, self.is_frozen) = (now_s, 0, false);
+            return false;
+        }
+        self.equal = self.equal.saturating_add(1);
+        let is_noisy = self.images >= FEWEST_NOISY && self.share >= NOISY_IMAGES;
+        self.is_frozen |=
+            is_noisy && self.equal >= EQUAL_IMAGES && now_s - self.changed_s >= EQUAL_S;
+        self.is_frozen
+    }
+}
+
+/// Part of the rows that differ.
+fn changed_rows(before: &Luma<'_>, now: &Luma<'_>) -> f64 {
+    let rows = (0..now.height_px.min(before.height_px)).step_by(ROW_STEP);
+    let count = rows.len().max(1) as f64;
+    let changed = rows.filter(|&row| before.row(row) != now.row(row));
+    changed.count() as f64 / count
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,140 @@
+use super::super::Change;
+use super::*;
+use crate::camera_motion::Measured;
+
+const RATE: f64 = 30.0;
+
+fn look(image: u32, off_px: Option<f64>, levels: Option<f64>) -> Look {
+    Look {
+        tick: image,
+        time_s: f64::from(image) / RATE,
+        turn: off_px.map(|off_px| Measured {
+            turn: Turn {
+                shift_px: DVec2::new(off_px, 0.0),
+                roll_rad: 0.0,
+            },
+            sd_px: 0.03,
+        }),
+        change: levels.map(|levels| Change {
+            levels,
+            whole_levels: levels,
+            slopes: [4.0, 0.0, 4.0],
+        }),
+    }
+}
+
+fn box_at(cx_px: f64) -> PixelBox {
+    PixelBox {
+        cx_px,
+        cy_px: 500.0,
+        width_px: 60.0,
+        height_px: 20.0,
+    }
+}
+
+/// A number below 256 that looks random.
+fn noise(image: u32, pixel: u32) -> u8 {
+    let mixed = (image.wrapping_mul(0x9E37_79B9) ^ pixel.wrapping_mul(0x85EB_CA6B))
+        .wrapping_mul(0xC2B2_AE35);
+    (mixed >> 13 & 3) as u8 + 100
+}
+
+fn image_of(of: impl Fn(u32) -> u8) -> Vec<u8> {
+    (0..64 * 64).map(of).collect()
+}
+
+/// States of images with this noise; `seen` gives the number of the image that is shown.
+fn states(images: u32, seen: impl Fn(u32) -> u32, pixel: impl Fn(u32, u32) -> u8) -> Vec<bool> {
+    let mut health = LiveHealth::default();
+    let mut before: Option<Vec<u8>> = None;
+    (0..images)
+        .map(|number| {
+            let now = image_of(|at| pixel(seen(number), at));
+            let lumas =
+                [before.as_deref(), Some(now.as_slice())].map(|of| of.map(|of| Luma::of(of, 64)));
+            let state = health.next(&look(number, None, None), None, lumas);
+            before = Some(now);
+            state == HealthState::Frozen
+        })
+        .collect()
+}
+
+#[test]
+fn a_view_that_had_noise_is_frozen_half_a_second_after_its_last_new_image() {
+    let frozen = states(200, |number| number.min(100), noise);
+    let first = frozen.iter().position(|frozen| *frozen);
+    assert!([Some(115), Some(116)].contains(&first), "{first:?}");
+    assert!(frozen[116..].iter().all(|frozen| *frozen));
+    let back = states(
+        200,
+        |number| {
+            if number < 150 {
+                number.min(100)
+            } else {
+                number
+            }
+        },
+        noise,
+    );
+    assert!(!back[151..].contains(&true));
+}
+
+#[test]
+fn an_empty_scene_is_never_frozen_with_and_without_noise() {
+    assert!(!states(20_000, |number| number, noise).contains(&true));
+    assert!(!states(20_000, |_| 0, noise).contains(&true));
+    // Without noise something passes, again and again.
+    let passing = |number: u32, at: u32| if at == number / 2 % 4_096 { 200 } else { 90 };
+    assert!(!states(20_000, |number| number, passing).contains(&true));
+    // An encoder leaves out noise between key frames.
+    assert!(!states(20_000, |number| number / 30, noise).contains(&true));
+}
+
+#[test]
+fn equal_images_of_a_moving_aircraft_are_frozen_and_a_slow_one_is_not() {
+    let frozen_from = |px_s: f64, stops: u32| {
+        let mut health = LiveHealth::default();
+        let states: Vec<_> = (0..600)
+            .map(|number| {
+                let place = px_s * f64::from(number.min(stops)) / RATE;
+                let look = look(number, None, Some(0.5));
+                let jitter = 0.3 * (f64::from(number * 37 % 11) / 5.0 - 1.0);
+                let jitter = if number > stops { 0.0 } else { jitter };
+                health.next(&look, Some(box_at(300.0 + place + jitter)), [None, None])
+            })
+            .collect();
+        let frozen = |state: &HealthState| *state == HealthState::Frozen;
+        states.iter().position(frozen)
+    };
+    let first = frozen_from(6.0, 300).unwrap();
+    assert!((300..335).contains(&first), "{first}");
+    for px_s in [0.0, 0.2, 1.0, 6.0, 60.0] {
+        assert_eq!(frozen_from(px_s, 600), None, "{px_s} px/s");
+    }
+}
+
+#[test]
+fn a_camera_that_is_moved_is_off_at_once_and_well_again_when_it_is_moved_back() {
+    let mut health = LiveHealth::default();
+    let state = |number: u32, off_px: Option<f64>, health: &mut LiveHealth| {
+        health.next(&look(number, off_px, None), None, [None, None])
+    };
+    for number in 0..200 {
+        let wobble = 0.05 * f64::from(number % 3);
+        let found = state(number, Some(wobble), &mut health);
+        assert_eq!(found, HealthState::Steady, "{number}");
+    }
+    for number in 200..400 {
+        let off_px = (number % 10 != 3).then_some(4.0);
+        let found = state(number, off_px, &mut health);
+        let expected = if number < 280 {
+            [HealthState::Shaking, HealthState::Moved].contains(&found)
+        } else {
+            found == HealthState::Moved
+        };
+        assert!(expected, "{number}: {found}");
+    }
+    let last = (400..600).map(|number| state(number, Some(0.0), &mut health));
+    assert_eq!(last.last(), Some(HealthState::Steady));
+    assert!(health.recent.len() < 80);
+}

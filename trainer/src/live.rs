@@ -1,0 +1,179 @@
+//! A trained run that takes observations one by one, without a corpus: for cameras that have no end.
+//!
+//! ```text
+//! boxes that count, shift    SeenTick -> Observation -> normalisation (boxes unlike the training's drop out)
+//!                                |
+//!                                v
+//!                            PairedViews, Follower  -> the boxes of each aircraft
+//!                                |
+//!                                v                     of each aircraft:
+//!                            InSight                -> phase, filter -> Answer
+//! ```
+//!
+//! `dtd predict --online` feeds it the ticks of a corpus with the boxes that counted at that moment. Nothing uses a later tick, and memory
+//! does not grow with their number: objects are forgotten a minute after they were last seen.
+
+mod answer;
+mod in_sight;
+mod phase;
+mod seen_tick;
+
+use std::slice::from_ref;
+
+use dataset::geometry::camera::Camera;
+
+use crate::error::{Error, Result, RunFault};
+use crate::estimators::geometry::self_calibration::SelfCalibrated;
+use crate::run::estimator::{Estimator, Task};
+use crate::run::folder::RunFolder;
+use crate::run::sealed::SealedRun;
+use crate::run::trained::TrainedRun;
+
+pub use answer::{Answer, Position, Stated};
+pub(crate) use in_sight::{InSight, Judged};
+pub use phase::Phase;
+pub use seen_tick::{Candidate, SeenTick, SeenView};
+
+/// A trained run and the aircraft in sight.
+pub struct OnlineRun {
+    run: TrainedRun,
+    blake3: String,
+    cameras: Vec<Camera>,
+    estimator: Estimator,
+    in_sight: InSight,
+    ticks: u32,
+}
+
+impl OnlineRun {
+    /// Opens a run. `estimator`: name of the one that answers; `None`: the run's choice, or `inverse_range_filtered` for one that needs
+    /// later ticks.
+    ///
+    /// # Errors
+    /// The run cannot be read, or the estimator needs what only a corpus has.
+    pub fn open(folder: &RunFolder, estimator: Option<&str>) -> Result<Self> {
+        let sealed = SealedRun::read(folder)?;
+        let run = TrainedRun::of(&sealed)?;
+        let refused = |fault| Error::run(folder.root(), fault);
+        check_causal(&run, folder)?;
+        let estimator = match estimator {
+            Some(name) => online(name).ok_or_else(|| {
+                refused(RunFault::NotOnline {
+                    estimator: name.to_owned(),
+                    known: all_online().map(Estimator::name).collect(),
+                })
+            })?,
+            None => {
+                online(&run.summary.choice.estimator).unwrap_or(Estimator::InverseRangeFiltered)
+            }
+        };
+        let cameras = cameras_of(&run).ok_or_else(|| {
+            refused(RunFault::NoSuchView {
+                view: run.normalisation.views.join(", "),
+                views: run.summary.cameras.keys().cloned().collect(),
+            })
+        })?;
+        Ok(Self {
+            blake3: sealed.blake3(),
+            cameras,
+            estimator,
+            in_sight: InSight::default(),
+            ticks: 0,
+            run,
+        })
+    }
+
+    /// Identifiers of the views: the order of all lists of views.
+    pub fn views(&self) -> &[String] {
+        &self.run.normalisation.views
+    }
+
+    /// The camera of a view, as the training had it.
+    ///
+    /// # Panics
+    /// There is no view with this index.
+    pub fn camera(&self, view: usize) -> Camera {
+        self.cameras[view]
+    }
+
+    /// Name of the rig.
+    pub fn rig(&self) -> &str {
+        &self.run.summary.rig
+    }
+
+    /// Name of the estimator that answers.
+    pub fn estimator(&self) -> &'static str {
+        self.estimator.name()
+    }
+
+    /// File name of the detector whose boxes it was trained with, if it has one, and the name of its detections.
+    pub fn model(&self) -> (Option<&str>, &str) {
+        let summary = &self.run.summary;
+        (summary.model.as_deref(), &summary.model_hash)
+    }
+
+    /// BLAKE3 hash of the files that the training wrote.
+    pub fn blake3(&self) -> &str {
+        &self.blake3
+    }
+
+    /// Takes the next tick; times never decrease. One answer for each aircraft that is in sight, or was a short time ago; the one that is
+    /// followed comes first.
+    ///
+    /// # Panics
+    /// The tick has another number of views than the run.
+    pub fn take(&mut self, tick: &SeenTick) -> Vec<Answer> {
+        let observed = tick.observed(self.ticks, &self.cameras);
+        self.ticks = self.ticks.wrapping_add(1);
+        let judged = self.in_sight.take(&self.run, false, &observed);
+        let fitted = self.run.baselines.self_calibrated.as_ref();
+        let locator = fitted.map(SelfCalibrated::locator);
+        let answers = judged.iter().map(|of| {
+            let place = locator
+                .as_ref()
+                .and_then(|of_all| of_all.place(&of.observed));
+            self.answer(of).at(place)
+        });
+        answers.collect()
+    }
+
+    fn answer(&self, judged: &Judged) -> Answer {
+        if self.estimator == Estimator::InverseRangeFiltered {
+            return Answer::with_estimate(judged);
+        }
+        let task = Task::new(&self.run, &[], from_ref(&judged.observed));
+        let distance_m = self.estimator.predict(&task).pop().flatten();
+        Answer::with_distance(judged, distance_m)
+    }
+}
+
+/// Refuses runs that need whole flights.
+pub(crate) fn check_causal(run: &TrainedRun, folder: &RunFolder) -> Result<()> {
+    if run.backgrounds.is_some() {
+        return Err(Error::run(folder.root(), RunFault::AlignedOnline));
+    }
+    Ok(())
+}
+
+/// The cameras of the training, in the order of the views; `None` if one is missing.
+fn cameras_of(run: &TrainedRun) -> Option<Vec<Camera>> {
+    let cameras = &run.summary.cameras;
+    let views = run.normalisation.views.iter();
+    views
+        .map(|view| Some(cameras.get(view)?.camera()))
+        .collect()
+}
+
+/// The estimators that need neither later ticks nor the runway of a scenario.
+fn all_online() -> impl Iterator<Item = Estimator> {
+    Estimator::ALL.into_iter().filter(|estimator| {
+        !matches!(
+            estimator,
+            Estimator::InverseRangeSmoothed | Estimator::SelfCalibrated | Estimator::Triangulation
+        )
+    })
+}
+
+/// The one of this name.
+fn online(name: &str) -> Option<Estimator> {
+    all_online().find(|estimator| estimator.name() == name)
+}

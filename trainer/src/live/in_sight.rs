@@ -1,0 +1,131 @@
+//! The aircraft in sight, each with its own filter.
+
+use super::phase::{Phase, PhaseJudge};
+use crate::estimators::inverse_range::flight_filter::{Estimate, OnlineFilter};
+use crate::run::trained::TrainedRun;
+use crate::samples::Observation;
+use crate::samples::paired_views::{Follower, OfObject};
+
+/// In views that cannot be paired, a box after so many seconds without any is of another aircraft.
+const GIVEN_UP_S: f64 = 60.0;
+
+/// The aircraft in sight after some ticks.
+#[derive(Default)]
+pub(crate) struct InSight {
+    follower: Follower,
+    aircraft: Vec<Aircraft>,
+    unpaired: Unpaired,
+}
+
+/// An aircraft.
+struct Aircraft {
+    number: usize,
+    filter: OnlineFilter,
+    phase: PhaseJudge,
+    /// Time of the last tick with a box of it, seconds.
+    seen_s: f64,
+}
+
+/// The one aircraft of views that cannot be paired.
+#[derive(Default)]
+struct Unpaired {
+    number: usize,
+    seen_s: Option<f64>,
+}
+
+/// An aircraft at a tick.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Judged {
+    /// Its number.
+    pub number: u32,
+    /// Of all of them, this one is followed.
+    pub is_followed: bool,
+    /// The tick with its boxes alone.
+    pub observed: Observation,
+    /// The filter's estimate.
+    pub estimate: Option<Estimate>,
+    pub phase: Phase,
+    /// Time of the last tick with a box of it, seconds.
+    pub seen_s: f64,
+}
+
+impl Judged {
+    /// The filter's estimate, if it arrives.
+    pub(crate) fn stated(&self) -> Option<&Estimate> {
+        let estimate = self.estimate.as_ref();
+        estimate.filter(|_| self.phase == Phase::Arrival)
+    }
+}
+
+impl InSight {
+    /// Takes the next tick. `other_cameras`: they are in other places than those of the training, so that the places of boxes say nothing.
+    pub(crate) fn take(
+        &mut self,
+        run: &TrainedRun,
+        other_cameras: bool,
+        observed: &Observation,
+    ) -> Vec<Judged> {
+        let usual = run.normalisation.without_outliers(observed, other_cameras);
+        let pairs = &run.baselines.paired_views;
+        let objects = if other_cameras || pairs.is_empty() {
+            vec![self.unpaired.of(usual)]
+        } else {
+            pairs.next(&mut self.follower, &usual)
+        };
+        self.aircraft
+            .retain(|known| objects.iter().any(|of| of.number == known.number));
+        objects
+            .into_iter()
+            .filter_map(|of| self.judge(run, of))
+            .collect()
+    }
+
+    /// `None` of an object of which no box could be used yet.
+    fn judge(&mut self, run: &TrainedRun, of: OfObject) -> Option<Judged> {
+        let is_seen = of.observed.detections() > 0;
+        let known = (self.aircraft.iter()).position(|known| known.number == of.number);
+        let index = match known {
+            Some(index) => index,
+            None if !is_seen => return None,
+            None => {
+                self.aircraft.push(Aircraft {
+                    number: of.number,
+                    filter: run.baselines.flight_filter.online(),
+                    phase: PhaseJudge::default(),
+                    seen_s: 0.0,
+                });
+                self.aircraft.len() - 1
+            }
+        };
+        let aircraft = &mut self.aircraft[index];
+        if is_seen {
+            aircraft.seen_s = of.observed.time_ns as f64 * 1e-9;
+        }
+        let baselines = &run.baselines;
+        let (filter, fits) = (&baselines.flight_filter, &baselines.inverse_range);
+        Some(Judged {
+            number: of.number as u32,
+            is_followed: of.is_followed,
+            estimate: filter.next(&mut aircraft.filter, fits, &of.observed),
+            phase: aircraft.phase.take(run, &of.observed),
+            seen_s: aircraft.seen_s,
+            observed: of.observed,
+        })
+    }
+}
+
+impl Unpaired {
+    fn of(&mut self, observed: Observation) -> OfObject {
+        let now_s = observed.time_ns as f64 * 1e-9;
+        if observed.detections() > 0 {
+            let since_s = self.seen_s.map_or(0.0, |seen_s| now_s - seen_s);
+            self.number += usize::from(since_s > GIVEN_UP_S);
+            self.seen_s = Some(now_s);
+        }
+        OfObject {
+            number: self.number,
+            is_followed: true,
+            observed,
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! Decides from an aircraft's track so far if it arrives.
+//!
+//! Distances are those of an approach, so a departure, an aircraft that taxis or crosses, a lamp, and a climb after a missed approach get
+//! none. Two speeds decide: the one towards the target, from the distances that the most precise fit measures tick by tick, and the
+//! vertical one, from the elevation of the box at these distances, by the camera of the training. Each is the median slope over some
+//! seconds (Theil 1950, Sen 1968) with its standard deviation; what is not certain changes nothing, and an aircraft arrives until its track
+//! says otherwise.
+
+use std::collections::VecDeque;
+
+use dataset::geometry::camera::Camera;
+use dataset::numbers::spread::{Spread, median};
+use glam::DVec2;
+
+use super::cameras_of;
+use crate::run::trained::TrainedRun;
+use crate::samples::Observation;
+use crate::samples::trusted_boxes::centre_and_size;
+
+/// Slower towards the target is no arrival, m/s: a light aircraft against the wind.
+const LEAST_CLOSING_MPS: f64 = 25.0;
+/// A climb of an arrival is slower, and a descent after one is at least as fast, m/s.
+const MOST_CLIMB_MPS: f64 = 3.0;
+const LEAST_DESCENT_MPS: f64 = 1.0;
+/// A shorter climb is a gust, seconds.
+const CLIMB_S: f64 = 3.0;
+/// Within this distance a climb is a missed approach, which ends with a descent and not with level flight, metres.
+const MISSED_WITHIN_M: f64 = 8_000.0;
+/// Standard deviations that make it certain.
+const SURE: f64 = 2.5;
+/// Ticks of this time count, and the last ones if they are slower, seconds.
+const WINDOW_S: f64 = 10.0;
+const FEWEST: usize = 6;
+/// Shorter tracks say nothing, seconds.
+const SHORTEST_S: f64 = 1.5;
+/// Ticks that follow each other faster are left out, seconds.
+const STEP_S: f64 = 0.2;
+/// Errors of so many consecutive ticks are alike.
+const ALIKE: f64 = 3.0;
+/// Least standard deviation of an elevation: a third of a pixel at a focal length of 11,000 px, radians.
+const LEAST_ELEVATION_SD: f64 = 3e-5;
+/// The part of the new errors of a measurement that is assumed at least.
+const LEAST_NEW_PART: f64 = 0.5;
+
+/// Phase of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Phase {
+    /// It arrives.
+    #[default]
+    Arrival,
+    /// Something else.
+    Other,
+}
+
+impl Phase {
+    /// The word for it in files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Arrival => "arrival",
+            Self::Other => "other",
+        }
+    }
+}
+
+/// Judges the track of an aircraft, tick by tick.
+#[derive(Debug, Default)]
+pub(super) struct PhaseJudge {
+    seen: VecDeque<Seen>,
+    is_slow: bool,
+    climbs: bool,
+}
+
+/// A tick with a measured distance.
+#[derive(Debug, Clone, PartialEq)]
+struct Seen {
+    time_s: f64,
+    fit: usize,
+    distance_m: f64,
+    /// From the cameras.
+    range_m: f64,
+    /// Standard deviations of the error that changes slowly, with the time in which half of it is forgotten, and of the new one.
+    slow_m: f64,
+    half_time_s: f64,
+    new_m: f64,
+    /// By view, above the horizontal, radians.
+    elevations: Vec<Option<f64>>,
+}
+
+/// A slope over time with its standard deviation, per second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Slope {
+    per_s: f64,
+    sd: f64,
+}
+
+impl PhaseJudge {
+    /// The phase after the next tick.
+    pub(super) fn take(&mut self, run: &TrainedRun, observed: &Observation) -> Phase {
+        let time_s = observed.time_ns as f64 * 1e-9;
+        let is_next = |last: &Seen| time_s - last.time_s >= STEP_S - 1e-6;
+        if self.seen.back().is_none_or(is_next)
+            && let Some(seen) = Seen::of(run, observed)
+        {
+            self.push(seen);
+        }
+        self.phase()
+    }
+
+    fn phase(&self) -> Phase {
+        if self.is_slow || self.climbs {
+            Phase::Other
+        } else {
+            Phase::Arrival
+        }
+    }
+
+    fn push(&mut self, seen: Seen) {
+        let now_s = seen.time_s;
+        self.seen.push_back(seen);
+        let is_old = |seen: &Seen| now_s - seen.time_s > WINDOW_S;
+        while self.seen.len() > FEWEST && self.seen.front().is_some_and(is_old) {
+            self.seen.pop_front();
+        }
+        self.judge();
+    }
+
+    fn judge(&mut self) {
+        let Some(last) = self.seen.back() else { return };
+        // Errors of another fit are other ones.
+        let alike: Vec<&Seen> = (self.seen.iter())
+            .filter(|seen| seen.fit == last.fit)
+            .collect();
+        let lasted_s = last.time_s - alike[0].time_s;
+        let distances = alike.iter().map(|seen| (seen.time_s, seen.distance_m));
+        let Some(closing) = Slope::of(distances.collect(), LEAST_NEW_PART * last.new_m) else {
+            return;
+        };
+        let forgotten = 1.0 - 0.5_f64.powf(lasted_s / last.half_time_s);
+        let slow_mps = last.slow_m * (2.0 * forgotten).sqrt() / lasted_s;
+        let (speed_mps, sd_mps) = (-closing.per_s, SURE * closing.sd.hypot(slow_mps));
+        if speed_mps + sd_mps < LEAST_CLOSING_MPS {
+            self.is_slow = true;
+        } else if speed_mps - sd_mps > LEAST_CLOSING_MPS {
+            self.is_slow = false;
+        }
+        if let Some((climb_mps, sd_mps)) = climb_mps(&alike, closing) {
+            let ends_mps = if last.distance_m <= MISSED_WITHIN_M {
+                -LEAST_DESCENT_MPS
+            } else {
+                MOST_CLIMB_MPS
+            };
+            if climb_mps - SURE * sd_mps > MOST_CLIMB_MPS && lasted_s >= CLIMB_S {
+                self.climbs = true;
+            } else if climb_mps + SURE * sd_mps < ends_mps {
+                self.climbs = false;
+            }
+        }
+    }
+}
+
+/// Vertical speed with its standard deviation, by the view that saw it most often.
+fn climb_mps(seen: &[&Seen], closing: Slope) -> Option<(f64, f64)> {
+    let views = seen[0].elevations.len();
+    let of_view = |view: usize| -> Vec<(f64, f64)> {
+        let elevations = seen.iter();
+        elevations
+            .filter_map(|seen| Some((seen.time_s, seen.elevations[view]?)))
+            .collect()
+    };
+    let elevations = (0..views).map(of_view).max_by_key(Vec::len)?;
+    let mut angles: Vec<f64> = elevations.iter().map(|(_, angle)| *angle).collect();
+    let slope = Slope::of(elevations, LEAST_ELEVATION_SD)?;
+    let mut ranges_m: Vec<f64> = seen.iter().map(|seen| seen.range_m).collect();
+    let (elevation, range_m) = (median(&mut angles), median(&mut ranges_m));
+    let climb_mps = closing.per_s * elevation.sin() + range_m * slope.per_s * elevation.cos();
+    let sd_mps = (closing.sd * elevation.sin()).hypot(range_m * slope.sd);
+    Some((climb_mps, sd_mps))
+}
+
+impl Seen {
+    fn of(run: &TrainedRun, observed: &Observation) -> Option<Self> {
+        let baselines = &run.baselines;
+        let fits = &baselines.inverse_range;
+        let best = *fits.measurements(observed).first()?;
+        let (slow_m, half_time_s, new_m) = baselines.flight_filter.deviations_m(&best);
+        let cameras = cameras_of(run)?;
+        let elevations = observed.boxes.iter().zip(&cameras).map(|(seen, camera)| {
+            let (centre_px, _) = centre_and_size(seen.as_ref()?);
+            Some(elevation(camera, centre_px))
+        });
+        Some(Self {
+            time_s: observed.time_ns as f64 * 1e-9,
+            fit: best.fit,
+            distance_m: best.distance_m,
+            range_m: best.distance_m + fits.setback_m(best.fit),
+            slow_m,
+            half_time_s,
+            new_m,
+            elevations: elevations.collect(),
+        })
+    }
+}
+
+/// Angle above the horizontal at which a camera sees a place of its image, radians.
+fn elevation(camera: &Camera, place_px: DVec2) -> f64 {
+    let up = camera.center_ecef_m.normalize_or_zero();
+    camera.ray(place_px).dot(up).clamp(-1.0, 1.0).asin()
+}
+
+impl Slope {
+    /// Of numbers over time whose errors are at least as large as this; `None` of too few, or too short a time.
+    fn of(numbers: Vec<(f64, f64)>, least_sd: f64) -> Option<Self> {
+        let lasted_s = numbers.last()?.0 - numbers.first()?.0;
+        if numbers.len() < FEWEST || lasted_s < SHORTEST_S {
+            return None;
+        }
+        let pairs =
+            (0..numbers.len()).flat_map(|later| (0..later).map(move |first| [first, later]));
+        let mut slopes: Vec<f64> = pairs
+            .map(|[first, later]| {
+                let [(first_s, first), (later_s, later)] = [numbers[first], numbers[later]];
+                (later - first) / (later_s - first_s)
+            })
+            .filter(|slope| slope.is_finite())
+            .collect();
+        let per_s = median(&mut slopes);
+        let residuals = numbers.iter().map(|(at_s, number)| number - per_s * at_s);
+        let spread = Spread::of(residuals.collect())?;
+        let independent = (numbers.len() as f64 / ALIKE).max(1.0);
+        let sd = spread.deviation.max(least_sd) * (12.0 / independent).sqrt() / lasted_s;
+        Some(Self { per_s, sd })
+    }
+}
+
+#[cfg(test)]
+mod tests;
