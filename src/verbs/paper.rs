@@ -8,6 +8,7 @@ mod results;
 mod sweeps;
 mod weaker;
 
+use std::ops;
 use std::path::{Path, PathBuf};
 use std::slice;
 use std::time::Instant;
@@ -17,9 +18,10 @@ use dataset::corpus::splits::Side;
 use detector_evaluation::{EvaluatedMode, EvaluationOptions};
 use generator::plan::expand;
 use generator::sweep::Sweep;
+use labeller::detector::ModelFile;
 use labeller::tiling::TilingSettings;
 use labeller::{DetectOptions, Mode, ModeSettings, SearchBands};
-use paper_experiment::{SINGLE_VIEW_SHARE, SeenTicks, SingleViews, WeakerDetector};
+use paper_experiment::{Range, SINGLE_VIEW_SHARE, SeenTicks, SingleViews, WeakerDetector};
 use trainer::config::ScenarioSplitConfig;
 use trainer::{EvaluationConfig, RunFolder, TrainConfig};
 
@@ -30,7 +32,7 @@ use super::evaluate_detector;
 use super::generate::{ending_of, generate, options};
 use super::label::{self, label};
 use super::output::{Next, finish, print_json};
-use super::train::{settings_in, train};
+use super::train::{settings_in, train_unless_done};
 use crate::args::{PaperArgs, Scale};
 use crate::failure::{Ending, Failure};
 use crate::shipped::Detector;
@@ -43,6 +45,8 @@ const TEST_SHARE: f64 = 0.3;
 const TILE_PX: u32 = 640;
 /// Factor by which the weaker detector shrinks pictures for its first pass.
 const SHRINK: u32 = 2;
+/// Shares of ticks that one view alone sees that are near enough to the paper's.
+const SHARES: ops::Range<f64> = 0.13..0.17;
 /// Stages in their order.
 const CORPUS: &str = "corpus";
 const LABELS: &str = "labels";
@@ -67,7 +71,8 @@ pub(crate) fn run(args: &PaperArgs) -> Outcome {
     let settings = Settings {
         scale: args.scale.name().into(),
         plan_hash: expand(&recorded).plan_hash,
-        model: args.model.clone(),
+        model_blake3: identity(detector.path())?,
+        dtd: env!("CARGO_PKG_VERSION").into(),
         training: training.clone(),
     };
     let mut experiment = Experiment {
@@ -109,19 +114,18 @@ enum Place {
     RangeCorpus,
     ByTrajectory,
     ByScenario,
-    Ranges,
-    PretrainedRanges,
     Weaker,
 }
 
 impl Place {
-    const ALL: [Self; 7] = [
+    /// Start of the names of folders with the ranges of a detector.
+    const RANGES_OF: &str = "ranges-";
+
+    const ALL: [Self; 5] = [
         Self::Corpus,
         Self::RangeCorpus,
         Self::ByTrajectory,
         Self::ByScenario,
-        Self::Ranges,
-        Self::PretrainedRanges,
         Self::Weaker,
     ];
 
@@ -131,8 +135,6 @@ impl Place {
             Self::RangeCorpus => "range-corpus",
             Self::ByTrajectory => "run-other-flights",
             Self::ByScenario => "run-scenarios-drawn",
-            Self::Ranges => "ranges",
-            Self::PretrainedRanges => "ranges-pretrained",
             Self::Weaker => "weaker-detector",
         }
     }
@@ -185,8 +187,22 @@ impl Experiment<'_> {
         let Some(model) = self.args.pretrained_detector.clone() else {
             return Ok(None);
         };
-        let name = format!("{RANGES}, {}", file_name(&model));
+        let name = format!(
+            "{RANGES}, {} {}",
+            file_name(&model),
+            short(&identity(&model)?)
+        );
         self.stage(&name, |this| this.ranges(&model, true))
+    }
+
+    /// Ranges of the detector, and of the pretrained one that this call names.
+    fn shown_ranges(&self) -> Result<Vec<Range>, Failure> {
+        let named = self.args.pretrained_detector.as_deref();
+        let named = named.map(identity).transpose()?;
+        let ranges = self.notes.found.ranges.iter();
+        let shown = ranges
+            .filter(|range| !range.is_pretrained || named.as_ref() == Some(&range.model_blake3));
+        Ok(shown.cloned().collect())
     }
 
     /// Runs a stage unless an earlier call did; the ending if it did not reach its end.
@@ -236,23 +252,27 @@ impl Experiment<'_> {
     fn detect_weaker(&mut self) -> Outcome {
         let corpus = self.corpus()?;
         let folder = self.place(Place::Weaker);
-        let mut search = |least_score: f64| -> Result<(Ending, String), Failure> {
-            let model = weaker::write(self.detector.path(), SHRINK, least_score, &folder)?;
+        let mut search = |shrink: u32, least_score: f64| -> Result<(Ending, String), Failure> {
+            let model = weaker::write(self.detector.path(), shrink, least_score, &folder)?;
             let ending = self.detect_with(&model, |notes, hash| {
                 notes.found.weaker_detections = Some(hash);
             })?;
             let hash = self.notes.found.weaker_detections.clone();
             Ok((ending, hash.unwrap_or_default()))
         };
-        let (ending, mut hash) = search(0.0)?;
+        let training = |hash: &str| SeenTicks::read(&corpus, hash, Some(Side::Train));
+        let mut shrink = SHRINK;
+        let (mut ending, mut hash) = search(shrink, 0.0)?;
+        if ending == Ending::Done && share(&training(&hash)?.single_views(0.0)) > SHARES.end {
+            shrink = 1;
+            (ending, hash) = search(shrink, 0.0)?;
+        }
         if ending != Ending::Done {
             return Ok(ending);
         }
-        let training = SeenTicks::read(&corpus, &hash, Some(Side::Train))?;
-        let least_score = training.least_score(SINGLE_VIEW_SHARE);
+        let least_score = training(&hash)?.least_score(SINGLE_VIEW_SHARE);
         if least_score > 0.0 {
-            let ending;
-            (ending, hash) = search(least_score)?;
+            (ending, hash) = search(shrink, least_score)?;
             if ending != Ending::Done {
                 return Ok(ending);
             }
@@ -260,10 +280,19 @@ impl Experiment<'_> {
         let seen = |hash: &str| -> Result<SingleViews, Failure> {
             Ok(SeenTicks::read(&corpus, hash, None)?.single_views(0.0))
         };
+        let single_views = seen(&hash)?;
+        let reached = share(&single_views);
+        if !SHARES.contains(&reached) {
+            eprint_warning!(
+                "paper: one view alone sees {:.1} % of the ticks, in the paper {:.0} %",
+                100.0 * reached,
+                100.0 * SINGLE_VIEW_SHARE
+            );
+        }
         self.notes.found.weaker = Some(WeakerDetector {
-            first_pass_shrink: SHRINK,
+            first_pass_shrink: shrink,
             least_score,
-            single_views: seen(&hash)?,
+            single_views,
             of_detector: seen(&self.notes.detections()?)?,
         });
         Ok(Ending::Done)
@@ -316,7 +345,7 @@ impl Experiment<'_> {
             ..self.training.clone()
         };
         let corpus = self.corpus()?;
-        let outcome = train(slice::from_ref(&corpus), &self.place(place), &config)?;
+        let outcome = train_unless_done(slice::from_ref(&corpus), &self.place(place), &config)?;
         if matches!(place, Place::ByTrajectory) {
             self.notes.found.recommended = Some(outcome.choice.estimator);
         }
@@ -332,11 +361,8 @@ impl Experiment<'_> {
     }
 
     fn ranges(&mut self, model: &Path, is_pretrained: bool) -> Outcome {
-        let place = if is_pretrained {
-            Place::PretrainedRanges
-        } else {
-            Place::Ranges
-        };
+        let hash = identity(model)?;
+        let out = format!("{}{}", Place::RANGES_OF, short(&hash));
         let corpus = Corpus::open(&self.place(Place::RangeCorpus)).map_err(Failure::of_corpus)?;
         let mut modes = vec![EvaluatedMode::AutoSegmentation, EvaluatedMode::Scaled];
         // A detector that finds little has no track to follow.
@@ -355,7 +381,7 @@ impl Experiment<'_> {
                     ..self.runtime()
                 },
                 modes,
-                out: self.place(place),
+                out: self.args.out.join(out),
             },
         )?;
         let Some(evaluation) = evaluation else {
@@ -364,7 +390,7 @@ impl Experiment<'_> {
         self.notes
             .found
             .ranges
-            .retain(|range| range.is_pretrained != is_pretrained);
+            .retain(|range| range.model_blake3 != hash);
         self.notes
             .found
             .ranges
@@ -390,6 +416,22 @@ fn label_in(corpus: &Path) -> Outcome {
         None if labelled.failed.is_empty() => Ending::Done,
         None => Ending::Losses,
     })
+}
+
+/// Share of the seen ticks that one view alone sees.
+fn share(seen: &SingleViews) -> f64 {
+    seen.all.of_seen().unwrap_or(0.0)
+}
+
+/// Hash of a model and its settings.
+fn identity(model: &Path) -> Result<String, Failure> {
+    let file = ModelFile::read(model).map_err(Failure::bad_input)?;
+    Ok(file.identity().blake3())
+}
+
+/// The beginning of a hash.
+fn short(hash: &str) -> &str {
+    &hash[..8]
 }
 
 fn file_name(path: &Path) -> String {

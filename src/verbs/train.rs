@@ -94,6 +94,16 @@ pub(crate) fn train(
     trainer::train_on_all(corpora, out, config, &watch).map_err(failure_of)
 }
 
+/// The same, but a finished run of the same settings, samples and version stays.
+pub(crate) fn train_unless_done(
+    corpora: &[Corpus],
+    out: &Path,
+    config: &TrainConfig,
+) -> Result<TrainOutcome, Failure> {
+    let watch = VerbWatch::new("train", "steps");
+    trainer::train_unless_done(corpora, out, config, &watch).map_err(failure_of)
+}
+
 /// An error of the trainer that the caller must fix, or one of the machine.
 pub(crate) fn failure_of(error: trainer::Error) -> Failure {
     match error {

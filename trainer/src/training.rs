@@ -71,6 +71,16 @@ pub fn train_on_all(
     train_unless(Finished::IsReplaced, corpora, out, config, watch)
 }
 
+/// The same, but a finished run of the same settings, samples and version stays.
+pub fn train_unless_done(
+    corpora: &[Corpus],
+    out: &Path,
+    config: &TrainConfig,
+    watch: &dyn Watch,
+) -> Result<TrainOutcome> {
+    train_unless(Finished::Stays, corpora, out, config, watch)
+}
+
 /// Treatment of a run that already exists at the destination.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Finished {

@@ -33,7 +33,7 @@ const NOT_DONE: [[&str; 2]; 8] = [
     ],
     [
         "surveillance tracks as ground truth",
-        "these need such recordings; here labels follow from poses",
+        "these need such recordings; `dtd tracks import` flies tracks in the simulator",
     ],
     ["use at a tower", "no tower is at hand"],
     [
@@ -42,7 +42,7 @@ const NOT_DONE: [[&str; 2]; 8] = [
     ],
     [
         "a new camera by its calibration network alone; other sizes of the networks",
-        "docs/results.md has both with other cameras (`dtd refit`, `dtd train --search`)",
+        "not part of the command: `dtd refit`, `dtd train --search`",
     ],
     [
         "YOLOv7 with TensorRT, 28 ms on a GPU",
@@ -77,16 +77,17 @@ pub fn markdown(results: &Results) -> String {
 fn introduction(results: &Results) -> String {
     let Results {
         dtd,
+        command,
         corpus,
         recommended,
         ..
     } = results;
     format!(
         "# The paper's experiment\n\n\
-         Made by `dtd paper --scale {}` (version {dtd}); [paper.json](results/paper.json) has the figures. The pictures are from {},\n\
-         not from X-Plane. `paper_lstm` has the paper's networks, losses and rules; `{recommended}` is the estimator that its run\n\
-         recommends. Errors are from 1 to 10 NM, in percent. Percentages of the paper are for its own pictures and flights.",
-        corpus.scale, corpus.simulator
+         Made by `{command}` (version {dtd}); [paper.json](results/paper.json) has the figures. The pictures\n\
+         are from {}. `paper_lstm` has the paper's networks, losses and rules; `{recommended}` is the estimator that its\n\
+         run recommends. Errors are from 1 to 10 NM, in percent; the paper's are of its own pictures and flights.",
+        corpus.simulators.join(" and ")
     )
 }
 
@@ -208,6 +209,10 @@ fn ranges(results: &Results) -> String {
         .iter()
         .filter_map(|range| range.farthest_expected_nm);
     let farthest = farthest.reduce(f64::max);
+    let weather = results
+        .ranges
+        .iter()
+        .find_map(|range| range.weather.as_deref());
     let missing = if results.ranges.iter().any(|range| range.is_pretrained) {
         ""
     } else {
@@ -215,9 +220,10 @@ fn ranges(results: &Results) -> String {
     };
     format!(
         "## Detection range\n\n{}\n\n\
-         From flights in clear weather that begin at {} NM, where ranges are cut off; the paper's begin at 10 NM.{missing}",
+         From flights that begin at {} NM, where ranges are cut off, in the weather {}; the paper's begin at 10 NM.{missing}",
         table.markdown(),
-        number(farthest, 1)
+        number(farthest, 1),
+        weather.unwrap_or("-")
     )
 }
 
@@ -264,7 +270,10 @@ fn times(results: &Results) -> String {
     }
     let total: f64 = results.stages.iter().map(|time| time.seconds).sum();
     table.row(["all".into(), format!("{:.1}", total / 60.0)]);
-    format!("## Time\n\n{}", table.markdown())
+    format!(
+        "## Time\n\n{}\n\nWithout calls that were killed.",
+        table.markdown()
+    )
 }
 
 fn not_done() -> String {

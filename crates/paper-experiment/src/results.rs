@@ -10,6 +10,8 @@ use crate::single_views::SingleViews;
 pub struct Results {
     /// Version of this software.
     pub dtd: String,
+    /// The command without its folder.
+    pub command: String,
     /// The corpus.
     pub corpus: CorpusFigures,
     /// The detector that misses aircraft, whose boxes train and judge.
@@ -31,8 +33,8 @@ pub struct Results {
 pub struct CorpusFigures {
     /// `small` or `full`.
     pub scale: String,
-    /// Simulator that recorded it.
-    pub simulator: String,
+    /// Simulators that recorded it.
+    pub simulators: Vec<String>,
     /// Scenarios.
     pub scenarios: usize,
     /// Different flights among them.
@@ -72,11 +74,15 @@ pub enum Search {
     Tracked,
 }
 
-/// Range and cost of a detector, in clear weather, on flights that start beyond its range.
+/// Range and cost of a detector, in one weather, on flights that start beyond its range.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Range {
     /// File name of the model.
     pub model: String,
+    /// Hash of the model and its settings.
+    pub model_blake3: String,
+    /// Weather of the ranges.
+    pub weather: Option<String>,
     /// True for one that was trained on photographs by others, and is used as it is.
     pub is_pretrained: bool,
     /// The search.
@@ -93,7 +99,7 @@ pub struct Range {
     pub cpu_ms_per_picture: Option<f64>,
 }
 
-/// Time that a stage took, over all calls of the command that reached its end.
+/// Time that a stage took in all calls of the command, without those that were killed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageTime {
     /// Name of the stage.

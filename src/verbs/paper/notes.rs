@@ -26,11 +26,14 @@ const PAGE: [&str; 3] = ["paper.md", "results", "images"];
 pub(super) struct Settings {
     pub(super) scale: String,
     pub(super) plan_hash: String,
-    pub(super) model: Option<PathBuf>,
+    /// Hash of the detector and its settings.
+    pub(super) model_blake3: String,
+    /// Version of this software.
+    pub(super) dtd: String,
     pub(super) training: TrainConfig,
 }
 
-/// A stage, and the time of all calls that were not killed in it.
+/// A stage, and the time of all calls but those that were killed in it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Stage {
@@ -103,8 +106,10 @@ impl Notes {
             format!("--scale {}, now it is {}", before.scale, now.scale)
         } else if now.plan_hash != before.plan_hash {
             "another sweep or frame rate".into()
-        } else if now.model != before.model {
-            "another --model".into()
+        } else if now.dtd != before.dtd {
+            format!("dtd {}, now it is {}", before.dtd, now.dtd)
+        } else if now.model_blake3 != before.model_blake3 {
+            "another detector".into()
         } else if now.training != before.training {
             "other settings of the training".into()
         } else {
@@ -189,7 +194,8 @@ fn refuse_others(folder: &Path) -> Result<(), Failure> {
             .map_err(dataset::Error::io("list", folder))?
             .file_name();
         let name = name.to_string_lossy();
-        if name != CLAIM && own.contains(name.as_ref()) {
+        let is_own = own.contains(name.as_ref()) || name.starts_with(Place::RANGES_OF);
+        if name != CLAIM && is_own {
             return Err(Failure::bad_input_message(format!(
                 "{} contains {name}, which `dtd paper` did not write; name another --out",
                 folder.display()
@@ -207,7 +213,8 @@ mod tests {
         Settings {
             scale: scale.into(),
             plan_hash: "0".into(),
-            model: None,
+            model_blake3: "1".into(),
+            dtd: "0.1.0".into(),
             training: TrainConfig::demo(),
         }
     }

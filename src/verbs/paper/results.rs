@@ -11,6 +11,7 @@ use paper_experiment::{CorpusFigures, Range, Results, Search, markdown, write_fi
 use trainer::Metrics;
 
 use super::{Experiment, Place};
+use crate::args::PaperArgs;
 use crate::failure::Failure;
 
 /// Estimators of the box plot, besides the recommended one.
@@ -32,9 +33,10 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
     };
     let results = Results {
         dtd: env!("CARGO_PKG_VERSION").into(),
+        command: command(experiment.args),
         corpus: corpus_figures(experiment)?,
         weaker: notes.noted(notes.found.weaker.clone())?,
-        ranges: notes.found.ranges.clone(),
+        ranges: experiment.shown_ranges()?,
         recommended: recommended.clone(),
         by_trajectory: metrics(Place::ByTrajectory)?,
         by_scenario: metrics(Place::ByScenario)?,
@@ -60,10 +62,37 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
     Ok(Page { path, results })
 }
 
+/// The options that change the figures.
+fn command(args: &PaperArgs) -> String {
+    let mut command = format!("dtd paper --scale {}", args.scale.name());
+    if let Some(rate) = args.frame_rate {
+        command += &format!(" --frame-rate {}", as_text(rate));
+    }
+    let files = [
+        ("sweep", &args.sweep),
+        ("config", &args.config),
+        ("model", &args.model),
+    ];
+    for (option, file) in files {
+        if let Some(file) = file {
+            command += &format!(" --{option} {}", file.display());
+        }
+    }
+    command
+}
+
+/// A frame rate as a sweep has it.
+fn as_text(rate: FrameRate) -> String {
+    match rate.denominator {
+        1 => rate.numerator.to_string(),
+        denominator => format!("{}/{denominator}", rate.numerator),
+    }
+}
+
 fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure> {
     let mut figures = CorpusFigures {
         scale: experiment.args.scale.name().into(),
-        simulator: String::new(),
+        simulators: Vec::new(),
         scenarios: 0,
         flights: 0,
         width_px: 0,
@@ -71,27 +100,21 @@ fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure>
         frame_rate: String::new(),
         pictures: 0,
     };
-    let mut flights = BTreeSet::new();
+    let (mut flights, mut simulators) = (BTreeSet::new(), BTreeSet::new());
     for folder in experiment.corpus()?.scenarios()? {
         let scenario = folder.open()?;
         let record = scenario.record()?;
         figures.scenarios += 1;
         figures.pictures += record.pictures();
         flights.insert(record.trajectory);
-        figures.simulator = record.versions.simulator;
-        let FrameRate {
-            numerator,
-            denominator,
-        } = record.frame_rate;
-        figures.frame_rate = match denominator {
-            1 => numerator.to_string(),
-            _ => format!("{numerator}/{denominator}"),
-        };
+        simulators.insert(record.versions.simulator);
+        figures.frame_rate = as_text(record.frame_rate);
         if let Some(camera) = scenario.calibration()?.cameras.values().next() {
             (figures.width_px, figures.height_px) = (camera.width_px, camera.height_px);
         }
     }
     figures.flights = flights.len();
+    figures.simulators = simulators.into_iter().collect();
     Ok(figures)
 }
 
@@ -106,6 +129,8 @@ pub(super) fn ranges(evaluation: &Evaluation, is_pretrained: bool) -> Vec<Range>
         let figures = evaluation.modes.get(mode.key())?;
         Some(Range {
             model: evaluation.model.identity.model.clone().unwrap_or_default(),
+            model_blake3: evaluation.model.identity.blake3(),
+            weather: evaluation.range_weather.clone(),
             is_pretrained,
             search,
             max_range_nm: figures.range.max_range_nm,
