@@ -19,6 +19,8 @@ packages=(
     chromium
     # Loads what `dtd export --to lerobot` writes, and the Dataset of python/ (requirements-torch.txt).
     python3-torch python3-torchvision
+    # A server of camera streams (tests/judges/rtsp_server.py).
+    gir1.2-gst-rtsp-server-1.0 gstreamer1.0-plugins-good python3-gi
 )
 bash scripts/setup-build.sh "${packages[@]}"
 

@@ -9,7 +9,7 @@ pub(crate) const COLUMNS: usize = 80;
 
 /// Verbs by what a user is about to do, in the order in which they are used.
 const GROUPS: &[(&str, &[&str])] = &[
-    ("Start here", &["demo", "examples"]),
+    ("Start here", &["demo", "paper", "examples"]),
     (
         "Corpora",
         &[
@@ -19,7 +19,14 @@ const GROUPS: &[(&str, &[&str])] = &[
     ),
     (
         "Estimators",
-        &["train", "refit", "evaluate", "predict", "export-estimators"],
+        &[
+            "train",
+            "refit",
+            "evaluate",
+            "predict",
+            "estimate",
+            "export-estimators",
+        ],
     ),
     ("Detectors", &["train-detector", "evaluate-detector"]),
     (
@@ -109,6 +116,19 @@ pub(crate) const PREDICT: &str = "\
 Example:
   dtd predict run --corpus corpus --out distances.parquet";
 
+pub(crate) const ESTIMATE: &str = "\
+Examples:
+  dtd estimate run --view left=rtsp://user@camera1/video \\
+      --view right=rtsp://user@camera2/video --metrics 127.0.0.1:9464
+  dtd estimate run --view left=left.mp4 --view right=right.mp4 \\
+      --as-fast-as-possible
+  dtd estimate run --view left=corpus:corpus/0001-a \\
+      --view right=corpus:corpus/0001-a
+
+Environment:
+  DTD_PASSWORD_VIEW     password of a view's server, e.g. DTD_PASSWORD_LEFT
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
+
 pub(crate) const EVALUATE_DETECTOR: &str = "\
 Examples:
   dtd evaluate-detector corpus --out judged
@@ -160,6 +180,16 @@ pub(crate) const INSTALL_PLUGIN: &str = "\
 Example:
   dtd install-plugin \"$HOME/X-Plane 12\"";
 
+pub(crate) const AIRPORT_IMPORT: &str = "\
+Example:
+  dtd airport import EDDM 26L --from apt.dat earth_nav.dat runways.csv >> sweep.toml";
+
+pub(crate) const TRACKS_IMPORT: &str = "\
+Example:
+  dtd tracks import arrivals/*.csv --runway LFPG/09R --airports sweep.toml --out flights
+
+Exit codes: 3 if a file or track was refused, 2 if all were.";
+
 pub(crate) const TAPE: &str = "\
 Examples:
   dtd tape --sim 127.0.0.1:49000 --out session.mcap
@@ -175,6 +205,15 @@ pub(crate) const DEMO: &str = "\
 Examples:
   dtd demo                                    results in target/demo
   dtd demo --out /tmp/demo --fresh";
+
+pub(crate) const PAPER: &str = "\
+Examples:
+  dtd paper --out paper --scale small         a first look, in three minutes
+  dtd paper --out paper                       100 scenarios: hours; resumes
+  dtd paper --out paper --pretrained-detector yolo11n.onnx
+
+Environment:
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
 
 pub(crate) const EXAMPLES: &str = "\
 Example:
@@ -285,6 +324,7 @@ mod tests {
         ("out", ""),
         ("port", "; 0 takes any free one"),
         ("restart-every", "X-Plane after every N live flights"),
+        ("rows", "Rows of the pictures to search: "),
         ("run", "un whose "),
         ("seed", "Seed of "),
         ("side", "Side of the split to "),
@@ -292,6 +332,7 @@ mod tests {
         ("start-from", "to start from instead of random"),
         ("sweep", "The sweep to "),
         ("timeout", "Longest wait for "),
+        ("view", "iew "),
     ];
 
     #[test]

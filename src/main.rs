@@ -3,6 +3,7 @@
 #[macro_use]
 mod print;
 mod args;
+mod estimate_args;
 mod estimator_args;
 mod export_args;
 mod failure;

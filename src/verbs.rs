@@ -1,11 +1,13 @@
 //! One file per verb: arguments in, work done by the crates, results printed.
 
 mod address;
+mod airport;
 mod async_runtime;
 mod completions;
 mod demo;
 mod detect;
 mod doctor;
+mod estimate;
 mod evaluate;
 mod evaluate_detector;
 mod examples;
@@ -20,6 +22,7 @@ mod mock_xplane;
 mod object_store;
 mod open_corpus;
 pub(crate) mod output;
+mod paper;
 mod plan;
 mod predict;
 mod push;
@@ -27,6 +30,7 @@ mod refit;
 mod schema;
 mod stdin_ended;
 mod tape;
+mod tracks;
 mod train;
 mod train_detector;
 mod verify;
@@ -55,17 +59,21 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Refit(args) => refit::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Predict(args) => predict::run(&args),
+        Verb::Estimate(args) => estimate::run(&args),
         Verb::ExportEstimators(args) => export_estimators::run(&args),
         Verb::EvaluateDetector(args) => evaluate_detector::run(&args),
         Verb::Export(args) => export::run(&args),
         Verb::Verify(args) => verify::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
+        Verb::Airport(args) => airport::run(&args),
+        Verb::Tracks(args) => tracks::run(&args),
         Verb::InstallPlugin(args) => install_plugin::run(&args),
         Verb::MockXplane(args) => mock_xplane::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
         Verb::Tape(args) => tape::run(&args),
         Verb::Demo(args) => demo::run(&args),
+        Verb::Paper(args) => paper::run(&args),
         Verb::Completions { shell } => completions::run(shell),
         Verb::Man { folder } => man::run(&folder),
     }

@@ -17,6 +17,7 @@ pub(crate) mod other_boxes;
 pub(crate) mod paired_views;
 pub(crate) mod rig;
 mod sample;
+pub(crate) mod scenario_split;
 pub(crate) mod training_cameras;
 pub(crate) mod trusted_boxes;
 pub(crate) mod truth;

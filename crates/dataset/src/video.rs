@@ -7,8 +7,10 @@
 //! every picture is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file with an
 //! index. Pictures are BT.709, full range, and tagged so.
 
+mod camera_stream;
 mod codec;
 mod conversion;
+mod decoded_image;
 mod fragments;
 mod index;
 mod luma;
@@ -27,8 +29,10 @@ use std::sync::Once;
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
+pub use camera_stream::CameraStream;
 pub use codec::VideoCodec;
 pub use conversion::PicturePart;
+pub use decoded_image::{DecodedImage, ImageConverter};
 pub use fragments::recorded_pictures;
 pub use index::refine_time_base;
 pub use luma::Luma;
@@ -153,7 +157,8 @@ impl VideoSettings {
     }
 }
 
-fn start_ffmpeg() {
+/// Starts FFmpeg: only what is fatal is logged, since errors are returned as values.
+pub fn start_ffmpeg() {
     static START: Once = Once::new();
     START.call_once(|| {
         // It fails only if FFmpeg lacks memory for its tables; opening a file reports that too.

@@ -1,0 +1,261 @@
+//! The time of each image: its sender's wall clock if there is one that can be right, else its timestamps placed by their arrivals, else
+//! its arrival.
+//!
+//! Timestamps of a camera run evenly but begin anywhere. The image that needed the shortest time to arrive, of the last half a minute,
+//! places them; a camera whose clock runs differently (100 ppm: 3 ms in that time) is followed. A clock that jumps is placed again.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use serde::Serialize;
+
+/// Source of the time of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ClockSource {
+    /// The wall clock of the sender (RTCP).
+    Sender,
+    /// Timestamps, placed by their arrivals.
+    Timestamps,
+    /// Its arrival.
+    Arrival,
+    /// The recording.
+    Recording,
+}
+
+impl ClockSource {
+    /// True if nothing ties it to the clocks of other views.
+    pub(crate) fn runs_free(self) -> bool {
+        matches!(self, Self::Timestamps | Self::Arrival)
+    }
+}
+
+/// This computer's time, which never jumps while it runs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RunClock {
+    began: Instant,
+    began_utc_s: f64,
+}
+
+impl RunClock {
+    pub(crate) fn start() -> Self {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH);
+        Self {
+            began: Instant::now(),
+            began_utc_s: since.unwrap_or_default().as_secs_f64(),
+        }
+    }
+
+    /// Seconds since the start.
+    pub(crate) fn now_s(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// A UTC time, as seconds since the start.
+    pub(crate) fn since_start_s(&self, utc_s: f64) -> f64 {
+        utc_s - self.began_utc_s
+    }
+
+    /// The UTC time of so many seconds since the start.
+    pub(crate) fn utc(&self, since_start_s: f64) -> SystemTime {
+        let utc_s = (self.began_utc_s + since_start_s).max(0.0);
+        UNIX_EPOCH + Duration::from_secs_f64(utc_s)
+    }
+}
+
+/// A time in seconds since the start of the program, and where it is from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stamp {
+    pub(crate) time_s: f64,
+    pub(crate) clock: ClockSource,
+}
+
+/// Clues to the time of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Clues {
+    /// When it arrived, seconds since the start.
+    pub(crate) arrival_s: f64,
+    /// Its timestamp, seconds since anything.
+    pub(crate) timestamp_s: Option<f64>,
+    /// Its sender's wall clock, seconds since the start.
+    pub(crate) sender_s: Option<f64>,
+}
+
+/// A sender's clock that differs by more from this computer's is wrong, or ours is: seconds.
+const MOST_SKEW_S: f64 = 1.0;
+
+/// Places the images of one connection.
+#[derive(Debug, Default)]
+pub(crate) struct Stamper {
+    sender: Placement,
+    timestamps: Placement,
+}
+
+impl Stamper {
+    pub(crate) fn stamp(&mut self, clues: Clues) -> Stamp {
+        let Clues { arrival_s, .. } = clues;
+        if let Some(sender_s) = clues.sender_s {
+            let delay_s = self.sender.delay_s(arrival_s, sender_s);
+            if delay_s.abs() <= MOST_SKEW_S {
+                return Stamp {
+                    time_s: sender_s,
+                    clock: ClockSource::Sender,
+                };
+            }
+        }
+        match clues.timestamp_s {
+            Some(timestamp_s) => Stamp {
+                time_s: timestamp_s + self.timestamps.delay_s(arrival_s, timestamp_s),
+                clock: ClockSource::Timestamps,
+            },
+            None => Stamp {
+                time_s: arrival_s,
+                clock: ClockSource::Arrival,
+            },
+        }
+    }
+}
+
+/// Seconds of a block, of which the shortest delay is kept, and number of blocks.
+const BLOCK_S: f64 = 10.0;
+const BLOCKS: usize = 3;
+/// A delay that is longer or shorter by this is a jump, seconds; if longer, only after so many images in a row: a network that stalls
+/// delivers later what it held, a clock that jumped does not.
+const JUMP_S: f64 = 1.0;
+const JUMP_IMAGES: u32 = 15;
+/// Delays of these differ by at most this, seconds.
+const STEADY_S: f64 = 0.1;
+
+/// The shortest time from a clock's reading to the arrival.
+#[derive(Debug, Default)]
+struct Placement {
+    /// Beginning and shortest delay of the last blocks, the newest last.
+    blocks: VecDeque<(f64, f64)>,
+    /// Longer delays in a row: the first, and their number.
+    longer: Option<(f64, u32)>,
+}
+
+impl Placement {
+    /// Takes a reading, and returns the shortest delay.
+    fn delay_s(&mut self, arrival_s: f64, reading_s: f64) -> f64 {
+        let delay_s = arrival_s - reading_s;
+        match self.shortest_s() {
+            Some(shortest_s) if delay_s < shortest_s - JUMP_S => self.blocks.clear(),
+            Some(shortest_s) if delay_s > shortest_s + JUMP_S => {
+                let (first_s, count) = self.longer.get_or_insert((delay_s, 0));
+                if (delay_s - *first_s).abs() > STEADY_S {
+                    (*first_s, *count) = (delay_s, 0);
+                }
+                *count += 1;
+                if *count < JUMP_IMAGES {
+                    return shortest_s;
+                }
+                self.blocks.clear();
+            }
+            _ => {}
+        }
+        self.longer = None;
+        match self.blocks.back_mut() {
+            Some((began_s, shortest_s)) if arrival_s < *began_s + BLOCK_S => {
+                *shortest_s = shortest_s.min(delay_s);
+            }
+            _ => self.blocks.push_back((arrival_s, delay_s)),
+        }
+        if self.blocks.len() > BLOCKS {
+            self.blocks.pop_front();
+        }
+        self.shortest_s().unwrap_or(delay_s)
+    }
+
+    fn shortest_s(&self) -> Option<f64> {
+        let delays = self.blocks.iter().map(|(_, delay_s)| *delay_s);
+        delays.min_by(f64::total_cmp)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_S: f64 = 1.0 / 30.0;
+
+    /// Delays of a network: 20 ms at least.
+    fn delay_s(image: u32) -> f64 {
+        0.02 + 0.03 * f64::from(image % 7) / 7.0
+    }
+
+    #[test]
+    fn timestamps_are_placed_by_the_fastest_arrival() {
+        let mut stamper = Stamper::default();
+        for image in 0..200 {
+            let taken_s = f64::from(image) * PERIOD_S;
+            let stamp = stamper.stamp(Clues {
+                arrival_s: taken_s + delay_s(image),
+                timestamp_s: Some(taken_s + 86_400.0),
+                sender_s: None,
+            });
+            assert_eq!(stamp.clock, ClockSource::Timestamps);
+            assert!((stamp.time_s - taken_s - 0.02).abs() < 1e-6, "{image}");
+        }
+    }
+
+    #[test]
+    fn the_senders_clock_is_used_unless_it_is_seconds_off() {
+        for (skew_s, expected) in [
+            (0.0, ClockSource::Sender),
+            (3.0, ClockSource::Timestamps),
+            (-3.0, ClockSource::Timestamps),
+        ] {
+            let mut stamper = Stamper::default();
+            for image in 0..100 {
+                let taken_s = f64::from(image) * PERIOD_S;
+                let stamp = stamper.stamp(Clues {
+                    arrival_s: taken_s + delay_s(image),
+                    timestamp_s: Some(taken_s),
+                    sender_s: Some(taken_s + skew_s),
+                });
+                assert_eq!(stamp.clock, expected, "skew {skew_s}");
+                assert!((stamp.time_s - taken_s).abs() < 0.051, "skew {skew_s}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_clock_that_jumps_is_placed_again_and_a_stall_is_not_a_jump() {
+        let mut stamper = Stamper::default();
+        let mut stamp = |image: u32, jump_s: f64, stall_s: f64| {
+            let taken_s = f64::from(image) * PERIOD_S;
+            let stamp = stamper.stamp(Clues {
+                arrival_s: taken_s + 0.02 + stall_s,
+                timestamp_s: Some(taken_s + jump_s),
+                sender_s: None,
+            });
+            stamp.time_s - taken_s
+        };
+        for image in 0..60 {
+            assert!(stamp(image, 0.0, 0.0) < 0.03);
+        }
+        // Held for two seconds, then delivered at once.
+        for image in 60..120 {
+            let stall_s = f64::from(120 - image) * PERIOD_S;
+            assert!(stamp(image, 0.0, stall_s) < 0.03, "{image}");
+        }
+        assert!(stamp(120, 100.0, 0.0) < 0.03, "forwards");
+        let backwards: Vec<f64> = (121..150).map(|image| stamp(image, -50.0, 0.0)).collect();
+        assert!(backwards.last().unwrap().abs() < 0.03, "{backwards:?}");
+    }
+
+    #[test]
+    fn a_clock_that_runs_fast_is_followed() {
+        let mut stamper = Stamper::default();
+        for image in 0..30 * 600 {
+            let taken_s = f64::from(image) * PERIOD_S;
+            let stamp = stamper.stamp(Clues {
+                arrival_s: taken_s,
+                timestamp_s: Some(taken_s * (1.0 - 100e-6)),
+                sender_s: None,
+            });
+            assert!((stamp.time_s - taken_s).abs() < 0.004, "{image}");
+        }
+    }
+}

@@ -1,0 +1,432 @@
+//! Joins the views, asks the estimator at each time, and writes answers and events.
+
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
+
+use glam::DVec2;
+use labeller::live::register_views;
+use trainer::live::{Candidate, OnlineRun, SeenTick, SeenView};
+
+use crate::answers::Answers;
+use crate::clock::RunClock;
+use crate::error::{Error, Result};
+use crate::feed::{Message, Pace, Report, Shared};
+use crate::free_clocks::{FreeClocks, News, Sighting};
+use crate::lines::{Event, Line, Lines};
+use crate::metrics::{Fate, Metrics, Stage};
+use crate::metrics_server;
+use crate::options::Options;
+use crate::pairing::{Joined, Pairing};
+use crate::search::Searched;
+use crate::track_motion::{TrackMotion, moved_box, moved_shift};
+use crate::view_news::ViewNews;
+use crate::views::{View, Views};
+
+/// Longest wait for a message: views are judged this often without one.
+const WAIT: Duration = Duration::from_millis(20);
+/// Without images for this time, aircraft are predicted, seconds; and again after as long.
+const SILENCE_S: f64 = 0.3;
+/// Seconds over which the motion of a box is read off.
+const MOTION_S: f64 = 0.05;
+/// Seconds between two events about overload.
+const OVERLOAD_S: f64 = 5.0;
+/// Limits of the end: for threads, and for the last lines.
+const STOP: Duration = Duration::from_millis(800);
+const LAST_LINES: Duration = Duration::from_millis(500);
+
+/// Runs until all recordings end or the caller stops it. `ready` gets the address of the metrics.
+///
+/// # Errors
+/// The views are not those of the run, a source can never be used, or an output cannot be opened.
+pub fn estimate(
+    options: Options,
+    output: Box<dyn Write + Send>,
+    is_stopped: &dyn Fn() -> bool,
+    ready: &dyn Fn(Option<std::net::SocketAddr>),
+) -> Result<()> {
+    options.check()?;
+    let clock = RunClock::start();
+    let run = options.run.blake3().to_string();
+    let metrics = Arc::new(Metrics::new(run.clone(), options.run.views()));
+    let address = match options.metrics {
+        Some(address) => Some(metrics_server::serve(address, metrics.clone(), clock)?),
+        None => None,
+    };
+    let stop = Arc::new(AtomicBool::new(false));
+    let shared = Shared::new(
+        clock,
+        options.pace(),
+        stop,
+        metrics.clone(),
+        options.offsets_s(),
+    );
+    let shared = Arc::new(shared);
+    let lines = Lines::to(output, metrics.clone())?;
+    let views = Views::start(&options, &shared, true)?;
+    ready(address);
+    let sources = views.all.iter();
+    let sources = sources.filter_map(|view| Some((view.name.clone(), view.source.clone()?)));
+    lines.put(&Line::Event(Event::Start {
+        time_s: 0.0,
+        run,
+        estimator: options.run.estimator().into(),
+        sources: sources.collect(),
+    }));
+    let count = views.all.len();
+    let mut conductor = Conductor {
+        pairing: Pairing::new(count, shared.pace == Pace::AsFastAsPossible),
+        motions: (0..count).map(|_| TrackMotion::default()).collect(),
+        clocks_given: !options.offsets_s.is_empty(),
+        free_clocks: FreeClocks::of(count),
+        answers: Answers::new(options.run.views().to_vec(), options.pace()),
+        run: options.run,
+        news: vec![ViewNews::default(); count],
+        has_finished: views.all.iter().map(|view| view.source.is_none()).collect(),
+        last_s: None,
+        predicted_s: 0.0,
+        overload: (0.0, vec![0; count], 0),
+        serves_metrics: address.is_some(),
+        views,
+        lines,
+        metrics,
+        shared,
+    };
+    for (view, offset_s) in &options.offsets_s {
+        let (view, offset_s) = (view.clone(), *offset_s);
+        conductor.event(|time_s| Event::Offset {
+            time_s,
+            view,
+            offset_s: Some(offset_s),
+            sd_s: None,
+        });
+    }
+    let cause = conductor.work(is_stopped);
+    conductor.finish(cause?);
+    Ok(())
+}
+
+struct Conductor {
+    run: OnlineRun,
+    views: Views,
+    shared: Arc<Shared>,
+    metrics: Arc<Metrics>,
+    lines: Lines,
+    pairing: Pairing<Box<Searched>>,
+    motions: Vec<TrackMotion>,
+    /// The caller gave offsets.
+    clocks_given: bool,
+    free_clocks: FreeClocks,
+    answers: Answers,
+    news: Vec<ViewNews>,
+    /// Views whose searches have ended.
+    has_finished: Vec<bool>,
+    /// Time of the last tick.
+    last_s: Option<f64>,
+    /// When aircraft were predicted without images, seconds since the start.
+    predicted_s: f64,
+    /// When overload was last reported, and how much there was until then.
+    overload: (f64, Vec<u64>, u64),
+    serves_metrics: bool,
+}
+
+impl Conductor {
+    /// Works until the end, and returns its cause.
+    fn work(&mut self, is_stopped: &dyn Fn() -> bool) -> Result<&'static str> {
+        loop {
+            let mut message = match self.views.messages.recv_timeout(WAIT) {
+                Ok(message) => Some(message),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return Ok("recordings"),
+            };
+            while let Some(content) = message {
+                self.take(content)?;
+                message = self.views.messages.try_recv().ok();
+            }
+            self.judge_views();
+            let now_s = self.shared.clock.now_s();
+            while let Some(joined) = self.pairing.next(now_s) {
+                self.tick(joined);
+            }
+            self.predict();
+            self.report_overload();
+            if is_stopped() {
+                return Ok("signal");
+            }
+            if self.has_finished.iter().all(|finished| *finished) {
+                return Ok("recordings");
+            }
+            // Without lines and without metrics nobody would learn anything.
+            if self.lines.failure().is_some() && !self.serves_metrics {
+                return Ok("reader");
+            }
+        }
+    }
+
+    fn take(&mut self, message: Message) -> Result<()> {
+        match message {
+            Message::Searched(view, searched) => {
+                let seen = searched.looked.boxes.iter().filter(|found| found.counts);
+                let seen = seen.map(|found| (found.track, &found.pixel_box));
+                self.motions[view].take(searched.time_s, seen);
+                let now_s = self.shared.clock.now_s();
+                self.pairing.put(view, searched.time_s, now_s, searched);
+            }
+            Message::Failed(error) => return Err(error),
+            Message::Finished(view) => self.has_finished[view] = true,
+            Message::Report(view, Report::Useless(why)) => {
+                let View { name, source, .. } = &self.views.all[view];
+                return Err(Error::View {
+                    view: name.clone(),
+                    source: source.clone().unwrap_or_default(),
+                    why,
+                });
+            }
+            Message::Report(view, report) => {
+                if matches!(report, Report::Lost(_)) {
+                    self.metrics.count_reopened(view);
+                }
+                self.news[view].take(report);
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells of views whose state has changed.
+    fn judge_views(&mut self) {
+        let is_timed = self.shared.pace != Pace::AsFastAsPossible;
+        let now_s = self.shared.clock.now_s();
+        for view in 0..self.views.all.len() {
+            let state = {
+                let watch = self.views.all[view].status.watch();
+                if is_timed {
+                    watch.state(now_s)
+                } else {
+                    watch.state_at_last_image()
+                }
+            };
+            let delivers = if is_timed {
+                state.can_be_measured() && !self.news[view].has_ended()
+            } else {
+                !self.has_finished[view]
+            };
+            self.pairing.set_live(view, delivers);
+            self.metrics.set_state(view, state);
+            let of_view = &self.views.all[view];
+            if of_view.source.is_none() {
+                continue;
+            }
+            if let Some(event) = self.news[view].of(&of_view.name, state) {
+                self.event(event);
+            }
+        }
+    }
+
+    /// Asks the estimator about the images of one time.
+    fn tick(&mut self, joined: Joined<Box<Searched>>) {
+        if self.last_s.is_some_and(|last_s| joined.time_s <= last_s) {
+            return;
+        }
+        self.last_s = Some(joined.time_s);
+        let mut views: Vec<SeenView> = (0..joined.images.len())
+            .map(|view| self.seen_view(&joined, view))
+            .collect();
+        for view in 1..views.len() {
+            self.watch_clock(&joined, view, &mut views);
+        }
+        let tick = SeenTick {
+            time_ns: nanoseconds(joined.time_s),
+            views,
+        };
+        let images = || joined.images.iter().flatten().map(|(_, searched)| searched);
+        let oldest_s = images().map(|searched| searched.taken_s);
+        let taken_s = oldest_s.fold(f64::INFINITY, f64::min);
+        let latest = |of: fn(&Searched) -> f64| {
+            images()
+                .map(|searched| of(searched))
+                .fold(f64::NEG_INFINITY, f64::max)
+        };
+        let (arrival_s, searched_s) = (
+            latest(|searched| searched.arrival_s),
+            latest(|searched| searched.searched_s),
+        );
+        self.answer(&tick, joined.time_s, taken_s);
+        let now_s = self.shared.clock.now_s();
+        self.metrics.time(Stage::Join, now_s - searched_s);
+        self.metrics.time(Stage::Total, now_s - arrival_s);
+    }
+
+    /// The boxes of a view, moved to the time of the tick.
+    fn seen_view(&self, joined: &Joined<Box<Searched>>, view: usize) -> SeenView {
+        let Some((time_s, searched)) = &joined.images[view] else {
+            return SeenView::default();
+        };
+        let moved = |track: u32| self.motions[view].moved_px(track, joined.time_s - time_s);
+        let reference = joined.images[0].as_ref().filter(|_| view > 0);
+        let registration = reference.and_then(|(_, first)| {
+            let cameras = [0, view].map(|view| self.run.camera(view));
+            let shift = register_views(
+                (&cameras[0], &first.looked.patch),
+                (&cameras[1], &searched.looked.patch),
+            );
+            let moved_px = best_of(searched).map_or([0.0; 2], moved);
+            Some((0, moved_shift(shift.ok()?, moved_px)))
+        });
+        let counting = searched.looked.boxes.iter().filter(|found| found.counts);
+        let boxes = counting.map(|found| Candidate {
+            pixel_box: moved_box(found.pixel_box, moved(found.track)),
+            score: found.score,
+            track: Some(found.track),
+        });
+        SeenView {
+            boxes: boxes.collect(),
+            registration,
+        }
+    }
+
+    /// Measures the clock of a view that runs free, and leaves the view out while its offset is unknown and the first one sees aircraft.
+    fn watch_clock(&mut self, joined: &Joined<Box<Searched>>, view: usize, views: &mut [SeenView]) {
+        let (Some((_, first)), Some((_, searched))) = (&joined.images[0], &joined.images[view])
+        else {
+            return;
+        };
+        let runs_free = first.clock.runs_free() || searched.clock.runs_free();
+        if !runs_free || self.clocks_given {
+            return;
+        }
+        let is_sighted = !views[0].boxes.is_empty() && !views[view].boxes.is_empty();
+        let shift = views[view].registration.filter(|_| is_sighted);
+        let sighting = shift.zip(best_of(searched)).map(|((_, shift), track)| {
+            let here_px = DVec2::new(shift.x_px, shift.y_px);
+            Sighting {
+                places_px: [here_px, here_px + DVec2::new(shift.dx_px, shift.dy_px)],
+                motion_px_s: DVec2::from(self.motions[view].moved_px(track, MOTION_S)) / MOTION_S,
+            }
+        });
+        let cameras = [0, view].map(|view| self.run.camera(view));
+        let cameras = [&cameras[0], &cameras[1]];
+        let news = self
+            .free_clocks
+            .take(view, joined.time_s, cameras, sighting);
+        if !self.free_clocks.is_known(view) && !views[0].boxes.is_empty() {
+            views[view] = SeenView::default();
+        }
+        let (offset_s, sd_s) = match news {
+            None => return,
+            Some(News::Unknown) => (None, None),
+            Some(News::Add(found)) => {
+                let offset_s = self.shared.offset_s(view) + found.seconds;
+                self.shared.set_offset_s(view, offset_s);
+                (Some(offset_s), Some(found.sd_s))
+            }
+        };
+        let view = self.views.all[view].name.clone();
+        self.event(|time_s| Event::Offset {
+            time_s,
+            view,
+            offset_s,
+            sd_s,
+        });
+    }
+
+    /// Predicts the aircraft while no images come.
+    fn predict(&mut self) {
+        let now_s = self.shared.clock.now_s();
+        let Some(last_s) = self.last_s else {
+            return;
+        };
+        let Some(now_time_s) = self.time_s(now_s) else {
+            return;
+        };
+        let time_s = now_time_s - SILENCE_S;
+        if time_s <= last_s + SILENCE_S || now_s < self.predicted_s + SILENCE_S {
+            return;
+        }
+        self.predicted_s = now_s;
+        self.last_s = Some(time_s);
+        let views = (0..self.views.all.len()).map(|_| SeenView::default());
+        let tick = SeenTick {
+            time_ns: nanoseconds(time_s),
+            views: views.collect(),
+        };
+        self.answer(&tick, time_s, now_s - SILENCE_S);
+    }
+
+    fn answer(&mut self, tick: &SeenTick, time_s: f64, taken_s: f64) {
+        let found = self.run.take(tick);
+        let now_s = self.shared.clock.now_s();
+        let utc = (self.shared.pace == Pace::Cameras).then(|| self.shared.clock.utc(taken_s));
+        for answer in self.answers.of(found, time_s, utc, now_s - taken_s) {
+            self.metrics.answered(now_s);
+            self.lines.put(&Line::Answer(Box::new(answer)));
+        }
+    }
+
+    /// A time since the start of the program in the time of answers; `None` if there is none yet, or time does not pass.
+    fn time_s(&self, since_start_s: f64) -> Option<f64> {
+        self.shared.answer_time_s(since_start_s)
+    }
+
+    fn event(&self, event: impl FnOnce(f64) -> Event) {
+        let now_s = self.shared.clock.now_s();
+        let time_s = self.time_s(now_s).or(self.last_s).unwrap_or(0.0);
+        self.lines.put(&Line::Event(event(time_s)));
+    }
+
+    /// Tells of images that were not searched, and of lines that nobody read, since the last time.
+    fn report_overload(&mut self) {
+        let now_s = self.shared.clock.now_s();
+        if now_s < self.overload.0 + OVERLOAD_S {
+            return;
+        }
+        let counts: Vec<u64> = (0..self.views.all.len())
+            .map(|view| self.metrics.images(view, Fate::Overload))
+            .collect();
+        let dropped = self.metrics.dropped_lines();
+        let before = std::mem::replace(&mut self.overload, (now_s, counts.clone(), dropped));
+        let names = self.views.all.iter().map(|view| view.name.clone());
+        let news = counts
+            .iter()
+            .zip(&before.1)
+            .map(|(now, before)| now - before);
+        let not_searched: Vec<_> = names.zip(news).collect();
+        let dropped_lines = dropped - before.2;
+        if dropped_lines > 0 || not_searched.iter().any(|(_, images)| *images > 0) {
+            self.event(|time_s| Event::Overload {
+                time_s,
+                not_searched,
+                dropped_lines,
+            });
+        }
+    }
+
+    fn finish(self, cause: &'static str) {
+        let images = self.views.all.iter().enumerate();
+        let images = images.map(|(view, of_view)| {
+            let searched = self.metrics.images(view, Fate::Searched);
+            let others = self.metrics.all_images(view) - searched;
+            (of_view.name.clone(), searched, others)
+        });
+        let images = images.collect();
+        self.event(|time_s| Event::End {
+            time_s,
+            cause,
+            images,
+        });
+        self.views.stop(STOP);
+        self.lines.finish(LAST_LINES);
+    }
+}
+
+/// The track of the box that was registered.
+fn best_of(searched: &Searched) -> Option<u32> {
+    let counting = searched.looked.boxes.iter().filter(|found| found.counts);
+    let best = counting.max_by(|a, b| a.score.total_cmp(&b.score));
+    best.map(|found| found.track)
+}
+
+fn nanoseconds(time_s: f64) -> i64 {
+    (time_s * 1e9).round() as i64
+}

@@ -1,0 +1,53 @@
+//! Distances to touchdown from camera feeds, while they run.
+//!
+//! Input: a run of `dtd train` and a source for each of its views ([`Source`]): a stream, a video file, a device or a recorded scenario.
+//! Output: answers and events, one after another ([`Line`]), and counts ([`Metrics`]).
+//!
+//! ```text
+//! source, input   where images come from; FFmpeg's side of it
+//! clock           the time of each image; clock_offset: of two cameras' clocks, by what both see
+//! feed            a thread a view: opens, decodes, opens again; hands over the newest image
+//! view_state      whether a view can be measured
+//! search          a thread a view: boxes and camera motion of the newest image
+//! pairing         images of several views that belong together
+//! conductor       joins the views, asks the estimator, writes answers
+//! lines, metrics  outputs, which no slow reader delays
+//! ```
+//!
+//! An answer is never older than it says: each has the time of its images, its age and a state.
+
+#![forbid(unsafe_code)]
+
+mod access_unit;
+mod answers;
+mod check;
+mod clock;
+mod clock_offset;
+mod conductor;
+mod error;
+mod feed;
+mod free_clocks;
+mod image_look;
+mod input;
+mod lines;
+mod lockstep;
+mod metrics;
+mod metrics_server;
+mod options;
+mod pairing;
+mod search;
+mod slot;
+mod source;
+mod track_motion;
+mod view_news;
+mod view_state;
+mod views;
+
+pub use check::{Found, check};
+pub use clock::ClockSource;
+pub use conductor::estimate;
+pub use error::{Error, Result};
+pub use lines::{Answer, AnswerState, Event, Line};
+pub use options::Options;
+pub use source::{Source, Stream};
+pub use view_state::ViewState;

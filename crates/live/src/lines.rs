@@ -1,0 +1,299 @@
+//! Answers and events as lines of JSON, on a thread of their own: whoever reads them slowly delays nothing.
+
+use std::collections::VecDeque;
+use std::io::{self, Write};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use serde::Serialize;
+
+use crate::clock::ClockSource;
+use crate::error::{Error, Result};
+use crate::metrics::Metrics;
+use crate::view_state::ViewState;
+
+/// Lines that wait for a reader; then the oldest is dropped.
+const MOST_WAITING: usize = 2_000;
+
+/// Freshness of an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AnswerState {
+    /// Measured from the images of its time.
+    Fresh,
+    /// Predicted from earlier images.
+    Coasting,
+    /// Nothing is known any more.
+    Lost,
+}
+
+/// An answer about an aircraft at a time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Answer {
+    /// Time of the images, seconds: since the first one, for recordings their own.
+    pub time_s: f64,
+    /// The same in UTC; null for recordings.
+    pub time_utc: Option<String>,
+    /// Number of the aircraft.
+    pub track: u32,
+    /// `arrival` or `other`.
+    pub phase: &'static str,
+    /// Distance to touchdown, metres; null unless fresh or coasting.
+    pub dtd_m: Option<f64>,
+    /// Its standard deviation.
+    pub dtd_sd_m: Option<f64>,
+    /// Ends of the 90 % interval.
+    pub dtd_from_m: Option<f64>,
+    /// See `dtd_from_m`.
+    pub dtd_to_m: Option<f64>,
+    /// Speed over ground.
+    pub ground_speed_mps: Option<f64>,
+    /// Until touchdown.
+    pub time_to_touchdown_s: Option<f64>,
+    /// Position, if the run has fitted cameras.
+    pub latitude_deg: Option<f64>,
+    /// See `latitude_deg`.
+    pub longitude_deg: Option<f64>,
+    /// Height above mean sea level.
+    pub height_m: Option<f64>,
+    /// Standard deviation of the position.
+    pub position_sd_m: Option<f64>,
+    /// Views whose boxes were used.
+    pub views: Vec<String>,
+    /// Age of the images when the line was made, seconds.
+    pub age_s: f64,
+    /// Freshness.
+    pub state: AnswerState,
+}
+
+/// An event.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// The estimation began.
+    Start {
+        /// Time, as of answers.
+        time_s: f64,
+        /// BLAKE3 of the run.
+        run: String,
+        /// Name of the estimator that answers.
+        estimator: String,
+        /// The sources, without secrets.
+        sources: Vec<(String, String)>,
+    },
+    /// A view changed its state.
+    View {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Name of the view.
+        view: String,
+        /// State from now on.
+        state: ViewState,
+        /// The cause, and what to do about it.
+        why: Option<String>,
+        /// Source of the times of its images.
+        clock: Option<ClockSource>,
+    },
+    /// Images were not searched, or lines were dropped, since the last such event.
+    Overload {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Images by view.
+        not_searched: Vec<(String, u64)>,
+        /// Lines that no reader took.
+        dropped_lines: u64,
+    },
+    /// A clock's offset that is used from now on.
+    Offset {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Name of the view.
+        view: String,
+        /// Added to the times of its images, seconds; null: unknown, so that it is not used together with the first view.
+        offset_s: Option<f64>,
+        /// Its standard deviation; null if it was given.
+        sd_s: Option<f64>,
+    },
+    /// The estimation ended.
+    End {
+        /// Time, as of answers.
+        time_s: f64,
+        /// `recordings` or `signal`.
+        cause: &'static str,
+        /// Searched and other images by view.
+        images: Vec<(String, u64, u64)>,
+    },
+}
+
+/// A line of output.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Line {
+    /// An answer.
+    Answer(Box<Answer>),
+    /// An event.
+    Event(Event),
+}
+
+/// Output of lines.
+pub(crate) struct Lines {
+    queue: Arc<Queue>,
+    metrics: Arc<Metrics>,
+}
+
+#[derive(Default)]
+struct Queue {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    waiting: VecDeque<String>,
+    is_closed: bool,
+    /// The writer took a line and has not written it yet.
+    is_writing: bool,
+    failure: Option<io::ErrorKind>,
+}
+
+impl Lines {
+    /// Writes lines to an output.
+    pub(crate) fn to(output: Box<dyn Write + Send>, metrics: Arc<Metrics>) -> Result<Self> {
+        let queue = Arc::<Queue>::default();
+        let of_thread = queue.clone();
+        thread::Builder::new()
+            .name("lines".into())
+            .spawn(move || of_thread.write_to(output))
+            .map_err(Error::Thread)?;
+        Ok(Self { queue, metrics })
+    }
+
+    /// Puts a line in the queue, at once.
+    pub(crate) fn put(&self, line: &Line) {
+        // Numbers and texts of our own always serialise.
+        let Ok(text) = serde_json::to_string(line) else {
+            return;
+        };
+        let mut state = self.queue.lock();
+        if state.waiting.len() >= MOST_WAITING {
+            state.waiting.pop_front();
+            self.metrics.count_dropped_line();
+        }
+        state.waiting.push_back(text);
+        self.queue.changed.notify_all();
+    }
+
+    /// Cause of an output that takes no more lines.
+    pub(crate) fn failure(&self) -> Option<io::ErrorKind> {
+        self.queue.lock().failure
+    }
+
+    /// Waits until all lines are written, but not longer than this.
+    pub(crate) fn finish(self, most: Duration) {
+        let mut state = self.queue.lock();
+        state.is_closed = true;
+        self.queue.changed.notify_all();
+        let is_busy = |state: &mut State| {
+            state.failure.is_none() && (state.is_writing || !state.waiting.is_empty())
+        };
+        drop(self.queue.changed.wait_timeout_while(state, most, is_busy));
+    }
+}
+
+impl Queue {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write_to(&self, mut output: Box<dyn Write + Send>) {
+        let mut state = self.lock();
+        loop {
+            if let Some(line) = state.waiting.pop_front() {
+                state.is_writing = true;
+                drop(state);
+                let written = writeln!(output, "{line}").and_then(|()| output.flush());
+                state = self.lock();
+                state.is_writing = false;
+                state.failure = written.err().map(|error| error.kind());
+                self.changed.notify_all();
+                if state.failure.is_some() {
+                    return;
+                }
+            } else if state.is_closed {
+                return;
+            } else {
+                let waited = self.changed.wait(state);
+                state = waited.unwrap_or_else(PoisonError::into_inner);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::{Receiver, Sender, channel};
+
+    use super::*;
+
+    /// A reader that takes a line when it is told to.
+    struct Slow(Receiver<()>, Sender<String>);
+
+    impl Write for Slow {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.recv().map_err(|_| io::ErrorKind::BrokenPipe)?;
+            let _ = self.1.send(String::from_utf8_lossy(bytes).into_owned());
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn offset(number: u32) -> Line {
+        Line::Event(Event::Offset {
+            time_s: f64::from(number),
+            view: "left".into(),
+            offset_s: Some(0.5),
+            sd_s: None,
+        })
+    }
+
+    #[test]
+    fn a_reader_that_stops_delays_nothing_and_loses_the_oldest() {
+        let metrics = Arc::new(Metrics::new(String::new(), &[]));
+        let (_go, wait) = channel();
+        let (texts, _read) = channel();
+        let lines = Lines::to(Box::new(Slow(wait, texts)), metrics.clone()).unwrap();
+        for number in 0..MOST_WAITING as u32 + 10 {
+            lines.put(&offset(number));
+        }
+        // The writer holds one.
+        assert!((9..=10).contains(&metrics.dropped_lines()));
+        lines.finish(Duration::from_millis(10));
+    }
+
+    #[test]
+    fn a_reader_that_is_gone_is_noticed() {
+        let metrics = Arc::new(Metrics::new(String::new(), &[]));
+        let (go, wait) = channel();
+        let (texts, _read) = channel();
+        let lines = Lines::to(Box::new(Slow(wait, texts)), metrics).unwrap();
+        drop(go);
+        lines.put(&offset(1));
+        while lines.failure().is_none() {
+            thread::yield_now();
+        }
+        assert_eq!(lines.failure(), Some(io::ErrorKind::BrokenPipe));
+    }
+
+    #[test]
+    fn an_event_names_itself_and_has_a_time() {
+        let text = serde_json::to_string(&offset(3)).unwrap();
+        assert_eq!(
+            text,
+            r#"{"event":"offset","time_s":3.0,"view":"left","offset_s":0.5,"sd_s":null}"#
+        );
+    }
+}

@@ -1,0 +1,314 @@
+//! Counts and times of a live estimation, as text in the OpenMetrics format.
+
+use std::fmt::{self, Write};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
+use crate::view_state::ViewState;
+
+/// Fate of a decoded image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Fate {
+    Searched,
+    /// A newer one came before the search had time.
+    Overload,
+    Damaged,
+    Frozen,
+    Dark,
+    Moved,
+    OtherSize,
+    /// Its time is not after the one before.
+    Disordered,
+}
+
+impl Fate {
+    const ALL: [Self; 8] = [
+        Self::Searched,
+        Self::Overload,
+        Self::Damaged,
+        Self::Frozen,
+        Self::Dark,
+        Self::Moved,
+        Self::OtherSize,
+        Self::Disordered,
+    ];
+
+    /// Fate of the images of a view in this state.
+    pub(crate) fn of(state: ViewState) -> Self {
+        match state {
+            ViewState::Frozen => Self::Frozen,
+            ViewState::Dark => Self::Dark,
+            ViewState::Moved => Self::Moved,
+            _ => Self::Damaged,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Searched => "searched",
+            Self::Overload => "overload",
+            Self::Damaged => "damaged",
+            Self::Frozen => "frozen",
+            Self::Dark => "dark",
+            Self::Moved => "moved",
+            Self::OtherSize => "other_size",
+            Self::Disordered => "disordered",
+        }
+    }
+}
+
+/// A part of the way from a packet to an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Stage {
+    /// From the arrival of the last packet to the decoded image.
+    Decode,
+    /// Until the search begins.
+    Wait,
+    Search,
+    /// From the later image of a pair to the answer.
+    Join,
+    /// From the arrival of the last packet of the later image to the answer.
+    Total,
+}
+
+impl Stage {
+    const ALL: [Self; 5] = [
+        Self::Decode,
+        Self::Wait,
+        Self::Search,
+        Self::Join,
+        Self::Total,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Decode => "decode",
+            Self::Wait => "wait",
+            Self::Search => "search",
+            Self::Join => "join",
+            Self::Total => "total",
+        }
+    }
+}
+
+/// Upper ends of the histogram's classes, milliseconds.
+const CLASSES_MS: [u64; 14] = [1, 2, 5, 10, 15, 20, 25, 30, 40, 60, 80, 100, 200, 1_000];
+
+/// Counts of all views.
+#[derive(Debug)]
+pub(crate) struct Metrics {
+    run: String,
+    views: Vec<OfView>,
+    latencies: [Histogram; Stage::ALL.len()],
+    answers: AtomicU64,
+    /// Milliseconds since the start of the program; 0: none yet.
+    last_answer_ms: AtomicU64,
+    dropped_lines: AtomicU64,
+}
+
+#[derive(Debug)]
+struct OfView {
+    name: String,
+    fates: [AtomicU64; Fate::ALL.len()],
+    state: AtomicUsize,
+    reopened: AtomicU64,
+}
+
+#[derive(Debug, Default)]
+struct Histogram {
+    /// The last class has no end.
+    classes: [AtomicU64; CLASSES_MS.len() + 1],
+    sum_us: AtomicU64,
+}
+
+impl Metrics {
+    /// For a run with this hash, and views of these names.
+    pub(crate) fn new(run: String, views: &[String]) -> Self {
+        let of_view = |name: &String| OfView {
+            name: name.clone(),
+            fates: Default::default(),
+            state: AtomicUsize::new(ViewState::Down as usize),
+            reopened: AtomicU64::new(0),
+        };
+        Self {
+            run,
+            views: views.iter().map(of_view).collect(),
+            latencies: Default::default(),
+            answers: AtomicU64::new(0),
+            last_answer_ms: AtomicU64::new(0),
+            dropped_lines: AtomicU64::new(0),
+        }
+    }
+
+    pub(crate) fn count(&self, view: usize, fate: Fate) {
+        self.views[view].fates[fate as usize].fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Images of a view with this fate.
+    pub(crate) fn images(&self, view: usize, fate: Fate) -> u64 {
+        self.views[view].fates[fate as usize].load(Ordering::Relaxed)
+    }
+
+    /// Images of a view.
+    pub(crate) fn all_images(&self, view: usize) -> u64 {
+        Fate::ALL.iter().map(|fate| self.images(view, *fate)).sum()
+    }
+
+    pub(crate) fn has_images(&self, view: usize) -> bool {
+        self.all_images(view) > 0
+    }
+
+    pub(crate) fn set_state(&self, view: usize, state: ViewState) {
+        self.views[view]
+            .state
+            .store(state as usize, Ordering::Relaxed);
+    }
+
+    pub(crate) fn count_reopened(&self, view: usize) {
+        self.views[view].reopened.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(crate) fn time(&self, stage: Stage, seconds: f64) {
+        let of_stage = &self.latencies[stage as usize];
+        let seconds = seconds.max(0.0);
+        let class = CLASSES_MS.partition_point(|end_ms| seconds * 1e3 > *end_ms as f64);
+        of_stage.classes[class].fetch_add(1, Ordering::Relaxed);
+        (of_stage.sum_us).fetch_add((seconds * 1e6) as u64, Ordering::Relaxed);
+    }
+
+    pub(crate) fn answered(&self, now_s: f64) {
+        self.answers.fetch_add(1, Ordering::Relaxed);
+        self.last_answer_ms
+            .store((now_s * 1e3) as u64, Ordering::Relaxed);
+    }
+
+    pub(crate) fn count_dropped_line(&self) {
+        self.dropped_lines.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(crate) fn dropped_lines(&self) -> u64 {
+        self.dropped_lines.load(Ordering::Relaxed)
+    }
+
+    /// All of it in the OpenMetrics format. `now_s`: seconds since the start of the program.
+    pub(crate) fn text(&self, now_s: f64) -> String {
+        let mut text = String::new();
+        // Writing to a string does not fail.
+        let _ = self.write(&mut text, now_s);
+        text
+    }
+
+    fn write(&self, to: &mut String, now_s: f64) -> fmt::Result {
+        writeln!(to, "# TYPE dtd_run info")?;
+        writeln!(to, "dtd_run_info{{blake3=\"{}\"}} 1", self.run)?;
+        writeln!(to, "# TYPE dtd_images counter")?;
+        for view in &self.views {
+            for (fate, count) in Fate::ALL.iter().zip(&view.fates) {
+                let (name, fate) = (quoted(&view.name), fate.name());
+                let count = count.load(Ordering::Relaxed);
+                writeln!(
+                    to,
+                    "dtd_images_total{{view=\"{name}\",fate=\"{fate}\"}} {count}"
+                )?;
+            }
+        }
+        writeln!(to, "# TYPE dtd_view_state stateset")?;
+        for view in &self.views {
+            let now = view.state.load(Ordering::Relaxed);
+            for state in ViewState::ALL {
+                let (name, word) = (quoted(&view.name), state.name());
+                let is_now = u8::from(state as usize == now);
+                writeln!(
+                    to,
+                    "dtd_view_state{{view=\"{name}\",dtd_view_state=\"{word}\"}} {is_now}"
+                )?;
+            }
+        }
+        writeln!(to, "# TYPE dtd_view_reopened counter")?;
+        for view in &self.views {
+            let count = view.reopened.load(Ordering::Relaxed);
+            writeln!(
+                to,
+                "dtd_view_reopened_total{{view=\"{}\"}} {count}",
+                quoted(&view.name)
+            )?;
+        }
+        writeln!(to, "# TYPE dtd_latency_seconds histogram")?;
+        writeln!(to, "# UNIT dtd_latency_seconds seconds")?;
+        for (stage, histogram) in Stage::ALL.iter().zip(&self.latencies) {
+            histogram.write(to, stage.name())?;
+        }
+        writeln!(to, "# TYPE dtd_answers counter")?;
+        writeln!(
+            to,
+            "dtd_answers_total {}",
+            self.answers.load(Ordering::Relaxed)
+        )?;
+        let last_ms = self.last_answer_ms.load(Ordering::Relaxed);
+        if last_ms > 0 {
+            let age_s = now_s - last_ms as f64 * 1e-3;
+            writeln!(to, "# TYPE dtd_last_answer_age_seconds gauge")?;
+            writeln!(to, "# UNIT dtd_last_answer_age_seconds seconds")?;
+            writeln!(to, "dtd_last_answer_age_seconds {age_s:.3}")?;
+        }
+        writeln!(to, "# TYPE dtd_dropped_lines counter")?;
+        writeln!(to, "dtd_dropped_lines_total {}", self.dropped_lines())?;
+        writeln!(to, "# EOF")
+    }
+}
+
+impl Histogram {
+    fn write(&self, to: &mut String, stage: &str) -> fmt::Result {
+        let mut below = 0;
+        let ends = CLASSES_MS
+            .iter()
+            .map(|end_ms| format!("{}", *end_ms as f64 * 1e-3));
+        for (end, count) in ends.chain(["+Inf".into()]).zip(&self.classes) {
+            below += count.load(Ordering::Relaxed);
+            writeln!(
+                to,
+                "dtd_latency_seconds_bucket{{stage=\"{stage}\",le=\"{end}\"}} {below}"
+            )?;
+        }
+        let sum_s = self.sum_us.load(Ordering::Relaxed) as f64 * 1e-6;
+        writeln!(to, "dtd_latency_seconds_count{{stage=\"{stage}\"}} {below}")?;
+        writeln!(
+            to,
+            "dtd_latency_seconds_sum{{stage=\"{stage}\"}} {sum_s:.6}"
+        )
+    }
+}
+
+/// The value of a label.
+fn quoted(text: &str) -> String {
+    text.replace('\\', "\\\\")
+        .replace('"', "\\\"")
+        .replace('\n', "\\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_text_has_every_view_fate_state_and_stage_and_ends() {
+        let metrics = Metrics::new("abc".into(), &["left".into(), "ri\"ght".into()]);
+        metrics.count(1, Fate::Overload);
+        metrics.set_state(0, ViewState::Frozen);
+        metrics.time(Stage::Total, 0.0123);
+        metrics.answered(1.0);
+        let text = metrics.text(1.5);
+        for line in [
+            "dtd_run_info{blake3=\"abc\"} 1",
+            "dtd_images_total{view=\"ri\\\"ght\",fate=\"overload\"} 1",
+            "dtd_view_state{view=\"left\",dtd_view_state=\"frozen\"} 1",
+            "dtd_view_state{view=\"left\",dtd_view_state=\"down\"} 0",
+            "dtd_latency_seconds_bucket{stage=\"total\",le=\"0.01\"} 0",
+            "dtd_latency_seconds_bucket{stage=\"total\",le=\"0.015\"} 1",
+            "dtd_latency_seconds_count{stage=\"total\"} 1",
+            "dtd_last_answer_age_seconds 0.500",
+        ] {
+            assert!(text.lines().any(|found| found == line), "{line}\n{text}");
+        }
+        assert!(text.ends_with("# EOF\n"));
+    }
+}

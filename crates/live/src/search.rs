@@ -1,0 +1,172 @@
+//! A thread for each view that searches the newest image.
+
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+use dataset::tables::health::HealthState;
+use dataset::video::{DecodedImage, ImageConverter, Luma, PicturePart};
+use labeller::detector::PictureView;
+use labeller::live::{Image, Looked, ViewSearch};
+
+use crate::clock::ClockSource;
+use crate::feed::{FeedImage, Message, Pace, Shared, ViewStatus};
+use crate::lockstep::Lockstep;
+use crate::metrics::{Fate, Stage};
+use crate::slot::{Slot, Taken};
+
+/// A searched image.
+pub(crate) struct Searched {
+    /// See [`FeedImage`].
+    pub(crate) time_s: f64,
+    pub(crate) taken_s: f64,
+    pub(crate) arrival_s: f64,
+    pub(crate) clock: ClockSource,
+    /// When the search was done, seconds since the start.
+    pub(crate) searched_s: f64,
+    pub(crate) looked: Looked,
+}
+
+/// The search of one view.
+pub(crate) struct Search {
+    pub(crate) view: usize,
+    pub(crate) name: String,
+    pub(crate) search: ViewSearch,
+    pub(crate) slot: Arc<Slot<FeedImage>>,
+    pub(crate) status: Arc<ViewStatus>,
+    pub(crate) messages: Sender<Message>,
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) lockstep: Arc<Lockstep>,
+}
+
+/// A wait for an image that is longer changes nothing.
+const WAIT: Duration = Duration::from_millis(500);
+
+impl Search {
+    /// Runs until the feed ends or the program is stopped.
+    pub(crate) fn run(mut self) {
+        let mut pixels = Pixels {
+            converter: ImageConverter::new(&self.name),
+            whole: Vec::new(),
+            part: Vec::new(),
+            previous: None,
+        };
+        while !self.shared.is_stopped() {
+            let image = match self.slot.take(WAIT) {
+                Taken::Content(image) => image,
+                Taken::Nothing => continue,
+                Taken::Closed => break,
+            };
+            if self.shared.pace == Pace::AsFastAsPossible {
+                self.lockstep.reach(self.view, image.time_s);
+            }
+            match self.look(image, &mut pixels) {
+                Ok(None) => {}
+                Ok(Some(searched)) => {
+                    let message = Message::Searched(self.view, Box::new(searched));
+                    if self.messages.send(message).is_err() {
+                        break;
+                    }
+                }
+                Err(error) => {
+                    // Whoever reads it has ended if it fails.
+                    let _ = self.messages.send(Message::Failed(error.into()));
+                    break;
+                }
+            }
+        }
+        self.lockstep.leave(self.view);
+        let _ = self.messages.send(Message::Finished(self.view));
+    }
+
+    /// Searches an image; `None` if it must not be measured.
+    fn look(
+        &mut self,
+        image: FeedImage,
+        pixels: &mut Pixels,
+    ) -> labeller::Result<Option<Searched>> {
+        let metrics = &self.shared.metrics;
+        let begun_s = self.shared.clock.now_s();
+        metrics.time(Stage::Wait, begun_s - image.decoded_s);
+        let looked = self.search.look(
+            &mut NewImage {
+                image: &image.image,
+                pixels,
+                is_converted: false,
+            },
+            image.time_s,
+        )?;
+        let searched_s = self.shared.clock.now_s();
+        metrics.time(Stage::Search, searched_s - begun_s);
+        let is_moved = matches!(looked.camera, HealthState::Moved | HealthState::Shaking);
+        let is_frozen = looked.camera == HealthState::Frozen;
+        self.status.watch().set_camera(is_moved, is_frozen);
+        pixels.previous = Some(image.image);
+        if !image.can_be_measured {
+            return Ok(None);
+        }
+        metrics.count(self.view, Fate::Searched);
+        Ok(Some(Searched {
+            time_s: image.time_s,
+            taken_s: image.taken_s,
+            arrival_s: image.arrival_s,
+            clock: image.clock,
+            searched_s,
+            looked,
+        }))
+    }
+}
+
+/// Converted pixels of the images of a view, and the image before.
+struct Pixels {
+    converter: ImageConverter,
+    whole: Vec<u8>,
+    part: Vec<u8>,
+    previous: Option<DecodedImage>,
+}
+
+/// The image that is searched.
+struct NewImage<'a> {
+    image: &'a DecodedImage,
+    pixels: &'a mut Pixels,
+    is_converted: bool,
+}
+
+impl Image for NewImage<'_> {
+    fn size_px(&self) -> [u32; 2] {
+        self.image.size_px()
+    }
+
+    fn whole(&mut self) -> labeller::Result<PictureView<'_>> {
+        let Pixels {
+            converter, whole, ..
+        } = &mut *self.pixels;
+        if !self.is_converted {
+            converter.whole(self.image, whole)?;
+            self.is_converted = true;
+        }
+        let [width_px, height_px] = self.image.size_px();
+        Ok(PictureView {
+            rgb: whole,
+            width_px,
+            height_px,
+        })
+    }
+
+    fn part(&mut self, part: PicturePart) -> labeller::Result<PictureView<'_>> {
+        let pixels = &mut *self.pixels;
+        pixels.converter.part(self.image, part, &mut pixels.part)?;
+        Ok(PictureView {
+            rgb: &pixels.part,
+            width_px: part.width_px,
+            height_px: part.height_px,
+        })
+    }
+
+    fn lumas(&self) -> [Option<Luma<'_>>; 2] {
+        let previous = self.pixels.previous.as_ref();
+        let is_alike = |before: &&DecodedImage| before.size_px() == self.image.size_px();
+        let before = previous.filter(is_alike).and_then(DecodedImage::luma);
+        [before, self.image.luma()]
+    }
+}

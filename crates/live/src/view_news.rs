@@ -1,0 +1,98 @@
+//! When a view's state is news, and what is said about it.
+
+use crate::clock::ClockSource;
+use crate::feed::Report;
+use crate::lines::Event;
+use crate::view_state::ViewState;
+
+/// The last event about a view, and what is known of its source.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ViewNews {
+    told: Option<ViewState>,
+    /// Cause of its loss.
+    why: Option<String>,
+    clock: Option<ClockSource>,
+    has_ended: bool,
+}
+
+impl ViewNews {
+    /// Takes what the feed reports.
+    pub(crate) fn take(&mut self, report: Report) {
+        match report {
+            Report::Opened { .. } => {}
+            Report::FirstImage { clock, .. } => (self.clock, self.why) = (Some(clock), None),
+            Report::Lost(why) | Report::Useless(why) => self.why = Some(why),
+            Report::Ended => {
+                self.has_ended = true;
+                self.why = Some("the recording is over".into());
+            }
+        }
+    }
+
+    /// True once its recording is over.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.has_ended
+    }
+
+    /// The event about a state, if it is another one than before. At the beginning every view is down.
+    pub(crate) fn of(
+        &mut self,
+        view: &str,
+        state: ViewState,
+    ) -> Option<impl FnOnce(f64) -> Event + use<>> {
+        let is_first_fault = self.told.is_none() && self.why.is_some();
+        if self.told.unwrap_or(ViewState::Down) == state && !is_first_fault {
+            return None;
+        }
+        self.told = Some(state);
+        let (why, clock, view) = (self.why_of(view, state), self.clock, view.to_owned());
+        Some(move |time_s| Event::View {
+            time_s,
+            view,
+            state,
+            why,
+            clock,
+        })
+    }
+
+    fn why_of(&self, view: &str, state: ViewState) -> Option<String> {
+        let why = match state {
+            ViewState::Up | ViewState::Late => return None,
+            ViewState::Down => return self.why.clone(),
+            ViewState::Moved => {
+                return Some(format!(
+                    "the camera looks elsewhere, and its images are not measured; if it stays so, `dtd refit RUN --view {view}`"
+                ));
+            }
+            ViewState::Frozen => "its images repeat, and are not measured",
+            ViewState::Dark => "its images are black, and are not measured",
+            ViewState::Damaged => "its images are damaged or of another size, and are not measured",
+        };
+        Some(why.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_is_told_once_and_a_view_that_is_down_from_the_beginning_with_its_fault() {
+        let mut news = ViewNews::default();
+        assert!(news.of("left", ViewState::Down).is_none());
+        news.take(Report::Lost("nobody answers".into()));
+        let event = news.of("left", ViewState::Down).unwrap()(1.0);
+        let Event::View { why, state, .. } = event else {
+            panic!("{event:?}")
+        };
+        assert_eq!(
+            (why.as_deref(), state),
+            (Some("nobody answers"), ViewState::Down)
+        );
+        assert!(news.of("left", ViewState::Down).is_none());
+        assert!(news.of("left", ViewState::Up).is_some());
+        assert!(news.of("left", ViewState::Up).is_none());
+        let event = news.of("left", ViewState::Moved).unwrap()(2.0);
+        assert!(format!("{event:?}").contains("dtd refit RUN --view left"));
+    }
+}

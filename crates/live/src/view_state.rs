@@ -1,0 +1,319 @@
+//! Condition of a view, from its images as they come, and from their absence.
+//!
+//! Equal images alone say nothing: an encoder repeats a scene without noise. So a view is frozen if its images stop changing although they
+//! changed all the time before; where they never did, the search tells (an aircraft that should have moved).
+
+use std::collections::VecDeque;
+
+use serde::Serialize;
+
+use crate::image_look::ImageLook;
+
+/// Condition of a view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ViewState {
+    /// It can be measured.
+    Up,
+    /// Images come later than they should, or none has come for a moment.
+    Late,
+    /// Images repeat.
+    Frozen,
+    /// The decoder concealed errors since the last key frame, or the images have another size.
+    Damaged,
+    /// The camera looks elsewhere.
+    Moved,
+    /// Images are black.
+    Dark,
+    /// There are no images.
+    Down,
+}
+
+impl ViewState {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Up,
+        Self::Late,
+        Self::Frozen,
+        Self::Damaged,
+        Self::Moved,
+        Self::Dark,
+        Self::Down,
+    ];
+
+    /// Its name in outputs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Up => "up",
+            Self::Late => "late",
+            Self::Frozen => "frozen",
+            Self::Damaged => "damaged",
+            Self::Moved => "moved",
+            Self::Dark => "dark",
+            Self::Down => "down",
+        }
+    }
+
+    /// True if its images show what is there now.
+    pub fn can_be_measured(self) -> bool {
+        matches!(self, Self::Up | Self::Late)
+    }
+}
+
+/// An image is late by more than this, and a view without images for longer, seconds; or so many of its usual periods.
+const LATE_S: f64 = 0.22;
+const LATE_PERIODS: f64 = 3.5;
+/// Without images for longer there are none.
+const DOWN_S: f64 = 1.0;
+const DOWN_PERIODS: f64 = 8.0;
+/// Images are frozen or dark if they were so for this long, seconds, or for so many images.
+const FROZEN_S: f64 = 0.3;
+const DARK_S: f64 = 0.2;
+const FEWEST: usize = 3;
+/// Seconds of images that tell how much they usually change, and the fewest of them.
+const USUAL_S: f64 = 10.0;
+const FEWEST_USUAL: usize = 20;
+/// Images changed all the time if nearly all of them changed by this, grey levels.
+const LEAST_CHANGE: f64 = 0.03;
+const LEAST_PART: f64 = 0.95;
+/// An image that changed by less than this part of the usual repeats the one before.
+const REPEATED_PART: f64 = 0.1;
+
+/// An image that was decoded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Seen {
+    /// Now, seconds since the start.
+    pub(crate) now_s: f64,
+    /// When it was taken, by its stamp.
+    pub(crate) time_s: f64,
+    pub(crate) is_damaged: bool,
+    pub(crate) look: Option<ImageLook>,
+}
+
+/// Watches a view.
+#[derive(Debug, Default)]
+pub(crate) struct ViewWatch {
+    is_connected: bool,
+    last_s: Option<f64>,
+    /// Age of the last image when it came.
+    age_s: f64,
+    is_damaged: bool,
+    is_moved: bool,
+    /// By the search.
+    is_frozen: bool,
+    /// Since when all images repeat, or are dark, and how many.
+    repeats: Option<(f64, usize)>,
+    dark: Option<(f64, usize)>,
+    /// When images came, and by how much they changed, without repeated ones.
+    usual: VecDeque<(f64, f64)>,
+}
+
+impl ViewWatch {
+    /// The source was opened, or lost.
+    pub(crate) fn set_connected(&mut self, is_connected: bool) {
+        self.is_connected = is_connected;
+        if !is_connected {
+            *self = Self {
+                // The scene is the same when it comes back, and so is the camera's direction.
+                usual: std::mem::take(&mut self.usual),
+                is_moved: self.is_moved,
+                ..Self::default()
+            };
+        }
+    }
+
+    /// Takes the condition of the camera by the search.
+    pub(crate) fn set_camera(&mut self, is_moved: bool, is_frozen: bool) {
+        (self.is_moved, self.is_frozen) = (is_moved, is_frozen);
+    }
+
+    /// Takes an image, and returns the state of the view with it.
+    pub(crate) fn take(&mut self, seen: Seen) -> ViewState {
+        let Seen { now_s, look, .. } = seen;
+        self.is_connected = true;
+        self.last_s = Some(now_s);
+        self.age_s = now_s - seen.time_s;
+        self.is_damaged = seen.is_damaged;
+        let count = |run: Option<(f64, usize)>| match run {
+            Some((since_s, count)) => Some((since_s, count + 1)),
+            None => Some((now_s, 1)),
+        };
+        let is_dark = look.is_some_and(|look| look.is_dark);
+        self.dark = is_dark.then(|| count(self.dark)).flatten();
+        let change = look.and_then(|look| look.change_levels);
+        let repeats = change.zip(self.usual_change());
+        if repeats.is_some_and(|(change, usual)| change <= REPEATED_PART * usual) {
+            self.repeats = count(self.repeats);
+        } else {
+            self.repeats = None;
+            if let Some(change) = change.filter(|_| !is_dark) {
+                self.usual.push_back((now_s, change));
+            }
+        }
+        while self.usual.len() > FEWEST_USUAL
+            && self
+                .usual
+                .front()
+                .is_some_and(|(at_s, _)| at_s + USUAL_S < now_s)
+        {
+            self.usual.pop_front();
+        }
+        self.state(now_s)
+    }
+
+    /// The state of the view now.
+    pub(crate) fn state(&self, now_s: f64) -> ViewState {
+        let Some(last_s) = self.last_s.filter(|_| self.is_connected) else {
+            return ViewState::Down;
+        };
+        let lasts = |run: Option<(f64, usize)>, least_s: f64| {
+            run.is_some_and(|(since_s, count)| count >= FEWEST && last_s - since_s >= least_s)
+        };
+        let silent_s = now_s - last_s;
+        let period_s = self.period_s().unwrap_or(0.0);
+        if silent_s > DOWN_S.max(DOWN_PERIODS * period_s) {
+            ViewState::Down
+        } else if lasts(self.dark, DARK_S) {
+            ViewState::Dark
+        } else if self.is_moved {
+            ViewState::Moved
+        } else if self.is_damaged {
+            ViewState::Damaged
+        } else if self.is_frozen || lasts(self.repeats, FROZEN_S) {
+            ViewState::Frozen
+        } else if silent_s.max(self.age_s) > LATE_S.max(LATE_PERIODS * period_s) {
+            ViewState::Late
+        } else {
+            ViewState::Up
+        }
+    }
+
+    /// The state of the view with its last image, for recordings that are read faster than they were made.
+    pub(crate) fn state_at_last_image(&self) -> ViewState {
+        self.state(self.last_s.unwrap_or(0.0))
+    }
+
+    /// Usual time between images.
+    fn period_s(&self) -> Option<f64> {
+        let times = self.usual.iter().map(|(at_s, _)| *at_s);
+        let mut between: Vec<f64> = (times.clone().zip(times.skip(1)))
+            .map(|(before, after)| after - before)
+            .collect();
+        let middle = between.len() / 2;
+        (!between.is_empty()).then(|| *between.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
+
+    /// By how much images change, if they change all the time.
+    fn usual_change(&self) -> Option<f64> {
+        if self.usual.len() < FEWEST_USUAL {
+            return None;
+        }
+        let mut changes: Vec<f64> = self.usual.iter().map(|(_, change)| *change).collect();
+        changes.sort_by(f64::total_cmp);
+        let rare = (changes.len() as f64 * (1.0 - LEAST_PART)) as usize;
+        (changes[rare] >= LEAST_CHANGE).then(|| changes[changes.len() / 2])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_S: f64 = 1.0 / 30.0;
+
+    /// Feeds seconds of images, each with this change; returns the state after the last.
+    fn feed(
+        watch: &mut ViewWatch,
+        from_s: f64,
+        to_s: f64,
+        change: f64,
+        is_dark: bool,
+    ) -> ViewState {
+        let mut state = ViewState::Up;
+        let mut now_s = from_s;
+        while now_s < to_s - 1e-9 {
+            state = watch.take(Seen {
+                now_s,
+                time_s: now_s - 0.03,
+                is_damaged: false,
+                look: Some(ImageLook {
+                    is_dark,
+                    change_levels: Some(change),
+                }),
+            });
+            now_s += PERIOD_S;
+        }
+        state
+    }
+
+    #[test]
+    fn a_view_without_images_is_late_and_then_down() {
+        let mut watch = ViewWatch::default();
+        assert_eq!(watch.state(0.0), ViewState::Down);
+        assert_eq!(feed(&mut watch, 0.0, 5.0, 0.4, false), ViewState::Up);
+        assert_eq!(watch.state(5.1), ViewState::Up);
+        assert_eq!(watch.state(5.25), ViewState::Late);
+        assert_eq!(watch.state(6.1), ViewState::Down);
+        watch.set_connected(false);
+        assert_eq!(watch.state(5.0), ViewState::Down);
+        assert_eq!(feed(&mut watch, 8.0, 8.1, 0.4, false), ViewState::Up);
+    }
+
+    #[test]
+    fn images_that_stop_changing_are_frozen_within_half_a_second() {
+        let mut watch = ViewWatch::default();
+        feed(&mut watch, 0.0, 5.0, 0.4, false);
+        assert_eq!(feed(&mut watch, 5.0, 5.2, 0.0, false), ViewState::Up);
+        assert_eq!(feed(&mut watch, 5.2, 5.5, 0.0, false), ViewState::Frozen);
+        assert_eq!(feed(&mut watch, 5.5, 60.0, 0.0, false), ViewState::Frozen);
+        assert_eq!(feed(&mut watch, 60.0, 60.1, 0.4, false), ViewState::Up);
+    }
+
+    #[test]
+    fn a_scene_without_noise_is_never_frozen() {
+        let mut watch = ViewWatch::default();
+        for second in 0..3_600 {
+            let from_s = f64::from(second);
+            // A key frame changes what the encoder kept before.
+            feed(&mut watch, from_s, from_s + PERIOD_S, 0.5, false);
+            let state = feed(&mut watch, from_s + PERIOD_S, from_s + 1.0, 0.0, false);
+            assert_eq!(state, ViewState::Up, "{second}");
+        }
+    }
+
+    #[test]
+    fn black_images_are_dark_within_a_second_and_damage_stays_until_it_is_over() {
+        let mut watch = ViewWatch::default();
+        feed(&mut watch, 0.0, 5.0, 0.4, false);
+        assert_eq!(feed(&mut watch, 5.0, 5.4, 0.0, true), ViewState::Dark);
+        assert_eq!(feed(&mut watch, 5.4, 5.5, 0.4, false), ViewState::Up);
+        let mut image = Seen {
+            now_s: 5.5,
+            time_s: 5.5,
+            is_damaged: true,
+            look: None,
+        };
+        assert_eq!(watch.take(image), ViewState::Damaged);
+        image.is_damaged = false;
+        assert_eq!(watch.take(image), ViewState::Up);
+    }
+
+    #[test]
+    fn a_slow_camera_is_not_late_between_two_images() {
+        let mut watch = ViewWatch::default();
+        for second in 0..30 {
+            let now_s = f64::from(second);
+            watch.take(Seen {
+                now_s,
+                time_s: now_s,
+                is_damaged: false,
+                look: Some(ImageLook {
+                    is_dark: false,
+                    change_levels: Some(1.0),
+                }),
+            });
+        }
+        assert_eq!(watch.state(29.9), ViewState::Up);
+        assert_eq!(watch.state(33.0), ViewState::Late);
+    }
+}

@@ -1,0 +1,116 @@
+//! Options of `dtd estimate`.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::Args;
+use labeller::RowBand;
+use live::Source;
+
+use crate::args::{RuntimeArgs, folder};
+
+/// A run, its sources, and outputs.
+#[derive(Debug, Args)]
+pub(crate) struct EstimateArgs {
+    /// Folder of the run, as written by `dtd train`
+    #[arg(value_parser = folder())]
+    pub(crate) run: PathBuf,
+    /// Source of a view: rtsp://, a video or SDP file, /dev/videoN, or corpus:CORPUS/SCENARIO; once for each view
+    ///
+    /// RTSP uses TCP unless the address ends with ?transport=udp. A video file is played in its own time.
+    #[arg(long = "view", value_name = "VIEW=SOURCE", required = true)]
+    pub(crate) views: Vec<OfView<Source>>,
+    /// View of the run to estimate without; may be repeated
+    #[arg(long, value_name = "VIEW")]
+    pub(crate) without: Vec<String>,
+    /// Seconds to add to the times of a view's images, e.g. right=+0.120
+    #[arg(long = "offset", value_name = "VIEW=SECONDS")]
+    pub(crate) offsets: Vec<OfView<f64>>,
+    /// File with the password of a view's server, on its first line
+    #[arg(long = "password-file", value_name = "VIEW=FILE")]
+    pub(crate) password_files: Vec<OfView<PathBuf>>,
+    /// Estimator that answers [default: the one that the training chose]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) estimator: Option<String>,
+    /// The detector, an ONNX file [default: the one that ships]
+    ///
+    /// It must be the one whose boxes the run was trained on.
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) model: Option<PathBuf>,
+    /// Rows of the pictures to search: TOP:BOTTOM [default: all]
+    #[arg(long, value_name = "TOP:BOTTOM")]
+    pub(crate) rows: Option<RowBand>,
+    #[command(flatten)]
+    pub(crate) runtime: RuntimeArgs,
+    /// Serve metrics (OpenMetrics) at http://ADDRESS:PORT/metrics; a port alone is one of this computer
+    ///
+    /// Port 0 takes any free one, which stderr names.
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = metrics_address)]
+    pub(crate) metrics: Option<SocketAddr>,
+    /// Read recordings as fast as they can be searched, and search every image
+    #[arg(long)]
+    pub(crate) as_fast_as_possible: bool,
+    /// Open every source, print what it is, and end
+    #[arg(long)]
+    pub(crate) check: bool,
+}
+
+/// A value for a view, as VIEW=VALUE.
+#[derive(Debug, Clone)]
+pub(crate) struct OfView<T> {
+    pub(crate) view: String,
+    pub(crate) value: T,
+}
+
+impl<T: FromStr<Err: std::fmt::Display>> FromStr for OfView<T> {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (view, value) = text
+            .split_once('=')
+            .filter(|(view, value)| !view.is_empty() && !value.is_empty())
+            .ok_or("expected the name of a view, = and its value")?;
+        Ok(Self {
+            view: view.into(),
+            value: value.parse().map_err(|error: T::Err| error.to_string())?,
+        })
+    }
+}
+
+fn metrics_address(text: &str) -> Result<SocketAddr, String> {
+    if let Ok(port) = text.trim_start_matches(':').parse::<u16>() {
+        return Ok((Ipv4Addr::LOCALHOST, port).into());
+    }
+    text.parse()
+        .map_err(|_| "expected ADDRESS:PORT, e.g. 127.0.0.1:9464, or a port".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_alone_is_of_this_computer() {
+        for (text, expected) in [
+            ("9464", "127.0.0.1:9464"),
+            (":0", "127.0.0.1:0"),
+            ("0.0.0.0:9464", "0.0.0.0:9464"),
+            ("[::1]:9464", "[::1]:9464"),
+        ] {
+            assert_eq!(metrics_address(text).unwrap().to_string(), expected);
+        }
+        assert!(metrics_address("camera:9464").is_err());
+    }
+
+    #[test]
+    fn a_value_of_a_view_may_contain_an_equals_sign() {
+        let of_view: OfView<String> = "left=rtsp://camera/?a=b".parse().unwrap();
+        assert_eq!(
+            (&*of_view.view, &*of_view.value),
+            ("left", "rtsp://camera/?a=b")
+        );
+        assert!("left".parse::<OfView<f64>>().is_err());
+        assert!("left=soon".parse::<OfView<f64>>().is_err());
+    }
+}

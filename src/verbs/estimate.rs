@@ -1,0 +1,169 @@
+//! `dtd estimate`: distances from camera feeds, while they run.
+
+use std::collections::BTreeMap;
+use std::env;
+use std::io;
+use std::path::Path;
+
+use dataset::files::outside_file::{self, FileKind};
+use labeller::tiling::TilingSettings;
+use labeller::{DetectOptions, Searcher};
+use live::{Options, Source};
+use trainer::RunFolder;
+use trainer::live::OnlineRun;
+
+use super::Outcome;
+use super::detect::refuse_other_models;
+use super::output::print_json;
+use super::train::failure_of;
+use crate::estimate_args::{EstimateArgs, OfView};
+use crate::failure::{Ending, Failure};
+use crate::shipped::Detector;
+use crate::signals::CleanStop;
+
+/// Runs the verb, until the recordings end or it is stopped.
+pub(crate) fn run(args: &EstimateArgs) -> Outcome {
+    let stop = CleanStop::begin();
+    let is_stopped = || stop.switch().is_cancelled();
+    let options = options(args)?;
+    if args.check {
+        let found = live::check(&options, &is_stopped).map_err(failure)?;
+        print_json(&found)?;
+        let absent = found.iter().find(|found| found.size_px.is_none());
+        return match absent {
+            None => Ok(Ending::Done),
+            Some(absent) => Err(Failure::Failed(anyhow::anyhow!(
+                "view {} from {} shows no images: {}",
+                absent.view,
+                absent.source,
+                absent.why.as_deref().unwrap_or("it is not there")
+            ))),
+        };
+    }
+    let ready = |address| {
+        if let Some(address) = address {
+            eprintln!("estimate: metrics at http://{address}/metrics");
+        }
+    };
+    live::estimate(options, Box::new(io::stdout()), &is_stopped, &ready).map_err(failure)?;
+    Ok(Ending::Done)
+}
+
+fn options(args: &EstimateArgs) -> Result<Options, Failure> {
+    let run = OnlineRun::open(&RunFolder::at(&args.run), args.estimator.as_deref())
+        .map_err(failure_of)?;
+    let model = Detector::chosen(args.model.as_deref())?;
+    refuse_other_models(model.path())?;
+    let search = DetectOptions {
+        onnx_runtime: args.runtime.library.clone(),
+        device: args.runtime.device,
+        settings: TilingSettings {
+            rows: args.rows,
+            ..TilingSettings::default()
+        },
+        ..DetectOptions::default()
+    };
+    let searcher = Searcher::load(model.path(), &search).map_err(|error| failure(error.into()))?;
+    refuse_another_detector(&run, &searcher)?;
+    let passwords = passwords(args, run.views())?;
+    let sources = by_view("--view", &args.views)?;
+    let with_password = |(view, source): (String, Source)| {
+        let password = passwords.get(&view).cloned();
+        (view, source.with_password(password))
+    };
+    Ok(Options {
+        run,
+        searcher,
+        sources: sources.into_iter().map(with_password).collect(),
+        without: args.without.clone(),
+        offsets_s: by_view("--offset", &args.offsets)?,
+        as_fast_as_possible: args.as_fast_as_possible,
+        metrics: args.metrics,
+    })
+}
+
+/// A run is of one detector: boxes of another one have other errors.
+fn refuse_another_detector(run: &OnlineRun, searcher: &Searcher) -> Result<(), Failure> {
+    let (name, trained_on) = run.model();
+    let given = searcher.model().name();
+    if given == trained_on {
+        return Ok(());
+    }
+    let name = name.unwrap_or("a detector");
+    Err(Failure::bad_input_message(format!(
+        "the run was trained on boxes of {name} ({trained_on}), and this detector is {given}; give --model with the detector of the training"
+    )))
+}
+
+fn by_view<T: Clone>(option: &str, given: &[OfView<T>]) -> Result<BTreeMap<String, T>, Failure> {
+    let mut all = BTreeMap::new();
+    for OfView { view, value } in given {
+        if all.insert(view.clone(), value.clone()).is_some() {
+            return Err(Failure::bad_input_message(format!(
+                "{option} {view} is given twice; a view has one"
+            )));
+        }
+    }
+    Ok(all)
+}
+
+/// Passwords by view: from files, else from the environment.
+fn passwords(args: &EstimateArgs, views: &[String]) -> Result<BTreeMap<String, String>, Failure> {
+    let mut all = BTreeMap::new();
+    for view in views {
+        if let Ok(password) = env::var(variable_of(view)) {
+            all.insert(view.clone(), password);
+        }
+    }
+    for (view, path) in by_view("--password-file", &args.password_files)? {
+        all.insert(view, first_line(&path)?);
+    }
+    Ok(all)
+}
+
+/// The variable for a view's password: `DTD_PASSWORD_LEFT`.
+fn variable_of(view: &str) -> String {
+    let plain = |letter: char| {
+        if letter.is_ascii_alphanumeric() {
+            letter.to_ascii_uppercase()
+        } else {
+            '_'
+        }
+    };
+    let name: String = view.chars().map(plain).collect();
+    format!("DTD_PASSWORD_{name}")
+}
+
+fn first_line(path: &Path) -> Result<String, Failure> {
+    let text = outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
+    Ok(text.lines().next().unwrap_or_default().to_owned())
+}
+
+fn failure(error: live::Error) -> Failure {
+    if error.is_bad_input() {
+        Failure::bad_input(error)
+    } else {
+        error.into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_variable_of_a_view_has_its_name_in_capitals() {
+        assert_eq!(variable_of("left"), "DTD_PASSWORD_LEFT");
+        assert_eq!(variable_of("tower-2 north"), "DTD_PASSWORD_TOWER_2_NORTH");
+    }
+
+    #[test]
+    fn a_view_is_given_once() {
+        let of = |value: &str| OfView {
+            view: "left".into(),
+            value: value.to_owned(),
+        };
+        assert!(by_view("--view", &[of("a"), of("b")]).is_err());
+        assert_eq!(by_view("--view", &[of("a")]).unwrap()["left"], "a");
+    }
+}
