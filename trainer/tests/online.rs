@@ -176,3 +176,24 @@ fn detections_of_an_earlier_version_and_estimators_that_look_ahead_are_refused()
     assert!(message.contains("dtd detect --force"), "{message}");
     assert!(!out.exists());
 }
+
+#[test]
+fn a_tick_with_an_earlier_time_counts_as_one_at_the_time_before_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (corpus, run) = trained(folder.path());
+    let mut online = OnlineRun::open(&run, Some("inverse_range_filtered")).unwrap();
+    let views = online.views().to_vec();
+    let scenario = corpus.scenarios().unwrap()[0].id();
+    let ticks = ticks(&corpus, &scenario, &views);
+    for tick in &ticks[..60] {
+        online.take(tick);
+    }
+    let late = SeenTick {
+        time_ns: ticks[10].time_ns,
+        ..ticks[60].clone()
+    };
+    let answers = online.take(&late);
+    assert_eq!(answers[0].seen_s, ticks[59].time_ns as f64 * 1e-9);
+    let after = online.take(&ticks[61]);
+    assert!(after[0].dtd_m.unwrap().value < answers[0].dtd_m.unwrap().value);
+}
