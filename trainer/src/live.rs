@@ -118,8 +118,8 @@ impl OnlineRun {
         &self.blake3
     }
 
-    /// Takes the next tick; a time before the last one counts as that one. One answer for each aircraft that is in sight, or was a short time ago; the one that is
-    /// followed comes first.
+    /// Takes the next tick; a time before the last one counts as that one. One answer for each aircraft that is in sight, or was a short
+    /// time ago; the one that is followed comes first.
     ///
     /// # Panics
     /// The tick has another number of views than the run.
