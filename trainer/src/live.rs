@@ -42,6 +42,7 @@ pub struct OnlineRun {
     estimator: Estimator,
     in_sight: InSight,
     ticks: u32,
+    last_ns: i64,
 }
 
 impl OnlineRun {
@@ -78,6 +79,7 @@ impl OnlineRun {
             estimator,
             in_sight: InSight::default(),
             ticks: 0,
+            last_ns: i64::MIN,
             run,
         })
     }
@@ -116,13 +118,14 @@ impl OnlineRun {
         &self.blake3
     }
 
-    /// Takes the next tick; times never decrease. One answer for each aircraft that is in sight, or was a short time ago; the one that is
-    /// followed comes first.
+    /// Takes the next tick; a time before the last one counts as that one. One answer for each aircraft that is in sight, or was a short
+    /// time ago; the one that is followed comes first.
     ///
     /// # Panics
     /// The tick has another number of views than the run.
     pub fn take(&mut self, tick: &SeenTick) -> Vec<Answer> {
-        let observed = tick.observed(self.ticks, &self.cameras);
+        self.last_ns = tick.time_ns.max(self.last_ns);
+        let observed = tick.observed((self.ticks, self.last_ns), &self.cameras);
         self.ticks = self.ticks.wrapping_add(1);
         let judged = self.in_sight.take(&self.run, false, &observed);
         let fitted = self.run.baselines.self_calibrated.as_ref();

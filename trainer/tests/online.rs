@@ -176,3 +176,25 @@ fn detections_of_an_earlier_version_and_estimators_that_look_ahead_are_refused()
     assert!(message.contains("dtd detect --force"), "{message}");
     assert!(!out.exists());
 }
+
+#[test]
+fn a_tick_with_an_earlier_time_counts_as_one_at_the_time_before_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (corpus, run) = trained(folder.path());
+    let mut online = OnlineRun::open(&run, Some("inverse_range_filtered")).unwrap();
+    let views = online.views().to_vec();
+    let scenario = corpus.scenarios().unwrap()[0].id();
+    let ticks = ticks(&corpus, &scenario, &views);
+    for tick in &ticks[..60] {
+        online.take(tick);
+    }
+    let late = SeenTick {
+        time_ns: ticks[10].time_ns,
+        ..ticks[60].clone()
+    };
+    let answers = online.take(&late);
+    let [earlier_s, last_s] = [50, 59].map(|tick| ticks[tick].time_ns as f64 * 1e-9);
+    assert!((earlier_s..=last_s).contains(&answers[0].seen_s));
+    let after = online.take(&ticks[61]);
+    assert!(after[0].dtd_m.unwrap().value < answers[0].dtd_m.unwrap().value);
+}

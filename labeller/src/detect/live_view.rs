@@ -22,6 +22,7 @@ pub struct ViewSearch {
     sequence: Sequence,
     camera: CameraWatch,
     images: u32,
+    last_s: Option<f64>,
 }
 
 /// Results of the search of an image.
@@ -62,14 +63,17 @@ impl ViewSearch {
             sequence: Sequence::new(tiling, modes, None),
             camera: CameraWatch::new(camera),
             images: 0,
+            last_s: None,
         }
     }
 
-    /// Searches the next image. Damaged images and those that are left out are not passed; `time_s` never decreases.
+    /// Searches the next image. Damaged images and those that are left out are not passed; a time before the last one counts as that one.
     ///
     /// # Errors
     /// The detector or the conversion of the image fails.
     pub fn look(&mut self, image: &mut dyn Image, time_s: f64) -> Result<Looked> {
+        let time_s = self.last_s.map_or(time_s, |last_s| time_s.max(last_s));
+        self.last_s = Some(time_s);
         let detector = &mut *self.detector;
         let Shown { boxes, mode, .. } = self.sequence.look(detector, image, time_s)?;
         let best = best_of(&boxes);

@@ -86,7 +86,7 @@ impl Change {
         })
     }
 
-    pub(super) fn is_equal(&self) -> bool {
+    fn is_equal(&self) -> bool {
         self.levels <= MOST_EQUAL_LEVELS && self.whole_levels <= MOST_EQUAL_LEVELS
     }
 

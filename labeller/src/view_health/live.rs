@@ -18,6 +18,8 @@ use crate::camera_motion::Turn;
 /// Images and seconds that decide about the usual direction.
 const FIRST_LOOKS: usize = 11;
 const FIRST_S: f64 = 2.5;
+/// Images that differ by more are not equal, grey levels, root mean square: gusts move a faint aircraft to and fro by little more.
+const MOST_EQUAL_LEVELS: f64 = 0.3;
 /// Times in which an aircraft should have moved, seconds.
 const MOVED_IN_S: [f64; 3] = [1.0, 3.0, 10.0];
 /// Boxes are remembered so often and for so long, seconds.
@@ -146,7 +148,9 @@ impl ExpectedMotion {
     /// True if the images have been equal while an aircraft should have moved, and its box has not.
     fn repeats(&mut self, look: &Look, counted: Option<PixelBox>) -> bool {
         let now_s = look.time_s;
-        let is_equal = look.change.is_some_and(|change| change.is_equal());
+        let is_equal = look.change.is_some_and(|change| {
+            change.levels <= MOST_EQUAL_LEVELS && change.whole_levels <= MOST_EQUAL_LEVELS
+        });
         self.equal = match (self.last, self.equal) {
             (Some((last_s, Some(_))), None) if is_equal && counted.is_some() => Some((last_s, 1)),
             (_, Some((since_s, images))) if is_equal && counted.is_some() => {

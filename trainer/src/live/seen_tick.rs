@@ -37,14 +37,14 @@ pub struct Candidate {
 }
 
 impl SeenTick {
-    /// The observation of a tick with this number. `cameras` by view.
-    pub(crate) fn observed(&self, tick: u32, cameras: &[Camera]) -> Observation {
+    /// The observation of a tick with this number, at a time in nanoseconds. `cameras` by view.
+    pub(crate) fn observed(&self, (tick, time_ns): (u32, i64), cameras: &[Camera]) -> Observation {
         assert_eq!(self.views.len(), cameras.len(), "views of a tick");
         let found: Vec<_> = self.views.iter().zip(cameras).map(whole).collect();
         let registered: Vec<Option<Registered>> = (self.views.iter())
             .map(|view| view.registration.filter(|(from, _)| *from < cameras.len()))
             .collect();
-        Observation::of((0, tick, self.time_ns), &found, &registered)
+        Observation::of((0, tick, time_ns), &found, &registered)
     }
 }
 

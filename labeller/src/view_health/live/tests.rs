@@ -97,7 +97,7 @@ fn equal_images_of_a_moving_aircraft_are_frozen_and_a_slow_one_is_not() {
         let states: Vec<_> = (0..600)
             .map(|number| {
                 let place = px_s * f64::from(number.min(stops)) / RATE;
-                let look = look(number, None, Some(0.5));
+                let look = look(number, None, Some(0.2));
                 let jitter = 0.3 * (f64::from(number * 37 % 11) / 5.0 - 1.0);
                 let jitter = if number > stops { 0.0 } else { jitter };
                 health.next(&look, Some(box_at(300.0 + place + jitter)), [None, None])
