@@ -137,7 +137,7 @@ pub enum Line {
 }
 
 /// Output of lines.
-pub struct Lines {
+pub(crate) struct Lines {
     queue: Arc<Queue>,
     metrics: Arc<Metrics>,
 }

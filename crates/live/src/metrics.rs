@@ -95,7 +95,7 @@ const CLASSES_MS: [u64; 14] = [1, 2, 5, 10, 15, 20, 25, 30, 40, 60, 80, 100, 200
 
 /// Counts of all views.
 #[derive(Debug)]
-pub struct Metrics {
+pub(crate) struct Metrics {
     run: String,
     views: Vec<OfView>,
     latencies: [Histogram; Stage::ALL.len()],
