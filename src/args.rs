@@ -16,6 +16,7 @@ use clap::{
     ValueEnum,
 };
 use clap_complete::Shell;
+use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::VideoEncoder;
 use dataset::work::memory::Bytes;
 use generator::generate::{SimulatorTarget, Simulators};
@@ -140,7 +141,7 @@ pub(crate) enum Verb {
     },
     /// Write the sweeps that ship, to copy and change
     ///
-    /// demo.toml, scenarios.toml and detector.toml, with the flights and the detector that they name.
+    /// demo.toml, scenarios.toml, paper.toml and detector.toml, with the flights and the detector that they name.
     #[command(after_help = help::EXAMPLES)]
     Examples(ExamplesArgs),
     /// Record a sweep: videos, 4D trajectory, calibration; resumes
@@ -195,6 +196,10 @@ pub(crate) enum Verb {
     /// Train the aircraft detector on a labelled corpus; resumes
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
+    /// Make the table of a runway for a sweep from published ones
+    Airport(AirportArgs),
+    /// Make recordings for a sweep from tracks of real arrivals
+    Tracks(TracksArgs),
     /// Install the plugin for poses and pictures into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
@@ -210,6 +215,12 @@ pub(crate) enum Verb {
     /// Run the whole pipeline at small scale, from sweep to report
     #[command(after_help = help::DEMO)]
     Demo(DemoArgs),
+    /// Repeat the paper's experiment, and compare; resumes
+    ///
+    /// Records its corpus, finds the aircraft, trains and judges its estimators and ours, and writes paper.md, in which each table and
+    /// figure of the paper stands beside ours, or the reason why there is none.
+    #[command(after_help = help::PAPER)]
+    Paper(PaperArgs),
     /// Print a script that completes arguments in a shell
     #[command(after_help = help::COMPLETIONS)]
     Completions {
@@ -536,6 +547,69 @@ pub(crate) struct TrainDetectorArgs {
 }
 
 #[derive(Debug, ClapArgs)]
+pub(crate) struct AirportArgs {
+    #[command(subcommand)]
+    pub(crate) command: AirportCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum AirportCommand {
+    /// Print `[airport.ICAO.runway.NAME]` with the source of each figure, and where the tables differ
+    #[command(after_help = help::AIRPORT_IMPORT)]
+    Import(AirportImportArgs),
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct AirportImportArgs {
+    /// The airport, e.g. EDDM
+    #[arg(value_name = "ICAO")]
+    pub(crate) airport: String,
+    /// The runway in the landing direction, e.g. 26L
+    pub(crate) runway: String,
+    /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; better several
+    #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+    pub(crate) from: Vec<PathBuf>,
+    /// Take the recommended figures where the files differ
+    #[arg(long)]
+    pub(crate) accept: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct TracksArgs {
+    #[command(subcommand)]
+    pub(crate) command: TracksCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TracksCommand {
+    /// Smooth the arrivals in files of tracks, and complete them to recordings
+    #[command(after_help = help::TRACKS_IMPORT)]
+    Import(TracksImportArgs),
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct TracksImportArgs {
+    /// Tracks: CSV of `traffic` or OpenSky, or `trace_full` of readsb (JSON)
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// The runway on which they land, e.g. LFPG/09R
+    #[arg(long, value_name = "ICAO/RUNWAY")]
+    pub(crate) runway: String,
+    /// A file with the runway's `[airport]` table: a sweep, or the output of `dtd airport import` [default: the built-in runways]
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) airports: Option<PathBuf>,
+    /// Folder for the recordings, one CSV file per arrival
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
 pub(crate) struct InstallPluginArgs {
     /// The installation folder of X-Plane 11 or 12
     #[arg(value_name = "XPLANE_FOLDER")]
@@ -725,6 +799,80 @@ pub(crate) struct DemoArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct PaperArgs {
+    /// Folder for paper.md, its figures, and all that they follow from; created if missing
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
+    pub(crate) out: PathBuf,
+    /// How much of the experiment
+    #[arg(long, value_enum, value_name = "SCALE", default_value = "full")]
+    pub(crate) scale: Scale,
+    /// The sweep to record [default: the paper.toml that ships]
+    #[arg(long, value_name = "SWEEP.toml")]
+    pub(crate) sweep: Option<PathBuf>,
+    /// Pictures per second, e.g. 30 as in the paper [default: the sweep's, 2]
+    #[arg(long, value_name = "N", value_parser = frame_rate)]
+    pub(crate) frame_rate: Option<FrameRate>,
+    /// The simulator, or several that share the work, separated by commas
+    ///
+    /// As for `dtd generate`.
+    #[arg(
+        long,
+        value_name = "mock[:N|:awkward]|auto|HOST:PORT|tape:FILE,..",
+        default_value = "mock"
+    )]
+    pub(crate) sim: Simulators,
+    /// The detector, an ONNX file [default: the one that ships]
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) model: Option<PathBuf>,
+    /// A detector of photographs, as it is, whose range is compared
+    ///
+    /// An ONNX file, e.g. a YOLO model of COCO, whose class of airplanes is used (docs/detectors.md). It may be named in a later call.
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) pretrained_detector: Option<PathBuf>,
+    /// TOML file with settings that differ from the defaults
+    ///
+    /// Of the trainings, as for `dtd train`.
+    #[arg(long, value_name = "TRAIN.toml")]
+    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) runtime: RuntimeArgs,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Parts of the paper's experiment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Scale {
+    /// Eight scenarios with small pictures and hardly any training: whether it works
+    Small,
+    /// All of it
+    Full,
+}
+
+impl Scale {
+    /// Its name on the command line.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Small => "small",
+            Self::Full => "full",
+        }
+    }
+}
+
+fn frame_rate(text: &str) -> Result<FrameRate, String> {
+    let (numerator, denominator) = text.split_once('/').unwrap_or((text, "1"));
+    let terms = numerator
+        .trim()
+        .parse()
+        .ok()
+        .zip(denominator.trim().parse().ok());
+    let (numerator, denominator) =
+        terms.ok_or("expected a number such as 30, or a fraction such as 1/2")?;
+    FrameRate::new(numerator, denominator).map_err(|error| error.to_string())
 }
 
 /// One of some words, which help and completions list.

@@ -40,6 +40,11 @@ pub(crate) struct TrainArgs {
     /// Hold out a weather or time of day as the test side, e.g. weather=stormy or time=18:00
     #[arg(long, value_name = "weather=NAME|time=HH:MM")]
     pub(crate) leave_out: Option<String>,
+    /// Draw this share of the scenarios for the test, whatever flights they share, e.g. 0.3 as in the paper
+    ///
+    /// The flights are then not unseen, and the figures say so.
+    #[arg(long, value_name = "SHARE", conflicts_with = "leave_out")]
+    pub(crate) split_by_scenario: Option<f64>,
     /// Also train on scenarios whose weather at the aircraft was not the planned one
     ///
     /// `dtd generate` marks them, and `dtd verify` names them. They are left out otherwise.

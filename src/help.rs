@@ -9,7 +9,7 @@ pub(crate) const COLUMNS: usize = 80;
 
 /// Verbs by what a user is about to do, in the order in which they are used.
 const GROUPS: &[(&str, &[&str])] = &[
-    ("Start here", &["demo", "examples"]),
+    ("Start here", &["demo", "paper", "examples"]),
     (
         "Corpora",
         &[
@@ -180,6 +180,16 @@ pub(crate) const INSTALL_PLUGIN: &str = "\
 Example:
   dtd install-plugin \"$HOME/X-Plane 12\"";
 
+pub(crate) const AIRPORT_IMPORT: &str = "\
+Example:
+  dtd airport import EDDM 26L --from apt.dat earth_nav.dat runways.csv >> sweep.toml";
+
+pub(crate) const TRACKS_IMPORT: &str = "\
+Example:
+  dtd tracks import arrivals/*.csv --runway LFPG/09R --airports sweep.toml --out flights
+
+Exit codes: 3 if a file or track was refused, 2 if all were.";
+
 pub(crate) const TAPE: &str = "\
 Examples:
   dtd tape --sim 127.0.0.1:49000 --out session.mcap
@@ -195,6 +205,15 @@ pub(crate) const DEMO: &str = "\
 Examples:
   dtd demo                                    results in target/demo
   dtd demo --out /tmp/demo --fresh";
+
+pub(crate) const PAPER: &str = "\
+Examples:
+  dtd paper --out paper --scale small         a first look, in three minutes
+  dtd paper --out paper                       100 scenarios: hours; resumes
+  dtd paper --out paper --pretrained-detector yolo11n.onnx
+
+Environment:
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
 
 pub(crate) const EXAMPLES: &str = "\
 Example:

@@ -9,6 +9,7 @@ use dataset::files::own_path::own_path;
 use tempfile::TempDir;
 
 const DEMO_SWEEP: &str = "demo.toml";
+const PAPER_SWEEP: &str = "paper.toml";
 const DETECTOR: &str = "models/aircraft.onnx";
 
 /// A file of the repository: its name and its content.
@@ -18,16 +19,37 @@ macro_rules! shipped {
     };
 }
 
-const FILES: [(&str, &[u8]); 9] = shipped![
+const FILES: [(&str, &[u8]); 30] = shipped![
     "demo.toml",
     "scenarios.toml",
     "detector.toml",
+    "paper.toml",
     "schema/sweep.schema.json",
     "models/aircraft.onnx",
     "models/aircraft.json",
     "tests/data/flights/01_calm_ils.csv",
     "tests/data/flights/04_storm_gusts.csv",
     "tests/data/flights/07_loc_offset_intercept.csv",
+    "tests/data/paper-flights/01.csv",
+    "tests/data/paper-flights/02.csv",
+    "tests/data/paper-flights/03.csv",
+    "tests/data/paper-flights/04.csv",
+    "tests/data/paper-flights/05.csv",
+    "tests/data/paper-flights/06.csv",
+    "tests/data/paper-flights/07.csv",
+    "tests/data/paper-flights/08.csv",
+    "tests/data/paper-flights/09.csv",
+    "tests/data/paper-flights/10.csv",
+    "tests/data/paper-flights/11.csv",
+    "tests/data/paper-flights/12.csv",
+    "tests/data/paper-flights/13.csv",
+    "tests/data/paper-flights/14.csv",
+    "tests/data/paper-flights/15.csv",
+    "tests/data/paper-flights/16.csv",
+    "tests/data/paper-flights/17.csv",
+    "tests/data/paper-flights/18.csv",
+    "tests/data/paper-flights/19.csv",
+    "tests/data/paper-flights/20.csv",
 ];
 
 /// The files in a temporary folder that is deleted with this value.
@@ -47,6 +69,11 @@ impl Shipped {
     /// The sweep of `dtd demo`.
     pub(crate) fn demo_sweep(&self) -> PathBuf {
         self.folder.path().join(DEMO_SWEEP)
+    }
+
+    /// The sweep of `dtd paper`.
+    pub(crate) fn paper_sweep(&self) -> PathBuf {
+        self.folder.path().join(PAPER_SWEEP)
     }
 
     /// The detector for pictures of the stand-in.

@@ -1,6 +1,7 @@
 //! One file per verb: arguments in, work done by the crates, results printed.
 
 mod address;
+mod airport;
 mod async_runtime;
 mod completions;
 mod demo;
@@ -21,6 +22,7 @@ mod mock_xplane;
 mod object_store;
 mod open_corpus;
 pub(crate) mod output;
+mod paper;
 mod plan;
 mod predict;
 mod push;
@@ -28,6 +30,7 @@ mod refit;
 mod schema;
 mod stdin_ended;
 mod tape;
+mod tracks;
 mod train;
 mod train_detector;
 mod verify;
@@ -63,11 +66,14 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Verify(args) => verify::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
+        Verb::Airport(args) => airport::run(&args),
+        Verb::Tracks(args) => tracks::run(&args),
         Verb::InstallPlugin(args) => install_plugin::run(&args),
         Verb::MockXplane(args) => mock_xplane::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
         Verb::Tape(args) => tape::run(&args),
         Verb::Demo(args) => demo::run(&args),
+        Verb::Paper(args) => paper::run(&args),
         Verb::Completions { shell } => completions::run(shell),
         Verb::Man { folder } => man::run(&folder),
     }

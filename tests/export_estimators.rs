@@ -13,10 +13,11 @@ use testkit::{onnx_runtime, program_of_venv, repository};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-const ESTIMATORS: [&str; 5] = [
+const ESTIMATORS: [&str; 6] = [
     "inverse_range",
     "mono_network",
     "mono_network_box",
+    "mono_network_position",
     "mono_pinhole",
     "paper_lstm",
 ];

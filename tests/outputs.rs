@@ -48,6 +48,7 @@ const VERBS: [&[&str]; 19] = [
     &["examples", "OUT"],
     &["man", "OUT"],
     &["demo", "--out", "OUT"],
+    &["paper", "--out", "OUT"],
 ];
 
 /// A folder with what the verbs of others have made.

@@ -189,6 +189,10 @@ const CASES: &[Case] = &[
     ("[video]", "[jitter]\nheight_m = -12\n\n[video]", "-12", "2 m under the ground", CommandOnly),
     ("[video]", "[imaging]\nblur_sigma_px = -0.5\n\n[video]", "-0.5", "from 0 to 20", Schema),
     ("[video]", "[imaging.sensor]\nread_noise_electrons = 5\n\n[video]", "[imaging.sensor]", "missing field `full_well_electrons`", Schema),
+    ("[video]", "[imaging]\npreset = \"tower\"\n\n[video]", "\"tower\"", "unknown variant `tower`", Schema),
+    ("[video]", "[imaging.sway]\nrms_px = 50\n\n[video]", "50\n\n", "from 0 to 20", Schema),
+    ("[video]", "[imaging.seeing]\nwind_mps = 5\n\n[video]", "5\n\n[video", "no effect without aperture_m", CommandOnly),
+    ("[video]", "[imaging.seeing]\ncorrelation_s = 0.1\nwind_mps = 5\n\n[video]", "0.1\nwind", "expected one of them", CommandOnly),
     ("[video]", "[imaging.seeing]\ntilt_rms_arcsec = { mean = 5, sd = 2 }\n\n[video]", "tilt_rms_arcsec", "can give -7 to 17", CommandOnly),
     ("touchdown_past_threshold_m = 617.7", "touchdown_past_threshold_m = -1", "-1", "from 0 to 3000", Schema),
     ("[airport.WSSS", "[airport.WSSS.runway.20C]\ncourse_true_deg = 400\n\n[airport.WSSS", "400", "from 0 to 360", Schema),
@@ -307,13 +311,15 @@ fn the_committed_schemas_are_what_the_command_prints() {
     }
 }
 
-const OURS: [&str; 8] = [
+const OURS: [&str; 9] = [
     "scenarios.toml",
     "demo.toml",
     "detector.toml",
+    "paper.toml",
     "docs/results/detector-judge.toml",
     "docs/results/detector-judge-imaging.toml",
     "docs/results/jitter-imaging.toml",
+    "docs/results/tower-camera.toml",
     "tests/data/chain.toml",
     "tests/data/recorded.toml",
 ];

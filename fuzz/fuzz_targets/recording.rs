@@ -8,19 +8,25 @@ use dataset::numbers::frame_rate::FrameRate;
 use dataset::geometry::runway::Runway;
 use dtd_fuzz::airports::bundled;
 use dtd_fuzz::as_file;
-use dtd_fuzz::recording::Recording;
+use dtd_fuzz::recording::{Allowed, Recording};
 use libfuzzer_sys::fuzz_target;
 
 static CHANGI: LazyLock<Runway> = LazyLock::new(|| bundled("WSSS", "02L").unwrap());
 
 fuzz_target!(|bytes: &[u8]| {
     as_file(bytes, "flight.csv", |path| {
-        let Ok(recording) = Recording::read(path) else {
+        // From wherever it begins, whatever it is.
+        let allow = [
+            Allowed::Overflight,
+            Allowed::Offset,
+            Allowed::Outside,
+            Allowed::GoAround,
+        ];
+        let Ok(recording) = Recording::read(path, &CHANGI, f64::MAX, &allow) else {
             return;
         };
         let flight = recording.trajectory;
         let _ = flight.touchdown();
-        // From wherever it begins.
         if let Ok(window) = flight.approach(&CHANGI, f64::MAX) {
             let rate = FrameRate::new(1, 2).unwrap();
             let states = flight.resample(window, rate);

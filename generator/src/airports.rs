@@ -1,10 +1,20 @@
-//! Runways that need no definition in a sweep: a small table, `airports.toml`, in the format of a sweep.
+//! Runways that need no definition in a sweep: a small table, `airports.toml`, in the format of a sweep. And [`import()`], which makes such
+//! tables from published ones.
+
+mod import;
+mod sources;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::LazyLock;
 
+use dataset::files::outside_file::{self, FileKind};
 use dataset::geometry::runway::Runway;
+use dataset::numbers::limits::Check;
 use serde::Deserialize;
+
+pub use import::{Conflict, ImportError, Imported, import};
+pub use sources::SourceError;
 
 use crate::sweep::AirportTable;
 
@@ -23,6 +33,37 @@ static BUNDLED: LazyLock<BTreeMap<String, AirportTable>> = LazyLock::new(|| {
 pub fn bundled(airport: &str, runway: &str) -> Option<Runway> {
     let table = BUNDLED.get(airport)?.runway.get(runway)?;
     table.complete(airport, runway, None).ok()
+}
+
+/// A runway of a file with `[airport]` tables, such as a sweep or what [`import()`] makes; completed from the built-in one.
+///
+/// # Errors
+/// The file cannot be read, or does not define the runway completely; the text names it.
+pub fn in_file(path: &Path, airport: &str, runway: &str) -> Result<Runway, String> {
+    let fault = |why: String| format!("{}: {why}", path.display());
+    let text = outside_file::read_text(path, FileKind::SWEEP).map_err(|error| error.to_string())?;
+    let all: toml::Table = toml::from_str(&text).map_err(|error| fault(error.to_string()))?;
+    let tables = all
+        .get("airport")
+        .cloned()
+        .ok_or_else(|| fault("no [airport] table".into()))?;
+    let tables: BTreeMap<String, AirportTable> = tables
+        .try_into()
+        .map_err(|error: toml::de::Error| fault(error.to_string()))?;
+    let table = tables
+        .get(airport)
+        .and_then(|airport| airport.runway.get(runway))
+        .ok_or_else(|| fault(format!("no [airport.{airport}.runway.{runway}]")))?;
+    let known = bundled(airport, runway);
+    let runway = table
+        .complete(airport, runway, known.as_ref())
+        .map_err(|missing| fault(format!("{missing} of {airport} {runway} is missing")))?;
+    let mut check = Check::default();
+    runway.check(&mut check);
+    match check.first() {
+        Some(out_of_limits) => Err(fault(out_of_limits.to_string())),
+        None => Ok(runway),
+    }
 }
 
 /// All of them: airport and runway.

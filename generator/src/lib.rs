@@ -21,4 +21,5 @@ pub mod stand_in;
 pub mod sweep;
 pub mod sweep_language;
 pub mod time_of_day;
+pub mod tracks;
 pub mod trajectory;

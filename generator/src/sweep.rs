@@ -37,7 +37,7 @@ pub use aim::AimTable;
 pub use document::Corpus;
 pub use error::SweepError;
 pub use grid::Combination;
-pub use imaging::{ImagingTable, SeeingTable, SensorTable};
+pub use imaging::{ImagingTable, Preset, SeeingTable, SensorTable, StreamTable, SwayTable};
 pub use jitter::JitterTable;
 pub use recorded::{RecordedFlights, RecordedRule};
 pub(crate) use runways::AirportTable;
@@ -63,7 +63,7 @@ pub struct Sweep {
     pub aim: Option<AimTable>,
     /// Placement errors of each scenario's cameras.
     pub jitter: Option<JitterTable>,
-    /// Air and sensor of the pictures.
+    /// Air, mast, sensor and stream of the pictures, completed by their preset.
     pub imaging: Option<ImagingTable>,
     /// The combinations, in recording order; never empty, all different.
     pub combinations: Vec<Combination>,

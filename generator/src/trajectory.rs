@@ -9,8 +9,12 @@ use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::numbers::limits::{Check, FieldOutOfLimits, MOST_APPROACH_S};
 
+pub(crate) use inbound::{Inbound, last_approach};
+
+mod inbound;
+
 /// States may be this far apart, seconds: over longer gaps an aircraft turns too much for a cubic.
-const LARGEST_GAP_S: f64 = 2.0;
+pub(crate) const LARGEST_GAP_S: f64 = 2.0;
 /// Positions may differ from what the velocities on both sides imply by this much, metres, plus a tenth of the displacement.
 const VELOCITY_TOLERANCE_M: f64 = 1.0;
 
@@ -96,6 +100,18 @@ pub enum BadFlight {
     },
 }
 
+impl BadFlight {
+    /// Index of the state at fault, if it is one.
+    pub(crate) fn state(&self) -> Option<usize> {
+        match self {
+            Self::OutOfLimits { row, .. } | Self::Gap { row, .. } | Self::Jump { row, .. } => {
+                Some(*row)
+            }
+            Self::TooFewStates { .. } | Self::Elsewhere { .. } | Self::TooLong { .. } => None,
+        }
+    }
+}
+
 /// The part of a trajectory that a scenario shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Window {
@@ -172,8 +188,8 @@ impl Trajectory {
             .unwrap_or_else(|| unreachable!("a trajectory has at least two states"))
     }
 
-    /// From the moment at which `start_dtd_m` metres remain along the course (or the first state, if that is later) until the
-    /// touchdown target is passed (or the last state, if that is earlier).
+    /// The last approach of the flight: from the moment at which `start_dtd_m` metres remain along the course (or where the aircraft is
+    /// furthest out, if it never is as far) until the touchdown target is passed (or the last state, if that is earlier).
     pub fn approach(&self, runway: &Runway, start_dtd_m: f64) -> Result<Window, BadFlight> {
         self.along_course(runway).approach(start_dtd_m)
     }
@@ -229,14 +245,12 @@ impl AlongCourse<'_> {
     /// See [`Trajectory::approach`].
     pub fn approach(&self, start_dtd_m: f64) -> Result<Window, BadFlight> {
         let last_index = self.to_go_m.len() - 1;
-        let (first, last) = (self.time_of(0), self.time_of(last_index));
-        let start_s = if self.to_go_m[0] <= start_dtd_m {
-            first
-        } else {
-            self.crossing(first, start_dtd_m).unwrap_or(last)
-        };
-        let passing_s = self.crossing(start_s, 0.0);
-        if self.to_go_m_at(start_s) <= 0.0 || start_s >= last {
+        let last = self.time_of(last_index);
+        let states = &self.trajectory.states;
+        let inbound = last_approach(&self.to_go_m, |index| !states[index].on_ground, start_dtd_m);
+        let start_s = inbound.map(|inbound| self.crossing_at(inbound.first, start_dtd_m));
+        let (Some(inbound), Some(start_s)) = (inbound, start_s.filter(|start_s| *start_s < last))
+        else {
             let runway = self.runway;
             return Err(BadFlight::Elsewhere {
                 start_dtd_m,
@@ -244,7 +258,8 @@ impl AlongCourse<'_> {
                 first_m: self.to_go_m[0],
                 last_m: self.to_go_m[last_index],
             });
-        }
+        };
+        let passing_s = inbound.passing.map(|index| self.crossing_at(index, 0.0));
         let takes_s = passing_s.unwrap_or(last) - start_s;
         if takes_s > MOST_APPROACH_S {
             return Err(BadFlight::TooLong {
@@ -268,16 +283,12 @@ impl AlongCourse<'_> {
         RunwayCoordinates::of(position, self.target, self.runway.course_true_deg).along_track_m
     }
 
-    /// The first time, from a given one, at which at most `level_m` metres remain.
-    fn crossing(&self, from_s: f64, level_m: f64) -> Option<f64> {
-        let from = self
-            .trajectory
-            .states
-            .partition_point(|state| state.time_s < from_s);
-        let index = from + self.to_go_m[from..].iter().position(|m| *m <= level_m)?;
+    /// The time between the state before `index` and this one at which `level_m` metres remain; the state's own time if not even the
+    /// state before is further away.
+    fn crossing_at(&self, index: usize, level_m: f64) -> f64 {
         let mut high = self.time_of(index);
-        if index == from {
-            return Some(high);
+        if index == 0 || self.to_go_m[index - 1] <= level_m {
+            return high;
         }
         let mut low = self.time_of(index - 1);
         while high - low > 1e-9 {
@@ -291,7 +302,7 @@ impl AlongCourse<'_> {
                 low = middle;
             }
         }
-        Some(high)
+        high
     }
 }
 

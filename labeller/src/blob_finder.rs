@@ -9,6 +9,8 @@ pub(crate) struct BlobFinder {
     /// Number of windows that it received.
     pub(crate) windows_seen: usize,
     size: WindowSize,
+    /// Factor by which pictures are shrunk for the first pass.
+    pub(crate) first_pass_shrink: u32,
 }
 
 const BRIGHT: u8 = 128;
@@ -23,6 +25,7 @@ impl Default for BlobFinder {
         Self {
             windows_seen: 0,
             size: WindowSize::square(BLOB_WINDOW_PX),
+            first_pass_shrink: 1,
         }
     }
 }
@@ -33,6 +36,7 @@ impl BlobFinder {
         Self {
             windows_seen: 0,
             size: WindowSize::Any { multiple_px: 32 },
+            first_pass_shrink: 1,
         }
     }
 }
@@ -71,6 +75,10 @@ impl Detector for BlobFinder {
                 found
             })
             .collect())
+    }
+
+    fn first_pass_shrink(&self) -> u32 {
+        self.first_pass_shrink
     }
 
     fn description(&self) -> String {

@@ -62,6 +62,9 @@ pub trait Detector {
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>>;
 
+    /// Factor by which pictures are shrunk for the first pass over them.
+    fn first_pass_shrink(&self) -> u32;
+
     /// Description for the record next to the detections.
     fn description(&self) -> String;
 }

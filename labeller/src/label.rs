@@ -38,6 +38,8 @@ pub struct LabelOutcome {
     pub unchanged: Vec<String>,
     /// Scenarios that could not be labelled.
     pub failed: Vec<Failure>,
+    /// Views that never have the aircraft in sight, as `SCENARIO, view VIEW`: nothing can be detected in them, or learned from them.
+    pub without_boxes: Vec<String>,
     /// Scenarios that were left to the next run, because the caller stopped this one.
     pub left: Vec<String>,
     /// True if the caller stopped it, even if no work was left.
@@ -56,7 +58,7 @@ pub fn label_corpus(corpus: &Corpus, watch: &dyn Watch) -> Result<LabelOutcome> 
         watch.advance(done.fetch_add(1, Ordering::Relaxed) + 1, "");
         result
     };
-    let results: Vec<(String, Result<bool>)> = scenarios
+    let results: Vec<(String, Result<Labelled>)> = scenarios
         .par_iter()
         .map(|folder| (folder.id(), label(folder)))
         .collect();
@@ -66,8 +68,20 @@ pub fn label_corpus(corpus: &Corpus, watch: &dyn Watch) -> Result<LabelOutcome> 
     };
     for (id, result) in results {
         match result {
-            Ok(true) => outcome.labelled.push(id),
-            Ok(false) => outcome.unchanged.push(id),
+            Ok(Labelled {
+                is_new,
+                without_boxes,
+            }) => {
+                let named = without_boxes
+                    .iter()
+                    .map(|view| format!("{id}, view {view}"));
+                outcome.without_boxes.extend(named);
+                if is_new {
+                    outcome.labelled.push(id);
+                } else {
+                    outcome.unchanged.push(id);
+                }
+            }
             Err(Error::Stopped(_)) => outcome.left.push(id),
             Err(error) => outcome.failed.push(Failure {
                 id,
@@ -78,11 +92,21 @@ pub fn label_corpus(corpus: &Corpus, watch: &dyn Watch) -> Result<LabelOutcome> 
     Ok(outcome)
 }
 
-/// Labels one scenario. Returns whether anything changed.
-pub(crate) fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
+/// Result of a labelled scenario.
+struct Labelled {
+    /// True if its files changed.
+    is_new: bool,
+    /// Views without a single box.
+    without_boxes: Vec<String>,
+}
+
+fn label_scenario(folder: &ScenarioFolder) -> Result<Labelled> {
     let mut labels = Labels::of(folder)?;
     if labels.are_there && !is_unsettled(folder.root()) {
-        return Ok(false);
+        return Ok(Labelled {
+            is_new: false,
+            without_boxes: labels.views_without_boxes(),
+        });
     }
     let claim = folder.claim()?;
     settle(&claim, folder.root())?;
@@ -101,7 +125,10 @@ pub(crate) fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
             },
         )?;
     }
-    Ok(!labels.are_there)
+    Ok(Labelled {
+        is_new: !labels.are_there,
+        without_boxes: labels.views_without_boxes(),
+    })
 }
 
 /// The labels that a scenario should have.
@@ -109,6 +136,7 @@ struct Labels {
     /// Seal of the state that they were computed from.
     seal: Seal,
     frames: Frames,
+    views: Vec<String>,
     boxes: Vec<TruthBox>,
     /// True if the scenario already has them.
     are_there: bool,
@@ -135,9 +163,15 @@ impl Labels {
         Ok(Self {
             seal: scenario.seal().clone(),
             frames,
+            views: record.views,
             boxes,
             are_there,
         })
+    }
+
+    fn views_without_boxes(&self) -> Vec<String> {
+        let is_empty = |view: &&String| self.boxes.iter().all(|seen| seen.view != **view);
+        self.views.iter().filter(is_empty).cloned().collect()
     }
 }
 
@@ -321,6 +355,36 @@ mod tests {
         .unwrap();
         assert_eq!(label_corpus(&corpus, &Silent).unwrap().labelled, ["0001-a"]);
         assert_eq!(files(folder.root()), right);
+    }
+
+    #[test]
+    fn views_that_never_have_the_aircraft_in_sight_are_named() {
+        let temporary = tempfile::tempdir().unwrap();
+        let corpus = short_corpus::write(temporary.path(), &["0001-a"]);
+        assert!(
+            label_corpus(&corpus, &Silent)
+                .unwrap()
+                .without_boxes
+                .is_empty()
+        );
+        let folder = corpus.scenario("0001-a");
+        let mut frames = folder.open().unwrap().frames().unwrap();
+        for row in &mut frames.rows {
+            // Behind the cameras.
+            row.pose.latitude_deg += 1.0;
+        }
+        replace_files(
+            &folder.claim().unwrap(),
+            folder.root(),
+            &[ScenarioFolder::FRAMES],
+            |_, path| frames.write(path),
+        )
+        .unwrap();
+        let outcome = label_corpus(&corpus, &Silent).unwrap();
+        assert_eq!(
+            outcome.without_boxes,
+            ["0001-a, view left", "0001-a, view right"]
+        );
     }
 
     #[test]

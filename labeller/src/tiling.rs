@@ -249,9 +249,10 @@ fn first_pass(
         let (tile_px, overlap_px) = (settings.tile_px, settings.overlap_px);
         first_windows(picture_px, size, tile_px, overlap_px, rows, shrink)
     };
-    let mut tiles = windows(settings.rows, 1);
+    let shrink = detector.first_pass_shrink();
+    let mut tiles = windows(settings.rows, shrink);
     if settings.half_scale_rows.is_some() {
-        tiles.extend(windows(settings.half_scale_rows, 2));
+        tiles.extend(windows(settings.half_scale_rows, shrink.max(2)));
     }
     let answers = detector.detect(picture, &tiles, settings.tile_score)?;
     let mut hits = Vec::new();
@@ -410,7 +411,12 @@ mod tests {
         let found = find_aircraft(&mut finder, &picture, &settings).unwrap();
         assert_eq!((found.len(), found[0].pixel_box), (1, blob));
         assert_eq!(found[0].tile, 1);
-        settings.half_scale_rows = None;
+        settings = TilingSettings::default();
+        finder.first_pass_shrink = 2;
+        finder.windows_seen = 0;
+        let found = find_aircraft(&mut finder, &picture, &settings).unwrap();
+        assert_eq!((found.len(), found[0].pixel_box), (1, blob));
+        assert_eq!(finder.windows_seen, 2);
         settings.rows = Some(RowBand {
             top_px: 1_280,
             bottom_px: 2_000,

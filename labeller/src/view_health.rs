@@ -82,7 +82,7 @@ impl CameraWatch {
         }
     }
 
-    /// What the next image shows, and its state by the images so far. `images`: the one before and this one, `best`: its best box,
+    /// Looks at the next image, and judges it by the images so far. `images`: the one before and this one, `best`: its best box,
     /// `counted`: the one that counts.
     pub(crate) fn look(
         &mut self,

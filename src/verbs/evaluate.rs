@@ -119,6 +119,7 @@ fn print_estimators(estimators: &BTreeMap<String, EstimatorMetrics>) {
             vec![
                 match name.as_str() {
                     "triangulation" => format!("{name} (oracle: true cameras)"),
+                    _ if name.starts_with("no_vision_") => format!("{name} (yardstick)"),
                     _ => name.clone(),
                 },
                 percent(all.mape_pct),
@@ -145,9 +146,14 @@ fn print_estimators(estimators: &BTreeMap<String, EstimatorMetrics>) {
 /// Prints what a run was judged on.
 fn print_judged(metrics: &Metrics) {
     let test = &metrics.split.test;
-    let trajectories = match test.trajectories {
-        1 => "1 held-out trajectory".to_owned(),
-        many => format!("{many} held-out trajectories"),
+    let trajectories = match (test.trajectories, metrics.split.by.as_str()) {
+        (_, "scenario") => format!(
+            "{} ({} of them fly a flight that was learned from)",
+            count(test.scenarios, "scenario"),
+            metrics.split.test_scenarios_sharing_flights
+        ),
+        (1, _) => "1 held-out trajectory".to_owned(),
+        (many, _) => format!("{many} held-out trajectories"),
     };
     let ticks = &metrics.ticks;
     println!(

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use dataset::corpus::Corpus;
 use dataset::work::watch::Watch;
 use detector_evaluation::{
     Ended, Error, EvaluatedMode, Evaluation, EvaluationOptions, ModeFigures, evaluate_detector,
@@ -41,24 +42,9 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
             .collect(),
         out: args.out.clone(),
     };
-    let watch = VerbWatch::new("evaluate", "pictures");
-    let evaluation = match evaluate_detector(&corpus, &options, &watch).map_err(failure_of)? {
-        Ended::Done(evaluation) => evaluation,
-        Ended::Stopped { searched, left } => {
-            eprintln!(
-                "interrupted: {} searched, {left} to go; run the same command again to resume",
-                count(searched, "scenario")
-            );
-            return Ok(Ending::Interrupted);
-        }
+    let Some(evaluation) = evaluate(&corpus, &options)? else {
+        return Ok(Ending::Interrupted);
     };
-    for failure in &evaluation.failed {
-        watch.warn(&format!(
-            "scenario {} was not searched: {}",
-            failure.id, failure.reason
-        ));
-    }
-    drop(watch);
     if evaluation.scenarios.is_empty() {
         eprint_warning!(
             "evaluate-detector: no scenario could be searched, so there are no figures"
@@ -78,6 +64,31 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
     } else {
         Ending::Losses
     })
+}
+
+/// Evaluates a detector with a progress bar; `None` if it was interrupted, which says what is left.
+pub(crate) fn evaluate(
+    corpus: &Corpus,
+    options: &EvaluationOptions,
+) -> Result<Option<Box<Evaluation>>, Failure> {
+    let watch = VerbWatch::new("evaluate", "pictures");
+    let evaluation = match evaluate_detector(corpus, options, &watch).map_err(failure_of)? {
+        Ended::Done(evaluation) => evaluation,
+        Ended::Stopped { searched, left } => {
+            eprintln!(
+                "interrupted: {} searched, {left} to go; run the same command again to resume",
+                count(searched, "scenario")
+            );
+            return Ok(None);
+        }
+    };
+    for failure in &evaluation.failed {
+        watch.warn(&format!(
+            "scenario {} was not searched: {}",
+            failure.id, failure.reason
+        ));
+    }
+    Ok(Some(evaluation))
 }
 
 /// An error that the caller must fix, or one of the machine.

@@ -62,5 +62,10 @@ pub(crate) fn label(corpus: &Corpus) -> Result<LabelOutcome, Failure> {
             failure.id, failure.reason
         ));
     }
+    for place in &outcome.without_boxes {
+        watch.warn(&format!(
+            "scenario {place}: the aircraft is never in sight; are flight and cameras as intended?"
+        ));
+    }
     Ok(outcome)
 }

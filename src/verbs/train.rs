@@ -136,11 +136,15 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if args.leave_out.is_some() {
         config.leave_out.clone_from(&args.leave_out);
     }
+    if let Some(test_share) = args.split_by_scenario {
+        let split = config.scenario_split.get_or_insert_default();
+        split.test_share = test_share;
+    }
     config
 }
 
 /// The settings in a file, TOML or the `config.json` of a run. One that is out of range is shown in its line of the former.
-fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
+pub(crate) fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
     if path
         .extension()
         .is_some_and(|extension| extension == "json")

@@ -3,7 +3,9 @@
 
 pub(crate) mod backend;
 mod check;
+mod loss;
 mod paper_deviation;
+mod stage_end;
 
 use std::path::PathBuf;
 
@@ -12,7 +14,13 @@ use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
 
 use crate::config::backend::TrainingBackend;
+pub use crate::samples::scenario_split::ScenarioSplitConfig;
+pub use loss::Loss;
+pub(crate) use loss::Target;
+use loss::UNIT_NM;
 pub use paper_deviation::PaperDeviation;
+pub(crate) use stage_end::Plateau;
+pub use stage_end::StageEnd;
 
 /// Settings of a training. Unknown keys are rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -31,6 +39,9 @@ pub struct TrainConfig {
     /// `weather=NAME` or `time=HH:MM`: scenarios of this weather or time are the test side, whatever the split, and train nothing.
     /// `--leave-out` overrides it.
     pub leave_out: Option<String>,
+    /// Split by scenario, as in the paper, whatever the corpus's split: both sides share flights. `--split-by-scenario` sets its
+    /// `test_share`.
+    pub scenario_split: Option<ScenarioSplitConfig>,
     /// Whether scenarios are used that were drawn under another weather than planned (marked by `dtd generate`). `--accept-weather`
     /// switches it on.
     pub accept_weather: bool,
@@ -39,6 +50,10 @@ pub struct TrainConfig {
     pub start_from: Option<PathBuf>,
     /// Loss that the networks minimise; the mean squared error of the distance in the paper.
     pub loss: Loss,
+    /// Unit of the distance that networks predict, nautical miles; 10 in the authors' software. The logarithm has no unit.
+    pub target_unit_nm: f64,
+    /// Divisor of the features of boxes.
+    pub feature_scale: FeatureScale,
     /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
     /// Formulas are always fitted to boxes that contain it.
     pub only_true_boxes: bool,
@@ -64,9 +79,12 @@ impl Default for TrainConfig {
             min_dtd_nm: 0.05,
             max_dtd_nm: None,
             leave_out: None,
+            scenario_split: None,
             accept_weather: false,
             start_from: None,
             loss: Loss::Squared,
+            target_unit_nm: UNIT_NM,
+            feature_scale: FeatureScale::Deviation,
             only_true_boxes: false,
             align_backgrounds: false,
             calibration: CalibrationConfig::default(),
@@ -86,58 +104,23 @@ pub fn schema() -> String {
     format!("{:#}\n", schema.to_value())
 }
 
-/// Loss of a regression. The figure of merit is a percentage, while the paper's squared error is satisfied with 18 m everywhere, which is
-/// 0.1 % at 10 NM but 1 % at 1 NM.
+/// The scale of the features of boxes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Loss {
-    /// Networks predict distances in units of 10 NM; mean squared error, as in equation (1) of the paper.
-    Squared,
-    /// The same with each sample divided by its squared distance.
-    Relative,
-    /// Networks predict the natural logarithm of the distance in units of 10 NM; mean squared error of that, which for small errors
-    /// is the relative error.
-    Logarithmic,
-}
-
-impl Loss {
-    /// Distances below this (in units of 10 NM; 0.5 NM) are treated as this one: percentages explode at touchdown.
-    const NEAREST: f32 = 0.05;
-
-    /// Weight of a sample at `distance` (units of 10 NM).
-    pub(crate) fn weight(self, distance: f32) -> f32 {
-        match self {
-            Self::Squared => 1.0,
-            Self::Relative => distance.max(Self::NEAREST).powi(-2),
-            // The logarithm weighs every percent equally already; nearer than that its slope is limited.
-            Self::Logarithmic => (distance / Self::NEAREST).min(1.0).powi(2),
-        }
-    }
-
-    /// The number that a network should predict for `distance` (units of 10 NM).
-    pub(crate) fn target(self, distance: f32) -> f32 {
-        match self {
-            Self::Squared | Self::Relative => distance,
-            Self::Logarithmic => distance.ln(),
-        }
-    }
-
-    /// The distance (units of 10 NM) for a network's output.
-    pub(crate) fn distance(self, predicted: f32) -> f32 {
-        match self {
-            Self::Squared | Self::Relative => predicted,
-            Self::Logarithmic => predicted.exp(),
-        }
-    }
+pub enum FeatureScale {
+    /// Mean and standard deviation of a view's training boxes, for each feature.
+    Deviation,
+    /// Width and height of the picture, without an offset.
+    Picture,
 }
 
 /// Mini-batches and learning rate of one training; all three keys are required. The rate of Adam rises linearly over the first 2 % of the
-/// steps, then falls along half a cosine to a thousandth. It falls over all steps even with a `patience`, so the last weights are usually
-/// the best ones: early stopping ends overfitting; it does not make a short training.
+/// steps of a cycle, then falls along half a cosine to a thousandth. With a `patience`, all steps are one cycle, so the last weights are
+/// usually the best ones: early stopping ends overfitting; it does not make a short training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Optimisation {
-    /// Number of mini-batches.
+    /// Number of mini-batches, or the most of them if a plateau ends the training.
     pub steps: usize,
     /// Samples in a mini-batch.
     pub batch_size: usize,
@@ -157,17 +140,31 @@ pub struct CalibrationConfig {
     pub head_hidden: Vec<usize>,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
+    /// End of the stage.
+    pub ends: StageEnd,
+    /// Steps of the first cycle, if a plateau ends the stage.
+    pub first_cycle: usize,
     /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
     /// `Min` of Algorithm 1: steps before the set of optimised views may change (again); 1500 in the paper.
     pub min_steps: usize,
-    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, percentage points of MAPE; 0.01 in the paper.
+    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, and fall of its error over a cycle, percentage points
+    /// of MAPE; 0.01 in the paper.
     pub plateau_threshold_pct: f64,
     /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE; 0.01 in the paper.
     pub gap_threshold_pct: f64,
     /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
-    /// weights. Without it, all steps are made, and the last weights are kept.
+    /// weights. Without it, `ends` decides.
     pub patience: Option<usize>,
+}
+
+impl CalibrationConfig {
+    /// The plateau that ends the stage, if one does.
+    pub(crate) fn plateau(&self) -> Option<Plateau> {
+        let threshold_pct = self.plateau_threshold_pct;
+        self.ends
+            .plateau(self.first_cycle, threshold_pct, self.patience)
+    }
 }
 
 impl Default for CalibrationConfig {
@@ -177,10 +174,12 @@ impl Default for CalibrationConfig {
             features: 256,
             head_hidden: vec![128],
             optimisation: Optimisation {
-                steps: 10_000,
+                steps: 225_000,
                 batch_size: 256,
                 learning_rate: 2e-3,
             },
+            ends: StageEnd::Plateau,
+            first_cycle: 10_000,
             log_every: 50,
             min_steps: 1_500,
             plateau_threshold_pct: 0.01,
@@ -200,18 +199,33 @@ pub struct EstimatorConfig {
     pub head_hidden: Vec<usize>,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
+    /// End of the stage.
+    pub ends: StageEnd,
+    /// Steps of the first cycle, if a plateau ends the stage.
+    pub first_cycle: usize,
+    /// Fall of the validation error over a cycle below which the stage is on its plateau, percentage points of MAPE.
+    pub plateau_threshold_pct: f64,
     /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
-    /// Share of the steps, from the first on, in which all batches use all views; after it, views are dropped at random. Averaging
-    /// the views' own answers is a plateau on which single-view batches keep the network; with this it first learns what two views say
-    /// together. 0, as in the paper, drops views from the first step on.
+    /// Share of the steps of the first cycle, from the first on, in which all batches use all views; after it, views are dropped at random.
+    /// Averaging the views' own answers is a plateau on which single-view batches keep the network; with this it first learns what two
+    /// views say together. 0, as in the paper, drops views from the first step on.
     pub together_first: f64,
     /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
     /// training cannot remove, ten times two views' floor; at equal weights it drowns them out.
     pub alone_weight: f64,
     /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
-    /// weights. Without it, all steps are made, and the last weights are kept.
+    /// weights. Without it, `ends` decides.
     pub patience: Option<usize>,
+}
+
+impl EstimatorConfig {
+    /// The plateau that ends the stage, if one does.
+    pub(crate) fn plateau(&self) -> Option<Plateau> {
+        let threshold_pct = self.plateau_threshold_pct;
+        self.ends
+            .plateau(self.first_cycle, threshold_pct, self.patience)
+    }
 }
 
 impl Default for EstimatorConfig {
@@ -220,10 +234,13 @@ impl Default for EstimatorConfig {
             lstm: vec![256, 256],
             head_hidden: vec![128],
             optimisation: Optimisation {
-                steps: 20_000,
+                steps: 225_000,
                 batch_size: 256,
                 learning_rate: 1e-3,
             },
+            ends: StageEnd::Plateau,
+            first_cycle: 20_000,
+            plateau_threshold_pct: 0.01,
             log_every: 250,
             together_first: 0.0,
             alone_weight: 1.0,
@@ -240,6 +257,20 @@ pub struct MonoConfig {
     pub hidden: Vec<usize>,
     /// Mini-batches and learning rate, of each view's network.
     pub optimisation: Optimisation,
+    /// End of the training of a network.
+    pub ends: StageEnd,
+    /// Steps of the first cycle, if a plateau ends it.
+    pub first_cycle: usize,
+    /// Fall of the validation error over a cycle below which a network is on its plateau, percentage points of MAPE.
+    pub plateau_threshold_pct: f64,
+}
+
+impl MonoConfig {
+    /// The plateau that ends the training of a network, if one does.
+    pub(crate) fn plateau(&self) -> Option<Plateau> {
+        self.ends
+            .plateau(self.first_cycle, self.plateau_threshold_pct, None)
+    }
 }
 
 impl Default for MonoConfig {
@@ -247,10 +278,13 @@ impl Default for MonoConfig {
         Self {
             hidden: vec![64, 64],
             optimisation: Optimisation {
-                steps: 2_000,
+                steps: 32_000,
                 batch_size: 256,
                 learning_rate: 3e-3,
             },
+            ends: StageEnd::Plateau,
+            first_cycle: 2_000,
+            plateau_threshold_pct: 0.01,
         }
     }
 }
@@ -278,6 +312,14 @@ impl Default for SelfCalibrationConfig {
 }
 
 impl TrainConfig {
+    /// The loss with its unit.
+    pub(crate) fn target(&self) -> Target {
+        Target {
+            loss: self.loss,
+            per_10_nm: (UNIT_NM / self.target_unit_nm) as f32,
+        }
+    }
+
     /// The same method with narrower layers and fewer steps: about a minute and a half on two cores, for a dozen scenarios.
     pub fn demo() -> Self {
         let narrow = |steps, learning_rate| Optimisation {
@@ -291,6 +333,7 @@ impl TrainConfig {
                 features: 64,
                 head_hidden: vec![64],
                 optimisation: narrow(1_500, 3e-3),
+                ends: StageEnd::Steps,
                 min_steps: 300,
                 ..CalibrationConfig::default()
             },
@@ -298,10 +341,12 @@ impl TrainConfig {
                 lstm: vec![96, 96],
                 head_hidden: vec![96],
                 optimisation: narrow(9_000, 2e-3),
+                ends: StageEnd::Steps,
                 ..EstimatorConfig::default()
             },
             mono: MonoConfig {
                 optimisation: narrow(1_500, 3e-3),
+                ends: StageEnd::Steps,
                 ..MonoConfig::default()
             },
             ..Self::default()
@@ -350,21 +395,5 @@ mod tests {
                 .to_string()
                 .contains("calibration.hidden")
         );
-    }
-
-    #[test]
-    fn one_percent_costs_the_same_at_every_distance_but_under_the_squared_loss() {
-        let cost = |loss: Loss, distance: f32| {
-            loss.weight(distance) * (loss.target(1.01 * distance) - loss.target(distance)).powi(2)
-        };
-        for loss in [Loss::Relative, Loss::Logarithmic] {
-            assert!((cost(loss, 0.1) / cost(loss, 1.0) - 1.0).abs() < 1e-3);
-            assert!(
-                cost(loss, 0.01) < 0.1 * cost(loss, 0.1),
-                "the last 0.5 NM must not rule"
-            );
-            assert!((loss.distance(loss.target(0.3)) - 0.3).abs() < 1e-6);
-        }
-        assert!((cost(Loss::Squared, 0.1) / cost(Loss::Squared, 1.0) - 0.01).abs() < 1e-4);
     }
 }

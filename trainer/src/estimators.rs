@@ -4,4 +4,5 @@ pub(crate) mod geometry;
 pub(crate) mod inverse_range;
 pub(crate) mod minimum;
 pub(crate) mod mono;
+pub(crate) mod no_vision;
 pub(crate) mod paper_lstm;

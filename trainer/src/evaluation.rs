@@ -4,6 +4,7 @@
 //! ([`crate::evaluation::view_removal`]). `evaluation-rules.toml` defines which ticks count, and how.
 
 pub(crate) mod answers;
+pub mod figures;
 pub(crate) mod judged;
 pub(crate) mod judged_table;
 pub(crate) mod metrics;
@@ -13,7 +14,6 @@ pub(crate) mod report;
 pub(crate) mod rules;
 pub(crate) mod view_removal;
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use dataset::corpus::Corpus;
@@ -26,7 +26,8 @@ use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::evaluation::answers::{Answered, Answers, JudgedTicks};
 use crate::evaluation::judged::{Judged, JudgedSide};
 use crate::evaluation::metrics::{
-    EstimatorMetrics, Metrics, RemovedFigures, SideCount, SplitSummary, TickCounts,
+    AgainstOneView, EstimatorMetrics, Metrics, RemovedFigures, SideCount, SingleViewFigures,
+    SplitSummary, TickCounts, TrainingFigures, WithoutViews,
 };
 use crate::evaluation::prediction_table::add_answers;
 use crate::evaluation::rules::EvaluationRules;
@@ -90,10 +91,13 @@ pub fn evaluate(
     let mut samples = Samples::read(corpus, Some(model), DistanceRange::ALL)?;
     match config.side {
         JudgedSide::All => samples.test_all(),
-        JudgedSide::Test => split_again(corpus, &mut samples, trained.config.leave_out.as_deref())?,
+        JudgedSide::Test => match &trained.summary.scenario_split {
+            Some(split) => split.restore(&mut samples),
+            None => split_again(corpus, &mut samples, trained.config.leave_out.as_deref())?,
+        },
     }
     check_cameras(run, corpus, &trained, &samples)?;
-    check_unseen(run, corpus, &trained, &samples)?;
+    check_unseen(run, corpus, &trained, &samples, config.side)?;
     let backgrounds = trained.backgrounds.as_ref();
     let alignment = backgrounds
         .map(|backgrounds| backgrounds.align(&mut samples, &[Side::Test], watch))
@@ -140,22 +144,33 @@ pub fn evaluate(
         Ok(predictions.add(evaluation.rows(flown))?)
     })?;
     predictions.finish()?;
-    let mut removed: [BTreeMap<String, RemovedFigures>; Estimator::ALL.len()] = Default::default();
+    let mut without: [WithoutViews; Estimator::ALL.len()] = Default::default();
     for removal in removals {
         let name = removal.name(&samples.views, &rules.removed_views);
         let answers = evaluation.answers(Some(removal), &mut steps, |_| Ok(()))?;
-        for (estimator, of) in removed.iter_mut().enumerate() {
+        for (estimator, of) in without.iter_mut().enumerate() {
             let outcomes = ticks.outcomes(&answers, estimator);
-            of.insert(name.clone(), RemovedFigures::of(&outcomes, rules));
+            let figures = RemovedFigures::of(&outcomes, rules);
+            of.views_removed.insert(name.clone(), figures);
+            if let ViewRemoval::AllBut(view) = removal {
+                let figures = SingleViewFigures::of(&outcomes);
+                of.single_views.insert(samples.views[view].clone(), figures);
+            }
         }
     }
     let common = all.common();
-    let of_estimators = Estimator::ALL.into_iter().zip(removed).enumerate();
+    let of_estimators = Estimator::ALL.into_iter().zip(without).enumerate();
+    let estimators = of_estimators.map(|(number, (estimator, without))| {
+        let outcomes = ticks.outcomes(&all, number);
+        let figures = EstimatorMetrics::of(&outcomes, &common, without, rules);
+        (estimator.name().to_owned(), figures)
+    });
+    let estimators = estimators.collect();
     let judged_ticks = || ticks.ticks().iter();
     let found: usize = judged_ticks().map(|s| s.detections()).sum();
     let metrics = Metrics {
         rules: rules.clone(),
-        split: split_summary(&trained.summary, samples, all.seen()),
+        split: split_summary(&trained.summary, samples, config.side, all.seen()),
         ticks: TickCounts {
             there: judged_ticks().count(),
             hidden_by_fog: judged_ticks().filter(|s| rules.is_hidden(s)).count(),
@@ -166,13 +181,12 @@ pub fn evaluate(
         dropped_training_boxes: trained.summary.dropped_training_boxes.clone(),
         deviations_from_paper: trained.deviations_from_paper(),
         cut_off_boxes: judged_ticks().map(|sample| sample.cut_off).sum(),
-        estimators: of_estimators
-            .map(|(number, (estimator, removed))| {
-                let outcomes = ticks.outcomes(&all, number);
-                let figures = EstimatorMetrics::of(&outcomes, &common, removed, rules);
-                (estimator.name().to_owned(), figures)
-            })
-            .collect(),
+        training: TrainingFigures {
+            stages: trained.summary.stages.clone(),
+            training_s: trained.summary.training_s,
+        },
+        against_one_view: AgainstOneView::all(&estimators),
+        estimators,
         judged,
         alignment,
         weather_at_aircraft: marked_scenarios::reported_on_test_side(samples),
@@ -337,14 +351,18 @@ pub(crate) fn check_cameras(
     Ok(())
 }
 
-/// Rejects flights that the run was trained on.
+/// Rejects flights that the run was trained on, but not the scenarios that it drew for the test: they share flights, and say so.
 fn check_unseen(
     run: &RunFolder,
     corpus: &Corpus,
     trained: &TrainedRun,
     samples: &Samples,
+    side: JudgedSide,
 ) -> Result<()> {
-    let mut tested = samples.scenarios.iter().filter(|s| s.side == Side::Test);
+    let drawn = trained.summary.scenario_split.as_ref();
+    let drawn = drawn.filter(|_| side == JudgedSide::Test);
+    let mut tested = (samples.scenarios.iter())
+        .filter(|s| s.side == Side::Test && !drawn.is_some_and(|split| split.tests(s)));
     match tested.find(|scenario| trained.summary.knows(scenario)) {
         None => Ok(()),
         Some(scenario) => Err(Error::Leak {
@@ -368,9 +386,21 @@ fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
 }
 
 /// `seen`: judged ticks that a view saw.
-fn split_summary(run: &RunSummary, samples: &Samples, seen: usize) -> SplitSummary {
+fn split_summary(
+    run: &RunSummary,
+    samples: &Samples,
+    side: JudgedSide,
+    seen: usize,
+) -> SplitSummary {
+    let drawn = run.scenario_split.as_ref();
+    let drawn = drawn.filter(|_| side == JudgedSide::Test);
     SplitSummary {
-        by: "trajectory".into(),
+        by: if drawn.is_some() {
+            "scenario".into()
+        } else {
+            "trajectory".into()
+        },
+        test_scenarios_sharing_flights: drawn.map_or(0, |split| split.sharing_flights.len()),
         train: SideCount {
             scenarios: run.training_scenarios,
             trajectories: run.training_trajectories.len(),

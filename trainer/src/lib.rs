@@ -5,6 +5,7 @@
 //! ```text
 //! samples      ticks of a corpus: the boxes that count, registered shifts, distances
 //! background   where a camera looks, from what stands still in its pictures
+//! paper        figures that the paper reports
 //! networks     layers, training loop and checkpoint
 //! estimators   paper_lstm, inverse_range with its filter, cameras and rays (geometry), single views (mono)
 //! run          the folder that a training writes, and its estimators
@@ -29,6 +30,7 @@ mod evaluation;
 mod export;
 pub mod live;
 mod networks;
+pub mod paper;
 mod run;
 mod samples;
 mod training;
@@ -37,6 +39,7 @@ pub use background::Alignment;
 pub use config::backend::TrainingBackend;
 pub use config::{TrainConfig, schema};
 pub use error::{CorpusFault, Error, PredictionsFault, Result, RunFault};
+pub use evaluation::figures;
 pub use evaluation::judged::JudgedSide;
 pub use evaluation::judged_table::{TableEvaluationConfig, TableMetrics, evaluate_table};
 pub use evaluation::metrics::{EstimatorMetrics, Metrics};

@@ -17,6 +17,7 @@ pub(crate) mod other_boxes;
 pub(crate) mod paired_views;
 pub(crate) mod rig;
 mod sample;
+pub(crate) mod scenario_split;
 pub(crate) mod training_cameras;
 pub(crate) mod trusted_boxes;
 pub(crate) mod truth;
@@ -79,7 +80,7 @@ impl DistanceRange {
     }
 }
 
-/// What decides which boxes of a corpus count.
+/// Moment at which it is decided which boxes of a corpus count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
     /// Whole flights: all boxes of confirmed tracks, moved where a camera was off.

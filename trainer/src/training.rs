@@ -17,13 +17,14 @@ use dataset::corpus::splits::Side;
 use dataset::work::watch::Watch;
 
 use crate::background::Backgrounds;
-use crate::config::TrainConfig;
+use crate::config::{FeatureScale, TrainConfig};
 use crate::error::Result;
 use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::inverse_range::CrossFitted;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
 use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::no_vision::MeanByTime;
 use crate::networks::checkpoint::{Checkpoints, Origin};
 use crate::networks::encoded::{Encoded, EncodedSides};
 use crate::networks::normalisation::Normalisation;
@@ -104,6 +105,14 @@ pub(crate) fn train_unless(
         &config.self_calibration,
     );
     let normalisation = Normalisation::fit(&samples.views, &training, &flights.with_true_boxes());
+    let normalisation = match config.feature_scale {
+        FeatureScale::Deviation => normalisation,
+        FeatureScale::Picture => {
+            let cameras = samples.rig.cameras.values();
+            let sizes_px = cameras.map(|camera| [camera.width_px, camera.height_px].map(f64::from));
+            normalisation.in_parts_of_pictures(&sizes_px.collect::<Vec<_>>())
+        }
+    };
     let normalisation = match &start {
         None => normalisation,
         Some(start) => start.normalisation(normalisation, samples, self_calibrated.as_ref()),
@@ -158,8 +167,10 @@ pub(crate) fn train_unless(
             dropped_training_boxes: flights.dropped_boxes.clone(),
             validation_samples: validation.len(),
             validation_mape_pct: learned.validation_mape_pct,
+            stages: learned.stages,
             training_s: checkpoints.spent_s(),
             choice: choice.clone(),
+            scenario_split: flights.scenario_split.clone(),
             started_from_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
             refits: Vec::new(),
         }
@@ -200,6 +211,7 @@ fn fit_formulas(
         flight_filter: FlightFilter::fit(&cross_fitted, samples, normalisation),
         inverse_range: cross_fitted.all,
         paired_views: flights.paired_views.clone(),
+        mean_by_time: MeanByTime::fit(&samples.scenarios, samples.ticks_of_side(Side::Train)),
         self_calibrated,
         backgrounds: flights.backgrounds.as_ref().map(Backgrounds::stored),
     }

@@ -37,6 +37,7 @@ fn config(backend: TrainingBackend) -> TrainConfig {
         mono: MonoConfig {
             hidden: vec![16],
             optimisation: optimisation(),
+            ..MonoConfig::default()
         },
         ..TrainConfig::default()
     }

@@ -58,6 +58,7 @@ fn settings(steps: usize) -> TrainConfig {
         mono: MonoConfig {
             hidden: vec![32],
             optimisation: optimisation(5e-3),
+            ..MonoConfig::default()
         },
         ..TrainConfig::demo()
     }

@@ -41,12 +41,14 @@ fn config() -> TrainConfig {
             head_hidden: vec![16],
             optimisation: optimisation(),
             log_every: 4,
+            first_cycle: 4,
             together_first: 0.3,
             ..EstimatorConfig::default()
         },
         mono: MonoConfig {
             hidden: vec![16],
             optimisation: optimisation(),
+            ..MonoConfig::default()
         },
         ..TrainConfig::default()
     }

@@ -32,6 +32,7 @@ fn with_lstm(width: usize, learning_rate: f64) -> TrainConfig {
         mono: MonoConfig {
             hidden: vec![16],
             optimisation: optimisation(),
+            ..MonoConfig::default()
         },
         ..TrainConfig::default()
     }

@@ -43,6 +43,7 @@ fn small() -> TrainConfig {
         mono: MonoConfig {
             hidden: vec![32],
             optimisation: optimisation(300, 5e-3),
+            ..MonoConfig::default()
         },
         ..TrainConfig::default()
     }

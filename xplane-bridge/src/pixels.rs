@@ -24,11 +24,11 @@ use std::pin::Pin;
 
 pub use choice::PixelChoice;
 pub use error::PixelError;
-pub use payload::Payload;
+pub(crate) use payload::Payload;
 pub use picture::{Rectangle, RgbPicture};
 pub(crate) use screen::{CodedGrabs, CodedPicture, CodedWindow, MARGIN_PX, margins_around};
 pub use screen::{FfmpegScreen, Grab, Lag, RemoteScreen, Screen, ScreenSource};
-pub use screenshots::Screenshots;
+pub(crate) use screenshots::Screenshots;
 
 use crate::error::BridgeError;
 pub use crate::link::PixelKind;

@@ -72,7 +72,7 @@ fn flight() -> FlyRequest {
             speed_mps: 80.0,
         },
         runway: runway(),
-        profile: ApproachProfile::charted_step_down(),
+        profile: ApproachProfile::charted_step_down(0.0),
         seed: 1,
         time_limit_s: 600.0,
         already_started: false,

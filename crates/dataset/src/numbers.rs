@@ -3,5 +3,6 @@
 pub mod frame_rate;
 pub mod least_squares;
 pub mod limits;
+pub mod noise_hash;
 pub mod spread;
 pub mod units;

@@ -302,8 +302,9 @@ fn verify_scenario(
             record: &record,
             frames: frames.as_ref(),
             boxes: boxes.as_deref().unwrap_or_default(),
+            calibration: calibration.as_ref(),
         };
-        let proofs = videos::check(folder, &scenario, calibration.as_ref(), faults, watch);
+        let proofs = videos::check(folder, &scenario, faults, watch);
         report.pictures += proofs.pictures;
         report.views.extend(proofs.views);
         report.pairs.extend(proofs.pairs);

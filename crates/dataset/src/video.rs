@@ -7,6 +7,7 @@
 //! every picture is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file with an
 //! index. Pictures are BT.709, full range, and tagged so.
 
+mod camera_stream;
 mod codec;
 mod conversion;
 mod decoded_image;
@@ -28,6 +29,7 @@ use std::sync::Once;
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
+pub use camera_stream::CameraStream;
 pub use codec::VideoCodec;
 pub use conversion::PicturePart;
 pub use decoded_image::{DecodedImage, ImageConverter};

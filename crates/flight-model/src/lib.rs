@@ -57,12 +57,26 @@ const AUTOPILOT_STEP_S: f64 = 1.0 / OUTPUT_RATE_HZ as f64;
 
 /// A flight that did not end on the runway.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("the flight has not landed within {limit_s} s; it ended at {last:?}")]
+#[error(
+    "the flight has not landed within {limit_s:.0} s{}; does it begin high above the glide path, or far from it?",
+    place_of(last.as_deref())
+)]
 pub struct NotLanded {
     /// Limit of the request, seconds.
     pub limit_s: f64,
     /// State of the aircraft at that time.
     pub last: Option<Box<FlightState>>,
+}
+
+/// Its last place.
+fn place_of(last: Option<&FlightState>) -> String {
+    last.map_or_else(String::new, |state| {
+        let pose = state.pose;
+        format!(
+            ": it ended at {:.5}, {:.5}, {:.0} m above mean sea level",
+            pose.latitude_deg, pose.longitude_deg, pose.altitude_msl_m
+        )
+    })
 }
 
 /// Flies `request` through `weather` until the aircraft has landed.

@@ -221,7 +221,7 @@ fn seeds_change_the_turbulence_and_not_only_the_crew() {
 #[test]
 fn the_charted_step_down_levels_at_1500_ft_before_the_glide_path() {
     let mut request = straight_in(2);
-    request.profile = ApproachProfile::charted_step_down();
+    request.profile = ApproachProfile::charted_step_down(0.0);
     let states = fly(&request, &weather(0.0, 0.0, 0.0));
     let level = states
         .iter()

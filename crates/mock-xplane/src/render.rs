@@ -6,7 +6,7 @@
 //! threads.
 //!
 //! Distortion and refraction belong to the camera: rays and projections include them, so no image is drawn first and warped
-//! afterwards. Blur, seeing and noise are a [`Degradation`], and have no cost when absent.
+//! afterwards. Blur, seeing, sway and noise are a [`Degradation`], and have no cost when absent.
 
 mod air;
 mod aircraft;
@@ -27,6 +27,7 @@ mod seeing;
 mod sensor;
 mod ships;
 mod site_lamps;
+mod sway;
 mod tone;
 mod view;
 
@@ -51,6 +52,7 @@ use light::Light;
 use raster::{Patch, Scratch};
 use seeing::Turbulence;
 use sensor::SensorNoise;
+use sway::SwayingMast;
 use tone::Tone;
 use view::View;
 
@@ -94,6 +96,7 @@ impl Instants {
 struct Spoiled {
     blur_sigma_px: f64,
     turbulence: Option<Turbulence>,
+    mast: Option<SwayingMast>,
     noise: Option<SensorNoise>,
 }
 
@@ -182,6 +185,9 @@ impl Scene {
         self.spoiled = Spoiled {
             blur_sigma_px: degradation.blur_sigma_px,
             turbulence,
+            mast: degradation
+                .sway
+                .map(|sway| SwayingMast::new(&sway, degradation.seed)),
             noise: degradation
                 .sensor
                 .map(|sensor| SensorNoise::new(&sensor, degradation.seed)),
@@ -245,6 +251,9 @@ impl Scene {
             if let Some(canvas) = canvas {
                 canvas.write(rgb, size.0);
             }
+        }
+        if let Some(mast) = &self.spoiled.mast {
+            mast.move_picture(rgb, size, weather_s);
         }
         if self.rain_ratio > 0.0 {
             rain::draw(

@@ -182,6 +182,7 @@ fn imaging() -> Imaging {
             sensor: Some(Sensor {
                 full_well_electrons: 5_000.0,
                 read_noise_electrons: 4.0,
+                exposure_ev: 0.0,
             }),
             seed: 9,
             ..Degradation::default()

@@ -114,7 +114,7 @@ impl RecordedFlight {
             },
             runway: changi_02l(),
             profile: match self.name {
-                "05_step_down_1500" => ApproachProfile::charted_step_down(),
+                "05_step_down_1500" => ApproachProfile::charted_step_down(0.0),
                 "10_from_3000ft_cda" => ApproachProfile::ContinuousDescent {
                     start_altitude_msl_m: first.pose.altitude_msl_m,
                 },

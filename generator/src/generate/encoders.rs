@@ -1,11 +1,12 @@
-//! One thread per view that encodes pictures to a video.
+//! One thread per view that encodes pictures to a video, after its camera's own stream if there is one.
 //!
 //! Channels are bounded: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
 //! written pictures are reused, unless they belong to a pool.
 
 use dataset::corpus::ScenarioFolder;
+use dataset::geometry::imaging::Stream;
 use dataset::plan::Picture;
-use dataset::video::{VideoEncoder, VideoSettings, VideoWriter};
+use dataset::video::{CameraStream, VideoEncoder, VideoSettings, VideoWriter};
 use tokio::sync::mpsc;
 use tokio::task::{JoinHandle, spawn_blocking};
 use xplane_bridge::link::PictureBytes;
@@ -30,17 +31,17 @@ enum Message {
 }
 
 impl Encoders {
-    /// Starts an encoder for each view, for which so many pictures may wait.
+    /// Starts an encoder for each view and the stream of its camera, for which so many pictures may wait.
     pub(super) fn start<'a>(
         folder: &ScenarioFolder,
-        views: impl IntoIterator<Item = &'a str>,
+        views: impl IntoIterator<Item = (&'a str, Option<Stream>)>,
         picture: Picture,
         settings: &VideoSettings,
         encoder: VideoEncoder,
         waiting_pictures: usize,
     ) -> Self {
         let (give_back, written) = mpsc::unbounded_channel();
-        let start = |view: &str| {
+        let start = |(view, stream): (&str, Option<Stream>)| {
             let (pictures, inbox) = mpsc::channel(waiting_pictures);
             let path = folder.new_video_path(view, settings.codec);
             let settings = settings.clone();
@@ -54,7 +55,10 @@ impl Encoders {
                 let writer = VideoWriter::create_with(
                     &path, &settings, encoder, width_px, height_px, frame_rate,
                 )?;
-                encode(writer, inbox, &give_back)
+                let new_stream =
+                    |stream| CameraStream::new(&path, stream, width_px, height_px, frame_rate);
+                let stream = stream.map(new_stream).transpose()?;
+                encode(writer, stream, inbox, &give_back)
             });
             Encoder {
                 view: view.to_owned(),
@@ -136,14 +140,23 @@ fn joined(
 /// The work of one thread. Without a [`Message::Finish`] the scenario was abandoned, and the file is not completed.
 fn encode(
     mut writer: VideoWriter,
+    mut stream: Option<CameraStream>,
     mut inbox: mpsc::Receiver<Message>,
     give_back: &mpsc::UnboundedSender<PictureBytes>,
 ) -> dataset::Result<Vec<i64>> {
     let mut pts = Vec::new();
+    let mut received = Vec::new();
     while let Some(message) = inbox.blocking_recv() {
         match message {
             Message::Picture(rgb) => {
-                pts.push(writer.write(&rgb)?);
+                let recorded = match &mut stream {
+                    None => &rgb[..],
+                    Some(stream) => {
+                        stream.pass(&rgb, &mut received)?;
+                        &received[..]
+                    }
+                };
+                pts.push(writer.write(recorded)?);
                 // Memory of a pool goes back when it is dropped.
                 if !matches!(rgb, PictureBytes::Pooled(_)) {
                     // The receiver is gone if the scenario is ending.
@@ -181,7 +194,7 @@ mod tests {
         std::fs::create_dir_all(scenario.root().join(has)).unwrap();
         Encoders::start(
             &scenario,
-            ["left", "right"],
+            [("left", None), ("right", Some(Stream { mbit_per_s: 4.0 }))],
             SMALL,
             &VideoSettings::default(),
             VideoEncoder::Software,

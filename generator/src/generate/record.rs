@@ -10,7 +10,7 @@ use dataset::corpus::effective_weather::{EffectiveWeather, WeatherDifference};
 use dataset::corpus::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::corpus::seal::{commit_folder, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::geometry::imaging::Imaging;
+use dataset::geometry::imaging::{Imaging, Stream};
 use dataset::geometry::pose::FlightState;
 use dataset::numbers::units::Degrees;
 use dataset::plan::{Common, LiveStart, Picture, Plan, PlannedScenario};
@@ -176,7 +176,11 @@ async fn record_into(
         .await?;
     let weather = watch.lap();
     let views = parameters.cameras(common);
-    let imaging: Vec<Imaging> = views.iter().map(|(_, camera)| camera.imaging()).collect();
+    let imaging = || views.iter().map(|(_, camera)| camera.imaging());
+    let streams: Vec<Option<Stream>> = imaging()
+        .map(|imaging| imaging.degradation?.stream)
+        .collect();
+    let imaging: Vec<Imaging> = imaging().map(Imaging::drawn).collect();
     // Before minutes are spent on a flight that cannot be drawn.
     simulator.check_imaging(&imaging)?;
     if live {
@@ -223,7 +227,7 @@ async fn record_into(
     let ids: Vec<String> = views.iter().map(|(id, _)| id.clone()).collect();
     let mut encoders = Encoders::start(
         folder,
-        ids.iter().map(String::as_str),
+        ids.iter().map(String::as_str).zip(streams),
         picture,
         &common.video,
         work.encoder,

@@ -42,6 +42,19 @@ fn rich() -> String {
         + rules
 }
 
+/// Air and sensor before there were presets.
+const IMAGED: &str = r"
+[imaging]
+refraction_coefficient = { min = 0.1, max = 0.16 }
+blur_sigma_px = { min = 0.5, max = 0.9 }
+[imaging.sensor]
+full_well_electrons = { min = 5000, max = 10000 }
+read_noise_electrons = 4
+[imaging.seeing]
+tilt_rms_arcsec = { min = 2, max = 15 }
+blur_sigma_arcsec = 5
+";
+
 #[test]
 fn a_plan_does_not_change_from_version_to_version_or_machine_to_machine() {
     // Existing corpora contain these hashes. If they change, those can no longer be extended.
@@ -53,6 +66,14 @@ fn a_plan_does_not_change_from_version_to_version_or_machine_to_machine() {
         (
             rich(),
             "76ae0bb1790a769f3b4a57674d2a2ff00679e702740e97b17f0fe374369ee2f8",
+        ),
+        (
+            SMALL.to_owned() + IMAGED,
+            "a6e371ef5dd9b03597223339d469a6232c57f7a83234b73c50fa547e347095bb",
+        ),
+        (
+            SMALL.to_owned() + "\n[imaging.seeing]\n",
+            "566c2db1186e243b0ddf5801e1a0e575a8cd9982d85203bc5529b737a355c8a2",
         ),
     ] {
         assert_eq!(expand(&sweep_of(&text)).plan_hash, plan_hash);

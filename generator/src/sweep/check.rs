@@ -1,12 +1,20 @@
 //! Validates a parsed sweep: every value in its range, every name defined. Checks of a single table are next to the table; here are
 //! those across tables.
 
+use std::collections::BTreeSet;
 use std::path::Path;
+
+use dataset::geometry::runway::Runway;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use super::document::{AIRCRAFT, Document};
 use super::fault::{Checked, distinct_names, fault, list};
 use super::grid::{Names, combinations};
+use super::imaging::ImagingTable;
 use super::{Sweep, profiles, recorded, rigs, runways};
+
+/// Local time differs from the sun's by up to three hours, in the west of China, and with daylight saving by up to four.
+const MOST_FROM_SUN_H: f64 = 4.0;
 
 pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sweep> {
     let Document {
@@ -54,15 +62,16 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     let runway = runways::runway(&approach.airport, &approach.runway, &airport)?;
     distinct_names("weather", weather.keys())?;
     for (name, weather) in &weather {
-        weather.check(name)?;
+        weather.check(name, runway.threshold.altitude_msl_m)?;
     }
+    check_offset(grid.utc_offset_h, &runway)?;
     let cameras = rigs::cameras(&approach.rig, &rig)?;
     distinct_names(
         &format!("rig.{}.camera", approach.rig),
         cameras.iter().map(|camera| &camera.id),
     )?;
     profiles::check(&profile, &runway)?;
-    profiles::add_built_in(&mut profile);
+    profiles::add_built_in(&mut profile, &runway);
     distinct_names("profile", profile.keys())?;
     let names = Names {
         weathers: &weather,
@@ -76,31 +85,31 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     if let Some(jitter) = &jitter {
         jitter.check(&cameras)?;
     }
-    if let Some(imaging) = &imaging {
-        imaging.check()?;
-    }
+    let imaging = imaging.map(ImagingTable::checked).transpose()?;
     rigs::check_lenses(&rig, picture, jitter.as_ref())?;
     if let Some((setting, message)) = video.fault() {
         return fault(format!("video.{setting}"), message);
     }
     start.check(&profile, grid.profiles.is_some())?;
-    // A built-in profile may be too low for a runway at high elevation: that matters only if it is flown.
     let start_profiles = start.profiles();
-    let flown = combinations.iter().filter_map(|c| c.profile.as_ref());
-    for name in start_profiles.iter().chain(flown) {
-        if let Err(unfit) = profiles::check_one(name, &profile[name], &runway) {
-            let (name, reason) = (name, unfit.message);
-            return fault(
-                "approach.runway",
-                format!(
-                    "profile {name} does not fit the runway: {reason}; define [profile.{name}] otherwise"
-                ),
-            );
-        }
-    }
     split.check()?;
-    let (_, longest_nm) = start.dtd_nm.range();
+    let (nearest_nm, longest_nm) = start.dtd_nm.range();
     let (recorded, rule_of) = recorded::read(recorded, &combinations, folder, &runway, longest_nm)?;
+    let flown_by_profile = combinations
+        .iter()
+        .zip(&rule_of)
+        .filter(|(_, rule)| rule.is_none());
+    let names: BTreeSet<&String> = flown_by_profile
+        .flat_map(|(combination, _)| match &combination.profile {
+            Some(name) => std::slice::from_ref(name),
+            None => start_profiles.as_slice(),
+        })
+        .collect();
+    for name in names {
+        let (_, above_m) = start.above_profile_m.range();
+        let from = (nearest_nm * METERS_PER_NAUTICAL_MILE, above_m);
+        profiles::check_descent(name, &profile[name], from, &runway)?;
+    }
     Ok(Sweep {
         corpus,
         runway,
@@ -124,4 +133,22 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         rule_of,
         text: text.to_owned(),
     })
+}
+
+/// Rejects a local time that is far from the sun's at the runway: noon would be dark.
+fn check_offset(utc_offset_h: f64, runway: &Runway) -> Checked<()> {
+    let sun_h = runway.threshold.longitude_deg / 15.0;
+    // Clocks on both sides of the date line show the same time.
+    let off_h = (utc_offset_h - sun_h + 12.0).rem_euclid(24.0) - 12.0;
+    if off_h.abs() <= MOST_FROM_SUN_H {
+        return Ok(());
+    }
+    fault(
+        "grid.utc_offset_h",
+        format!(
+            "{utc_offset_h} h, but the sun is {sun_h:.1} h ahead of UTC at {} {}; expected a difference of at most {MOST_FROM_SUN_H} h: is \
+             it the offset of another airport?",
+            runway.airport, runway.name
+        ),
+    )
 }

@@ -5,11 +5,14 @@ use std::collections::BTreeMap;
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::runway::Runway;
 use dataset::numbers::limits::{self, Limits};
-use dataset::numbers::units::METERS_PER_FOOT;
+use dataset::numbers::units::{METERS_PER_FOOT, METERS_PER_NAUTICAL_MILE};
 
-use super::fault::{Checked, legal_name};
+use super::fault::{Checked, fault, legal_name};
 use super::limits::Enforce;
 
+/// Steepest descent from the start to the touchdown target, degrees. From steeper ones the flight model lands far beyond the target, or not
+/// at all.
+const STEEPEST_DEG: f64 = 25.0;
 /// Heights over the runway at which an approach can start, metres.
 const OVER_RUNWAY_M: (f64, f64) = (100.0, 6_000.0);
 
@@ -20,20 +23,24 @@ const STEP_DOWN: &str = "step-down";
 /// From 3000 ft without a level segment.
 const CONTINUOUS: &str = "continuous";
 
-/// Adds the built-in profiles that the sweep does not override.
-pub(super) fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>) {
+/// Elevation of the runway for which the built-in profiles are charted, WSSS 02L, metres.
+const CHARTED_ELEVATION_M: f64 = 6.71;
+
+/// Adds the built-in profiles that the sweep does not override: as high above its runway as they are above WSSS 02L.
+pub(super) fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>, runway: &Runway) {
+    let higher_m = runway.threshold.altitude_msl_m - CHARTED_ELEVATION_M;
     let built_in = [
         (
             LEVEL_THEN_GLIDE_PATH,
             ApproachProfile::GlidePath {
-                level_altitude_msl_m: 2_500.0 * METERS_PER_FOOT,
+                level_altitude_msl_m: 2_500.0 * METERS_PER_FOOT + higher_m,
             },
         ),
-        (STEP_DOWN, ApproachProfile::charted_step_down()),
+        (STEP_DOWN, ApproachProfile::charted_step_down(higher_m)),
         (
             CONTINUOUS,
             ApproachProfile::ContinuousDescent {
-                start_altitude_msl_m: 3_000.0 * METERS_PER_FOOT,
+                start_altitude_msl_m: 3_000.0 * METERS_PER_FOOT + higher_m,
             },
         ),
     ];
@@ -52,7 +59,7 @@ pub(super) fn check(profiles: &BTreeMap<String, ApproachProfile>, runway: &Runwa
 }
 
 /// Rejects a profile that cannot be flown to a runway.
-pub(super) fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<()> {
+fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<()> {
     let ground_m = runway.threshold.altitude_msl_m;
     let (least_m, most_m) = (ground_m + OVER_RUNWAY_M.0, ground_m + OVER_RUNWAY_M.1);
     let above_ground = Limits::new(least_m, most_m, "an altitude in metres, above the runway,");
@@ -80,4 +87,28 @@ pub(super) fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) 
             start_altitude_msl_m,
         } => above_ground.check_key(key("start_altitude_msl_m"), start_altitude_msl_m),
     }
+}
+
+/// Rejects a start from which the flight would have to dive: `start` is the distance to the target and the height above the profile.
+pub(super) fn check_descent(
+    name: &str,
+    profile: &ApproachProfile,
+    start: (f64, f64),
+    runway: &Runway,
+) -> Checked<()> {
+    let (distance_m, above_m) = start;
+    let height_m =
+        profile.start_altitude_msl_m() + above_m - runway.touchdown_target().altitude_msl_m;
+    let descent_deg = height_m.atan2(distance_m).to_degrees();
+    if descent_deg <= STEEPEST_DEG {
+        return Ok(());
+    }
+    let least_nm = height_m / STEEPEST_DEG.to_radians().tan() / METERS_PER_NAUTICAL_MILE;
+    fault(
+        "start.dtd_nm",
+        format!(
+            "profile {name} begins {height_m:.0} m above the runway, a descent of {descent_deg:.0} degrees from {distance_m:.0} m before \
+             the target; expected at most {STEEPEST_DEG}: begin at {least_nm:.1} NM or more, or define a lower profile"
+        ),
+    )
 }

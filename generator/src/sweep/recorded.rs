@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::fault::{Checked, fault};
 use super::grid::{Combination, Selection};
-use crate::recording::{Recording, RecordingError, matching_files};
+use crate::recording::{Allowed, Recording, RecordingError, matching_files};
 use crate::seed;
 
 /// `[[recorded]]`: the first rule that matches a scenario applies; a rule without `times`, `weathers`, `profiles` and `repeats`
@@ -33,6 +33,9 @@ pub struct RecordedRule {
     /// Only these repeats, counted from 1.
     #[serde(default)]
     pub repeats: Vec<u32>,
+    /// Flights that are no approach are rejected, except for these kinds.
+    #[serde(default)]
+    pub allow: Vec<Allowed>,
 }
 
 /// A rule of the sweep and the recordings that its pattern found, in the order of their names.
@@ -106,16 +109,6 @@ fn recordings(
     let files = matching_files(folder, &rule.files)?;
     files
         .iter()
-        .map(|file| {
-            let recording = Recording::read(file)?;
-            recording
-                .trajectory
-                .approach(runway, longest_m)
-                .map_err(|fault| RecordingError::Flight {
-                    path: file.clone(),
-                    fault,
-                })?;
-            Ok(recording)
-        })
+        .map(|file| Recording::read(file, runway, longest_m, &rule.allow))
         .collect()
 }

@@ -167,7 +167,8 @@ fn the_sweep_can_change_a_known_runway_and_define_a_new_one() {
 
     let elsewhere = SMALL
         .replace("\"WSSS\"", "\"EDDM\"")
-        .replace("\"02L\"", "\"26R\"");
+        .replace("\"02L\"", "\"26R\"")
+        .replace("utc_offset_h = 8", "utc_offset_h = 2");
     let half = format!("{elsewhere}\n[airport.EDDM.runway.26R]\ncourse_true_deg = 263\n");
     assert!(
         parse(&half)
@@ -178,6 +179,39 @@ fn the_sweep_can_change_a_known_runway_and_define_a_new_one() {
     let whole = half
         + "threshold = { latitude_deg = 48.366, longitude_deg = 11.821, altitude_msl_m = 448 }\nglide_path_deg = 3\ntouchdown_past_threshold_m = 300\n";
     assert_eq!(parse(&whole).unwrap().runway.name, "26R");
+}
+
+#[test]
+fn what_cannot_be_at_this_runway_is_refused() {
+    let high = SMALL
+        .replace("\"WSSS\"", "\"EDDM\"")
+        .replace("\"02L\"", "\"26R\"")
+        + "\n[airport.EDDM.runway.26R]\ncourse_true_deg = 263\nglide_path_deg = 3\ntouchdown_past_threshold_m = 300\n\
+           threshold = { latitude_deg = 48.366, longitude_deg = 11.821, altitude_msl_m = 948 }\n";
+    let message = parse(&high).unwrap_err().message;
+    assert!(
+        message.contains("top at 900 m, but the runway is 948 m"),
+        "{message}"
+    );
+    let above = high.replace(
+        "base_msl_m = 300, top_msl_m = 900",
+        "base_msl_m = 1300, top_msl_m = 1900",
+    );
+    let message = parse(&above).unwrap_err().message;
+    assert!(
+        message.contains("the sun is 0.8 h ahead of UTC at EDDM 26R"),
+        "{message}"
+    );
+    let local = above.replace("utc_offset_h = 8", "utc_offset_h = 2");
+    let height_m = |text: &str| {
+        let sweep = parse(text).unwrap();
+        let profile = sweep.profiles["level-then-glide-path"];
+        profile.start_altitude_msl_m() - sweep.runway.threshold.altitude_msl_m
+    };
+    assert!((height_m(&local) - height_m(SMALL)).abs() < 1e-9);
+    let near = SMALL.replace("mean = 2.0, sd = 0.05", "mean = 0.6, sd = 0");
+    let message = parse(&near).unwrap_err().message;
+    assert!(message.contains("a descent of 34 degrees"), "{message}");
 }
 
 fn ids(text: &str) -> Vec<String> {
@@ -283,18 +317,7 @@ fn the_step_down_needs_no_definition_and_is_the_chart() {
     let text = SMALL.replace("[start]", "[start]\nprofiles = [\"step-down\"]");
     assert_eq!(
         parse(&text).unwrap().profiles["step-down"],
-        ApproachProfile::charted_step_down()
-    );
-    // A runway in the mountains: 2500 ft above sea level are below it.
-    let high = format!(
-        "{SMALL}\n[airport.WSSS.runway.02L]\nthreshold = {{ latitude_deg = 1.3, longitude_deg = 104, altitude_msl_m = 1500 }}\n"
-    );
-    let error = parse(&high).unwrap_err();
-    assert!(
-        error
-            .message
-            .contains("profile level-then-glide-path does not fit the runway"),
-        "{error}"
+        ApproachProfile::charted_step_down(0.0)
     );
 }
 

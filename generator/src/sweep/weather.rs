@@ -84,7 +84,8 @@ impl WeatherTable {
         }
     }
 
-    pub(super) fn check(&self, name: &str) -> Checked<()> {
+    /// Rejects what no weather has, over a runway at `ground_msl_m`.
+    pub(super) fn check(&self, name: &str, ground_msl_m: f64) -> Checked<()> {
         let key = |field: &str| format!("weather.{name}.{field}");
         legal_name(format!("weather.{name}"), name)?;
         for (field, limits, spread) in [
@@ -120,6 +121,16 @@ impl WeatherTable {
         }
         let mut below_msl_m = f64::NEG_INFINITY;
         for (index, layer) in self.clouds.iter().enumerate() {
+            let (lowest_top_m, _) = layer.top_msl_m.range();
+            if lowest_top_m <= ground_msl_m {
+                return fault(
+                    key(&format!("clouds.{index}.top_msl_m")),
+                    format!(
+                        "top at {lowest_top_m} m, but the runway is {ground_msl_m} m above mean sea level; expected clouds above it, \
+                         whatever is drawn"
+                    ),
+                );
+            }
             below_msl_m =
                 layer.check(below_msl_m, |field| key(&format!("clouds.{index}.{field}")))?;
         }

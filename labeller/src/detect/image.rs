@@ -1,4 +1,4 @@
-//! What the search needs of a decoded image, wherever it comes from.
+//! The search's view of a decoded image, of a file or of a camera.
 
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;

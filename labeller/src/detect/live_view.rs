@@ -24,7 +24,7 @@ pub struct ViewSearch {
     images: u32,
 }
 
-/// What an image shows.
+/// Results of the search of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Looked {
     /// Its boxes, the best first.

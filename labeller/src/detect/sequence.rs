@@ -62,7 +62,7 @@ pub(super) struct Tracked {
     pub(super) counts: bool,
 }
 
-/// What a picture shows.
+/// The boxes of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shown {
     pub(super) boxes: Vec<Tracked>,

@@ -28,6 +28,10 @@ impl Detector for Timed<'_> {
         })
     }
 
+    fn first_pass_shrink(&self) -> u32 {
+        self.detector.first_pass_shrink()
+    }
+
     fn description(&self) -> String {
         self.detector.description()
     }

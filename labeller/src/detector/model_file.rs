@@ -52,7 +52,7 @@ impl ModelFile {
     }
 
     /// Path of a model's settings.
-    pub(super) fn profile_path(model: &Path) -> PathBuf {
+    pub fn profile_path(model: &Path) -> PathBuf {
         let mut beside = model.as_os_str().to_owned();
         beside.push(".toml");
         beside.into()

@@ -188,7 +188,7 @@ impl OrtDetector {
             class,
             origin: self.profile.origin(meaning.layout),
             window_px: size_px,
-            score_floor,
+            score_floor: self.profile.score_floor(score_floor),
         };
         self.run(run, size_px, |outputs| {
             boxes_in(outputs, boxes, &decoding, windows)
@@ -266,6 +266,10 @@ impl Detector for OrtDetector {
             }
         }
         Ok(found)
+    }
+
+    fn first_pass_shrink(&self) -> u32 {
+        self.profile.first_pass_shrink.unwrap_or(1)
     }
 
     fn description(&self) -> String {

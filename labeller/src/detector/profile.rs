@@ -15,6 +15,7 @@
 //!
 //! `docs/reference/model-settings.md` lists every key.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use dataset::files::toml_file::TomlFile;
@@ -27,6 +28,9 @@ use crate::error::{Error, Result};
 
 /// Name of the metadata property of a model that contains its settings.
 pub(super) const METADATA_KEY: &str = "dtd_profile";
+
+/// Factors by which a picture may be shrunk.
+const SHRINKS: RangeInclusive<u32> = 1..=8;
 
 /// Order of the channels of a model's input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -104,6 +108,13 @@ pub struct ModelProfile {
     /// Point of the top-left pixel that is (0, 0) in the model's boxes; `pixel-corner` by default, for `rows` `pixel-center`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub box_origin: Option<BoxOrigin>,
+    /// Factor by which pictures are shrunk for the first pass over them; 1 by default. With 2 it takes a quarter of the time and misses the
+    /// smallest aircraft.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_pass_shrink: Option<u32>,
+    /// Smallest score of a box that the model reports, 0 to 1; 0 by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least_score: Option<f64>,
     /// The input.
     #[serde(skip_serializing_if = "InputProfile::is_empty")]
     pub input: InputProfile,
@@ -199,6 +210,24 @@ impl ModelProfile {
                 message: format!("{key} = {number}, expected a finite number above zero"),
             })
         };
+        if let Some(shrink) = self
+            .first_pass_shrink
+            .filter(|shrink| !SHRINKS.contains(shrink))
+        {
+            return Err(BadSetting {
+                key: "first_pass_shrink",
+                message: format!("first_pass_shrink = {shrink}, expected 1 to 8"),
+            });
+        }
+        if let Some(score) = self
+            .least_score
+            .filter(|score| !(0.0..=1.0).contains(score))
+        {
+            return Err(BadSetting {
+                key: "least_score",
+                message: format!("least_score = {score}, expected 0 to 1"),
+            });
+        }
         self.input
             .scale
             .map_or(Ok(()), |scale| positive("input.scale", scale))?;
@@ -239,6 +268,11 @@ impl ModelProfile {
         } else {
             1.0 / 255.0
         })
+    }
+
+    /// The smallest score to report, where a search asks for boxes from `floor` on.
+    pub(super) fn score_floor(&self, floor: f64) -> f64 {
+        self.least_score.unwrap_or(0.0).max(floor)
     }
 
     /// Origin of the boxes for a layout.
@@ -297,6 +331,8 @@ mod tests {
                 ["-1", "a whole number from 0"],
             ),
             ("[input]\nscale = 'one'\n", ":2:9", ["one", "a number"]),
+            ("least_score = 1.5\n", ":1:15", ["1.5", "0 to 1"]),
+            ("first_pass_shrink = 0\n", ":1:21", ["= 0", "1 to 8"]),
             (
                 "[input]\nscale = 0\n",
                 ":2:9",

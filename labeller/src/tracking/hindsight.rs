@@ -1,7 +1,7 @@
-//! Which tracks of a whole video are aircraft, once all of its boxes are known.
+//! Selection of the tracks of a whole video that are aircraft, once all of its boxes are known.
 //!
-//! Input: the boxes of the [`Tracker`](super::Tracker) with their tracks. Output: for each track, whether it counts. What stands still at
-//! the end, or passes where something stood, is known only then.
+//! Input: the boxes of the [`Tracker`](super::Tracker) with their tracks. Output: true for each track that counts. Things that stand still
+//! at the end, or pass where something stood, are known only then.
 
 use dataset::tables::pixel_box::PixelBox;
 

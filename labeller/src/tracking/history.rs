@@ -1,4 +1,4 @@
-//! What a track remembers of its boxes while it is followed.
+//! The boxes that a track remembers while it is followed.
 //!
 //! A lamp is found for hours and an approach for ten minutes at most, so boxes are forgotten: of what stands still sooner, as its place
 //! does not change.
@@ -10,7 +10,7 @@ use super::standing::{LONGEST_STILL_S, TimedBox, has_stood_still, lasted_s, plac
 const KEPT_S: f64 = 600.0;
 /// Boxes of what stands still are kept for so many seconds: when there are more, the older half is forgotten.
 const KEPT_STILL_S: f64 = 240.0;
-/// Whether a track stands still is judged so often, seconds, by as many clear boxes per second.
+/// Tracks that stand still are looked for so often, seconds, by as many clear boxes per second.
 const JUDGED_EACH_S: f64 = 1.0;
 const JUDGED_BOXES_PER_S: f64 = 5.0;
 

@@ -132,7 +132,7 @@ impl Usual {
     }
 }
 
-/// What an aircraft should have moved.
+/// Motion of an aircraft that images should show.
 #[derive(Debug, Default)]
 struct ExpectedMotion {
     /// Boxes that count, the oldest first.

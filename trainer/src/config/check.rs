@@ -19,6 +19,10 @@ const MOST_ENTRIES: usize = 100_000;
 const MOST_LEARNING_RATE: f64 = 10.0;
 /// Beyond this, shares, weights and percentages are meaningless.
 const MOST_RATIO: f64 = 1e6;
+/// Of the scenarios, for test or validation: half of them remain at least.
+const MOST_SHARE: f64 = 0.45;
+/// Units in which single-precision networks still learn.
+const UNITS_NM: RangeInclusive<f64> = 0.01..=10_000.0;
 const MOST_DEVIATION_M: f64 = 100_000.0;
 /// Smallest accepted standard deviation of a camera's prior: a smaller one is numerically indistinguishable from certainty.
 const LEAST_SD: f64 = 1e-6;
@@ -46,6 +50,22 @@ impl TrainConfig {
                 expected: LeftOut::EXPECTED.into(),
             });
         }
+        number("target_unit_nm", self.target_unit_nm, UNITS_NM)?;
+        if let Some(split) = &self.scenario_split {
+            for (setting, share) in [
+                ("scenario_split.test_share", split.test_share),
+                ("scenario_split.validation_share", split.validation_share),
+            ] {
+                number(setting, share, 0.0..=MOST_SHARE)?;
+            }
+            if let Some(left_out) = &self.leave_out {
+                return Err(Error::Setting {
+                    setting: "scenario_split".to_owned(),
+                    found: format!("set beside leave_out = {left_out:?}"),
+                    expected: "one of the two".into(),
+                });
+            }
+        }
         let c = &self.calibration;
         layers("calibration.hidden", &c.hidden, 0)?;
         whole("calibration.features", c.features, WIDTHS)?;
@@ -61,6 +81,7 @@ impl TrainConfig {
             0.0..=MOST_RATIO,
         )?;
         optimisation("calibration", &c.optimisation)?;
+        whole("calibration.first_cycle", c.first_cycle, STEPS)?;
         log_every("calibration.log_every", c.log_every, &c.optimisation)?;
         patience("calibration.patience", c.patience)?;
         let e = &self.estimator;
@@ -69,6 +90,12 @@ impl TrainConfig {
         number("estimator.alone_weight", e.alone_weight, 0.0..=MOST_RATIO)?;
         number("estimator.together_first", e.together_first, 0.0..=1.0)?;
         optimisation("estimator", &e.optimisation)?;
+        whole("estimator.first_cycle", e.first_cycle, STEPS)?;
+        number(
+            "estimator.plateau_threshold_pct",
+            e.plateau_threshold_pct,
+            0.0..=MOST_RATIO,
+        )?;
         log_every("estimator.log_every", e.log_every, &e.optimisation)?;
         patience("estimator.patience", e.patience)?;
         let s = &self.self_calibration;
@@ -83,8 +110,15 @@ impl TrainConfig {
         ] {
             number(setting, sd, LEAST_SD..=most)?;
         }
-        layers("mono.hidden", &self.mono.hidden, 0)?;
-        optimisation("mono", &self.mono.optimisation)
+        let m = &self.mono;
+        layers("mono.hidden", &m.hidden, 0)?;
+        whole("mono.first_cycle", m.first_cycle, STEPS)?;
+        number(
+            "mono.plateau_threshold_pct",
+            m.plateau_threshold_pct,
+            0.0..=MOST_RATIO,
+        )?;
+        optimisation("mono", &m.optimisation)
     }
 }
 

@@ -83,6 +83,9 @@ pub enum RunFault {
         "paired_views has relations of other views than the {views} of the run, in another order, or without positive deviations; train again"
     )]
     PairedViews { views: usize },
+    /// Mean distances without their times, or the other way round.
+    #[error("mean_by_time has not as many distances as times; train again")]
+    MeanByTime,
     /// A number that makes every answer meaningless.
     #[error("{0}; train again")]
     OutOfLimits(FieldOutOfLimits),

@@ -12,14 +12,16 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{EstimatorConfig, Loss, Optimisation};
+use crate::config::{EstimatorConfig, Optimisation, Plateau, Target};
 use crate::error::Result;
 use crate::estimators::paper_lstm::calibration_training::CalibrationNetworks;
 use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, EncodedSides, column, draw, mape_pct, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::lstm::{StackedLstm, ViewFeatures};
-use crate::networks::training_loop::{Companions, Kept, Setup, Task, learn};
+use crate::networks::running_mean::RunningMean;
+use crate::networks::stage::cycle_of;
+use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
 use crate::networks::view_dropout::{BatchKind, ViewDropout, ViewSelection};
 
 /// The estimator behind the calibration networks.
@@ -53,7 +55,7 @@ impl PaperLstm {
     pub(crate) fn to_onnx(
         &self,
         calibration: &CalibrationNetworks,
-        loss: Loss,
+        loss: Target,
         graph: &mut EstimatorGraph,
     ) -> String {
         let views: Vec<[String; 2]> = (0..graph.views())
@@ -75,6 +77,10 @@ impl PaperLstm {
 pub(crate) struct EstimatorLogEntry {
     /// Steps done.
     pub step: usize,
+    /// Loss that was minimised, mean over the batches since the entry before.
+    pub training_loss: Option<f64>,
+    /// Error in the batches of all views since then, percent; `null` if there was none.
+    pub training_mape_pct: Option<f64>,
     /// Error over all validation samples, percent.
     pub validation_mape_pct: f64,
 }
@@ -88,7 +94,7 @@ pub(crate) fn train_estimator(
     features: usize,
     mut setup: Setup,
     companions: &mut Companions,
-) -> Result<(Kept<PaperLstm>, Vec<EstimatorLogEntry>)> {
+) -> Result<(Learned<PaperLstm>, Vec<EstimatorLogEntry>)> {
     let random = PaperLstm::new(features, config, &mut setup.random, &setup.device);
     let estimator = start.map_or(random, |start| start.clone().train());
     let mut task = EstimatorTask {
@@ -97,11 +103,11 @@ pub(crate) fn train_estimator(
         training: &sides.training,
         validation: &sides.validation,
         config,
-        log: Vec::new(),
+        state: EstimatorState::default(),
         setup,
     };
-    let kept = learn(&mut task, estimator, &config.optimisation, companions)?;
-    Ok((kept, task.log))
+    let learned = learn(&mut task, estimator, &config.optimisation, companions)?;
+    Ok((learned, task.state.log))
 }
 
 struct EstimatorTask<'a> {
@@ -110,13 +116,21 @@ struct EstimatorTask<'a> {
     training: &'a Encoded,
     validation: &'a Encoded,
     config: &'a EstimatorConfig,
-    log: Vec<EstimatorLogEntry>,
+    state: EstimatorState,
     setup: Setup,
+}
+
+#[derive(Clone, Default, Serialize, Deserialize)]
+struct EstimatorState {
+    /// Means over the batches since the last entry.
+    loss: RunningMean,
+    error_pct: RunningMean,
+    log: Vec<EstimatorLogEntry>,
 }
 
 impl Task for EstimatorTask<'_> {
     type Network = PaperLstm;
-    type State = Vec<EstimatorLogEntry>;
+    type State = EstimatorState;
     const NAME: &'static str = "paper_lstm";
     const STAGE: &'static str = "distance estimator";
 
@@ -128,16 +142,20 @@ impl Task for EstimatorTask<'_> {
         self.config.patience
     }
 
+    fn plateau(&self) -> Option<Plateau> {
+        self.config.plateau()
+    }
+
     fn random(&mut self) -> &mut ChaCha12Rng {
         &mut self.setup.random
     }
 
-    fn state(&self) -> Vec<EstimatorLogEntry> {
-        self.log.clone()
+    fn state(&self) -> EstimatorState {
+        self.state.clone()
     }
 
-    fn restore(&mut self, log: Vec<EstimatorLogEntry>) {
-        self.log = log;
+    fn restore(&mut self, state: EstimatorState) {
+        self.state = state;
     }
 
     fn gradients(&mut self, estimator: &PaperLstm, step: usize) -> GradientsParams {
@@ -151,7 +169,8 @@ impl Task for EstimatorTask<'_> {
         let Optimisation {
             steps, batch_size, ..
         } = self.config.optimisation;
-        let only_together = (step as f64) < self.config.together_first * steps as f64;
+        let first_cycle = cycle_of(0, steps, self.config.plateau()).len();
+        let only_together = (step as f64) < self.config.together_first * first_cycle as f64;
         let samples = self.training;
         let BatchKind { selection, from } = (self.dropout.together())
             .filter(|_| only_together)
@@ -159,7 +178,18 @@ impl Task for EstimatorTask<'_> {
         let batch = draw(from, batch_size, random);
         let views = features_of(self.calibration, samples, &batch, *selection, &plain_device);
         let size = batch.len() as f32 / kind_weight(*selection, self.config);
-        let error = |predicted| samples.squared_error(predicted, &batch, size, *loss, device);
+        let state = &mut self.state;
+        let mut error = |predicted: Tensor<2>| {
+            if *selection == ViewSelection::All {
+                let predicted = numbers(predicted.clone().inner()).into_iter();
+                let pairs = predicted.map(|p| loss.distance(p)).zip(&batch);
+                let error_pct = mape_pct(pairs.map(|(p, &sample)| (p, samples.distance(sample))));
+                state.error_pct.add(error_pct.unwrap_or(f64::NAN));
+            }
+            let error = samples.squared_error(predicted, &batch, size, *loss, device);
+            state.loss.add(error.clone().into_scalar::<f32>().into());
+            error
+        };
         if !by_hand {
             let views: Vec<_> = views.into_iter().map(ViewFeatures::with_autodiff).collect();
             let gradients = error(estimator.forward(&views)).backward();
@@ -194,13 +224,20 @@ impl Task for EstimatorTask<'_> {
     }
 
     fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
+        let EstimatorState {
+            loss,
+            error_pct,
+            log,
+        } = &mut self.state;
         let entries = errors_pct.into_iter().flatten();
         let entries = entries.map(|validation_mape_pct| EstimatorLogEntry {
             step: done,
+            training_loss: loss.take(),
+            training_mape_pct: error_pct.take(),
             validation_mape_pct,
         });
-        self.log.extend(entries);
-        let error = self.log.last().map(|entry| entry.validation_mape_pct);
+        log.extend(entries);
+        let error = log.last().map(|entry| entry.validation_mape_pct);
         error.map_or_else(String::new, |error| format!("MAPE {error:.3} %"))
     }
 }
@@ -221,7 +258,7 @@ pub(crate) fn predict(
     calibration: &CalibrationNetworks,
     estimator: &PaperLstm,
     samples: &Encoded,
-    loss: Loss,
+    loss: Target,
     device: &Device,
 ) -> Vec<f32> {
     let all: Vec<usize> = (0..samples.len()).collect();

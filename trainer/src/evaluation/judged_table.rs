@@ -28,7 +28,7 @@ use self::units::probable_unit;
 use crate::error::{CorpusFault, Error, PredictionsFault, Result};
 use crate::evaluation::answers::common_ticks;
 use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blake3};
-use crate::evaluation::metrics::{EstimatorMetrics, Group, Outcome};
+use crate::evaluation::metrics::{EstimatorMetrics, Group, Outcome, WithoutViews};
 use crate::evaluation::rules::EvaluationRules;
 use crate::run::place::RunPlace;
 use crate::samples::marked_scenarios;
@@ -200,7 +200,7 @@ pub fn evaluate_table(
         write_json_unsynced(&new.evaluation_path(), &metrics.judged)?;
         write_json_unsynced(&new.metrics_path(), &metrics)?;
         evaluation.table().write(&new.predictions_path())?;
-        report::write(&new, &evaluation, &metrics)?;
+        report::write(&new, &metrics)?;
         place.commit(&metrics.judged.predictions_blake3)?;
     }
     Ok(metrics)
@@ -274,7 +274,8 @@ impl TableEvaluation<'_> {
         let estimators = self.predictions.estimators.iter();
         let figures = estimators.map(|predicted| {
             let outcomes = self.outcomes(predicted);
-            let figures = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), self.rules);
+            let figures =
+                EstimatorMetrics::of(&outcomes, &common, WithoutViews::default(), self.rules);
             (predicted.name.clone(), figures)
         });
         let is_hidden = |sample: &&&Sample| self.rules.is_hidden(sample);

@@ -5,7 +5,9 @@
 //! no answers. A tick without an answer counts against coverage. Figures over no answer are `null`, all others are numbers.
 
 mod bootstrap;
+mod box_figures;
 mod figures;
+mod one_view;
 mod stated_intervals;
 
 use std::collections::BTreeMap;
@@ -17,11 +19,14 @@ use crate::background::Alignment;
 use crate::config::PaperDeviation;
 use crate::evaluation::judged::Judged;
 use crate::evaluation::rules::EvaluationRules;
+use crate::networks::stage::StageSummary;
 use crate::samples::ScenarioSummary;
 use crate::samples::training_cameras::DroppedBoxes;
 
 pub(crate) use bootstrap::Intervals;
+pub(crate) use box_figures::BoxFigures;
 pub(crate) use figures::ErrorFigures;
+pub(crate) use one_view::{AgainstOneView, SingleViewFigures};
 pub(crate) use stated_intervals::StatedIntervals;
 
 /// Figures with and without the ticks that only one view saw, or none.
@@ -45,6 +50,8 @@ pub struct DistanceBin {
     pub from_nm: f64,
     /// Largest distance, nautical miles, excluded.
     pub to_nm: f64,
+    /// Signed errors, as a box plot has them; `null` without an answer.
+    pub signed: Option<BoxFigures>,
     /// The figures.
     #[serde(flatten)]
     pub figures: ErrorFigures,
@@ -96,6 +103,11 @@ pub struct EstimatorMetrics {
     pub by_weather: BTreeMap<String, SplitFigures>,
     /// By local time.
     pub by_time: BTreeMap<String, SplitFigures>,
+    /// By name of the weather and local time, separated by a space.
+    pub by_weather_and_time: BTreeMap<String, SplitFigures>,
+    /// By view that is left alone; empty if there are no others, and for a table.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub single_views: BTreeMap<String, SingleViewFigures>,
     /// By distance, without gaps.
     pub by_distance_nm: Vec<DistanceBin>,
     /// By scenario.
@@ -116,8 +128,10 @@ pub struct SideCount {
 /// Split of the samples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SplitSummary {
-    /// The unit that is kept together: `trajectory`.
+    /// The unit that is kept together: `trajectory`, or `scenario` if sides share flights.
     pub by: String,
+    /// Test scenarios whose flight was learned from in another scenario; 0 if trajectories are kept together.
+    pub test_scenarios_sharing_flights: usize,
     /// For training.
     pub train: SideCount,
     /// For decisions during training.
@@ -137,6 +151,15 @@ pub struct TickCounts {
     pub seen: usize,
     /// Every estimator with any answer has answered.
     pub common: usize,
+}
+
+/// Steps and duration of a training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrainingFigures {
+    /// Its stages, in their order.
+    pub stages: Vec<StageSummary>,
+    /// Its duration, seconds.
+    pub training_s: f64,
 }
 
 /// The whole file.
@@ -166,8 +189,21 @@ pub struct Metrics {
     /// The weather that simulators reported at the aircraft in the judged scenarios, by name of the planned weather; missing if none did.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub weather_at_aircraft: BTreeMap<String, ReportedWeather>,
+    /// The training.
+    pub training: TrainingFigures,
+    /// `paper_lstm` against networks that see one view.
+    pub against_one_view: Vec<AgainstOneView>,
     /// Figures by name of the estimator.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
+}
+
+/// Figures of an estimator without some of the views.
+#[derive(Default)]
+pub(crate) struct WithoutViews {
+    /// By removal of views.
+    pub views_removed: BTreeMap<String, RemovedFigures>,
+    /// By view that is left alone.
+    pub single_views: BTreeMap<String, SingleViewFigures>,
 }
 
 /// One judged tick and what an estimator answered, with what is needed to group it.
@@ -269,15 +305,11 @@ impl EstimatorMetrics {
     pub(crate) fn of(
         outcomes: &[Outcome],
         common: &[bool],
-        views_removed: BTreeMap<String, RemovedFigures>,
+        without: WithoutViews,
         rules: &EvaluationRules,
     ) -> Self {
-        let by = |name: fn(&Outcome) -> String| {
-            let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
-            for outcome in outcomes {
-                groups.entry(name(outcome)).or_default().push(outcome);
-            }
-            groups
+        let by = |key: fn(&Outcome) -> String| {
+            by_key(outcomes, key)
                 .into_iter()
                 .map(|(name, group)| (name, SplitFigures::of(&group)))
                 .collect()
@@ -288,7 +320,9 @@ impl EstimatorMetrics {
             intervals: Intervals::of(outcomes, &rules.bootstrap),
             stated_intervals: StatedIntervals::of(outcomes),
             common: ErrorFigures::of(shared.map(|(outcome, _)| outcome)),
-            views_removed,
+            views_removed: without.views_removed,
+            single_views: without.single_views,
+            by_weather_and_time: by(weather_and_time),
             by_weather: by(|outcome| outcome.of.weather.to_owned()),
             by_time: by(|outcome| outcome.of.time_of_day.to_owned()),
             by_distance_nm: distance_bins(outcomes, rules.distance_bin_nm)
@@ -296,6 +330,11 @@ impl EstimatorMetrics {
                 .map(|([from_nm, to_nm], inside)| DistanceBin {
                     from_nm,
                     to_nm,
+                    signed: BoxFigures::of(
+                        (inside.iter())
+                            .filter_map(|outcome| outcome.signed_error_pct())
+                            .collect(),
+                    ),
                     figures: ErrorFigures::of(inside),
                 })
                 .collect(),
@@ -310,6 +349,23 @@ impl EstimatorMetrics {
                 .collect(),
         }
     }
+}
+
+/// Name of a weather and a local time.
+fn weather_and_time(outcome: &Outcome) -> String {
+    format!("{} {}", outcome.of.weather, outcome.of.time_of_day)
+}
+
+/// Outcomes in groups of one key.
+fn by_key<'a, 'b>(
+    outcomes: &'b [Outcome<'a>],
+    key: fn(&Outcome) -> String,
+) -> BTreeMap<String, Vec<&'b Outcome<'a>>> {
+    let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
+    for outcome in outcomes {
+        groups.entry(key(outcome)).or_default().push(outcome);
+    }
+    groups
 }
 
 /// Maximum number of bins. If `bin_nm` would give more, bins are an integer number of times as wide.
@@ -393,7 +449,7 @@ mod tests {
         let is_answered = |outcome: &Outcome| outcome.signed_error_pct().is_some();
         let common: Vec<bool> = outcomes.iter().map(is_answered).collect();
         let rules = EvaluationRules::current();
-        EstimatorMetrics::of(outcomes, &common, BTreeMap::new(), &rules)
+        EstimatorMetrics::of(outcomes, &common, WithoutViews::default(), &rules)
     }
 
     #[test]
@@ -535,7 +591,8 @@ mod tests {
             [Some(1_010.0), Some(1_030.0), None].map(|a| outcome(1_000.0, a, 2, "clear"));
         let common = [true, false, false];
         let rules = EvaluationRules::current();
-        let figures = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), &rules).common;
+        let figures =
+            EstimatorMetrics::of(&outcomes, &common, WithoutViews::default(), &rules).common;
         assert_eq!((figures.samples, figures.ticks), (1, 1));
         assert!((figures.mape_pct.unwrap() - 1.0).abs() < 1e-9);
     }

@@ -115,7 +115,7 @@ pub fn predict(
     })
 }
 
-/// What the estimators answered about one flight.
+/// Answers of the estimators about one flight.
 struct OfFlight {
     observed: Vec<Observation>,
     answered: Vec<Answered>,

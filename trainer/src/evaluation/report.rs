@@ -19,6 +19,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::evaluation::answers::{Answers, JudgedTicks};
 use crate::evaluation::metrics::Metrics;
+use crate::paper;
 use crate::run::estimator::Estimator;
 use crate::run::folder::RunFolder;
 use crate::run::trained::TrainedRun;
@@ -71,9 +72,6 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let flown = tables::best_covered_scenario(samples, ticks.ticks());
     let best = tables::best(&metrics.estimators, CHARTED);
     let names = tables::names(&metrics.estimators);
-    let outcomes = best
-        .iter()
-        .map(|&number| (number, ticks.outcomes(answers, number)));
     let bins = best.iter().filter_map(|&number| {
         let of = metrics.estimators.get(Estimator::ALL[number].name())?;
         Some((number, &of.by_distance_nm[..]))
@@ -98,6 +96,15 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
             by_weather => value(tables::by_weather(&metrics.estimators)),
             by_time => value(tables::by_time(&metrics.estimators)),
             conditions => value(tables::conditions(metrics)),
+            against_one_view => value(tables::against_one_view(metrics)),
+            stages => value(tables::stages(metrics)),
+            paper => context! {
+                mape_pct => paper::MAPE_PCT,
+                mono_mape_pct => paper::MONO_MAPE_PCT,
+                reduction_pct => paper::REDUCTION_PCT,
+                epochs => paper::EPOCHS,
+                training_hours => paper::TRAINING_HOURS,
+            },
             weather_at_aircraft => value(tables::weather_at_aircraft(&metrics.weather_at_aircraft)),
             scenarios => value(scenario_rows(samples, &seen)),
             views => value(&samples.views),
@@ -118,7 +125,7 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
             loss => value(trained.config.loss),
             version => env!("CARGO_PKG_VERSION"),
             flown => value(flown.map(|index| &samples.scenarios[index].id)),
-            boxes_plot => drawn(plots::errors_by_distance(outcomes, rules.distance_bin_nm)?),
+            boxes_plot => drawn(plots::errors_by_distance(&bins)?),
             convergence_plot => drawn(plots::convergence(&trained.convergence)?),
             flight_plot => match flown {
                 Some(index) => {

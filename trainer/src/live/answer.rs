@@ -5,12 +5,12 @@ use dataset::geometry::geodesy::Geodetic;
 use super::{Judged, Phase};
 use crate::estimators::inverse_range::flight_filter::Estimated;
 
-/// What is known of one aircraft at a tick.
+/// State of one aircraft at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
     /// Its number, which it keeps through gaps.
     pub aircraft: u32,
-    /// Whether it arrives.
+    /// Arrival or not.
     pub phase: Phase,
     /// Views whose boxes were used at this tick; empty: the answer is predicted.
     pub views: Vec<usize>,
@@ -22,7 +22,7 @@ pub struct Answer {
     pub ground_speed_mps: Option<Stated>,
     /// Time to touchdown, seconds.
     pub time_to_touchdown_s: Option<Stated>,
-    /// Where it is; `None` unless two views saw it whose cameras were fitted.
+    /// Its place; `None` unless two views saw it whose cameras were fitted.
     pub position: Option<Position>,
 }
 
@@ -61,7 +61,7 @@ impl From<Estimated> for Stated {
 }
 
 impl Answer {
-    /// What the filter says.
+    /// The answer of the filter.
     pub(super) fn with_estimate(judged: &Judged) -> Self {
         let estimate = judged.stated();
         Self {
@@ -72,7 +72,7 @@ impl Answer {
         }
     }
 
-    /// What an estimator of single ticks says.
+    /// The answer of an estimator of single ticks.
     pub(super) fn with_distance(judged: &Judged, distance_m: Option<f64>) -> Self {
         let arrives = judged.phase == Phase::Arrival;
         let dtd_m = distance_m.filter(|_| arrives).map(|value| Stated {

@@ -6,7 +6,7 @@ use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
 use crate::samples::paired_views::{Follower, OfObject};
 
-/// Where views cannot be paired, what appears after so many seconds without a box is another aircraft.
+/// In views that cannot be paired, a box after so many seconds without any is of another aircraft.
 const GIVEN_UP_S: f64 = 60.0;
 
 /// The aircraft in sight after some ticks.
@@ -40,7 +40,7 @@ pub(crate) struct Judged {
     pub number: u32,
     /// Of all of them, this one is followed.
     pub is_followed: bool,
-    /// What the views saw of it.
+    /// The tick with its boxes alone.
     pub observed: Observation,
     /// The filter's estimate.
     pub estimate: Option<Estimate>,

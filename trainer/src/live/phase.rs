@@ -1,4 +1,4 @@
-//! Whether an aircraft arrives, from its track so far.
+//! Decides from an aircraft's track so far if it arrives.
 //!
 //! Distances are those of an approach, so a departure, an aircraft that taxis or crosses, a lamp, and a climb after a missed approach get
 //! none. Two speeds decide: the one towards the target, from the distances that the most precise fit measures tick by tick, and the
@@ -42,7 +42,7 @@ const LEAST_ELEVATION_SD: f64 = 3e-5;
 /// The part of the new errors of a measurement that is assumed at least.
 const LEAST_NEW_PART: f64 = 0.5;
 
-/// What an aircraft does.
+/// Phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Phase {
     /// It arrives.

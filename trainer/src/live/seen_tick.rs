@@ -1,4 +1,4 @@
-//! What cameras without an end saw at a tick.
+//! The boxes that cameras without an end saw at a tick.
 
 use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;

@@ -24,6 +24,7 @@ use serde_json::Value;
 
 use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
+use crate::networks::stage::{Cycle, EndedBy};
 use crate::networks::training_loop::Task;
 use crate::samples::json_differences::json_differences;
 
@@ -73,7 +74,7 @@ pub(crate) enum Reached {
     /// Between two steps.
     Step(RunningWeights),
     /// It is done.
-    End(KeptWeights),
+    End(EndedStage),
 }
 
 /// A network in training.
@@ -89,6 +90,21 @@ pub(crate) struct RunningWeights {
     pub(crate) best: Option<KeptWeights>,
     /// Judgements since then.
     pub(crate) since_best: usize,
+    /// Finished cycles.
+    pub(crate) cycles: Vec<Cycle>,
+}
+
+/// A network that is trained.
+#[derive(Clone, Serialize, Deserialize)]
+pub(crate) struct EndedStage {
+    /// The network.
+    pub(crate) kept: KeptWeights,
+    /// Steps done.
+    pub(crate) steps: usize,
+    /// Cause of its end.
+    pub(crate) ended_by: EndedBy,
+    /// Its cycles.
+    pub(crate) cycles: Vec<Cycle>,
 }
 
 /// A network that is kept.

@@ -4,7 +4,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
-use crate::config::Loss;
+use crate::config::Target;
 use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
 use crate::samples::{Observation, Sample};
 
@@ -123,7 +123,12 @@ impl Encoded {
     }
 
     /// Targets of a network under `loss`, `[batch, 1]`.
-    pub(crate) fn target_column(&self, batch: &[usize], loss: Loss, device: &Device) -> Tensor<2> {
+    pub(crate) fn target_column(
+        &self,
+        batch: &[usize],
+        loss: Target,
+        device: &Device,
+    ) -> Tensor<2> {
         column(
             batch
                 .iter()
@@ -139,7 +144,7 @@ impl Encoded {
         predicted: Tensor<2>,
         batch: &[usize],
         size: f32,
-        loss: Loss,
+        loss: Target,
         device: &Device,
     ) -> Tensor<1> {
         let weights = batch

@@ -7,7 +7,7 @@ use std::ops::Range;
 use onnx_graph::proto::{AttributeProto, DOUBLE, Dimension, FLOAT, ModelProto, ValueInfoProto};
 use onnx_graph::{Graph, ModelTexts};
 
-use crate::config::Loss;
+use crate::config::{Loss, Target};
 use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
 
 /// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN for an empty view.
@@ -134,9 +134,13 @@ impl<'a> EstimatorGraph<'a> {
     }
 
     /// A network's output as a distance in its unit.
-    pub(crate) fn distance(&mut self, predicted: String, loss: Loss) -> String {
-        match loss {
-            Loss::Squared | Loss::Relative => predicted,
+    pub(crate) fn distance(&mut self, predicted: String, loss: Target) -> String {
+        match loss.loss {
+            Loss::Squared | Loss::Relative if loss.per_10_nm == 1.0 => predicted,
+            Loss::Squared | Loss::Relative => {
+                let per_10_nm = self.graph.floats(&[1], &[loss.per_10_nm]);
+                self.graph.plain("Div", &[&predicted, &per_10_nm])
+            }
             Loss::Logarithmic => self.graph.plain("Exp", &[&predicted]),
         }
     }

@@ -80,6 +80,15 @@ impl Normalisation {
         }
     }
 
+    /// The same with features that are parts of the picture, of this width and height by view, pixels.
+    pub(crate) fn in_parts_of_pictures(mut self, sizes_px: &[[f64; 2]]) -> Self {
+        for (view, &[width, height]) in sizes_px.iter().enumerate() {
+            self.offset_px[view] = [0.0; BOX_FEATURES];
+            self.scale_px[view] = [width, height, width, height];
+        }
+        self
+    }
+
     /// The observation without the boxes that differ from all boxes of the training side: in size, and also in position unless the cameras
     /// differ from the training's (`other_cameras`).
     pub(crate) fn without_outliers(
@@ -230,6 +239,11 @@ mod tests {
             [1.0, 0.0, 1.0, 0.0]
         );
         assert_eq!(normalisation.scale_px[1], [1.0; 4], "a blind view");
+        let of_picture = normalisation.in_parts_of_pictures(&[[200.0, 100.0]; 2]);
+        assert_eq!(
+            of_picture.features(0, &samples[0].boxes[0].unwrap()),
+            [0.5, 0.07, 0.05, 0.02]
+        );
     }
 
     #[test]

@@ -6,6 +6,8 @@
 //! The detector has a separate loop (`detector-training`): it may run for minutes instead of steps, trains two halves of a batch in
 //! parallel, and remembers the background that it took for aircraft.
 
+use std::ops::Range;
+
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
@@ -14,31 +16,32 @@ use rand_chacha::ChaCha12Rng;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::config::{Loss, Optimisation};
+use crate::config::{Optimisation, Plateau, Target};
 use crate::error::{Error, Result};
-use crate::networks::checkpoint::{Checkpoints, KeptWeights, Reached, RunningWeights};
+use crate::networks::checkpoint::{Checkpoints, EndedStage, KeptWeights, Reached, RunningWeights};
+use crate::networks::stage::{Cycle, EndedBy, StageSummary, cycle_of, is_reached};
 
-/// Share of the steps over which the rate rises.
+/// Share of the steps of a cycle over which the rate rises.
 const WARM_UP: f64 = 0.02;
 /// Share of the highest rate that remains at the end.
 const FINAL: f64 = 1e-3;
 
-/// Learning rate of a step: a linear rise, then half a cosine.
-fn learning_rate(settings: &Optimisation, step: usize) -> f64 {
-    let part = (step as f64 + 0.5) / settings.steps as f64;
+/// Learning rate of a step of a cycle: a linear rise, then half a cosine.
+fn learning_rate(highest: f64, cycle: &Range<usize>, step: usize) -> f64 {
+    let part = ((step - cycle.start) as f64 + 0.5) / cycle.len() as f64;
     let factor = if part < WARM_UP {
         part / WARM_UP
     } else {
         let fallen = (part - WARM_UP) / (1.0 - WARM_UP);
         FINAL + (1.0 - FINAL) * 0.5 * (1.0 + (std::f64::consts::PI * fallen).cos())
     };
-    settings.learning_rate * factor
+    highest * factor
 }
 
 /// Inputs of every task besides samples and settings.
 pub(crate) struct Setup {
     /// Loss that is minimised.
-    pub(crate) loss: Loss,
+    pub(crate) loss: Target,
     /// With autodiff.
     pub(crate) device: Device,
     /// Draws first weights and batches.
@@ -75,11 +78,15 @@ pub(crate) trait Task {
     const NAME: &'static str;
     /// Its name in the display of progress.
     const STAGE: &'static str;
-    /// Steps between two judgements. The last step is always judged.
+    /// Steps between two judgements. The last step of a cycle is always judged.
     fn judged_every(&self) -> usize;
     /// Judgements in a row without a new lowest error that end the training. With patience, the network with the lowest error is kept, even
     /// if it is the initial one; without, the network after the last step.
     fn patience(&self) -> Option<usize> {
+        None
+    }
+    /// The plateau that ends the training before all steps are made. The network of the cycle with the lowest error is then kept.
+    fn plateau(&self) -> Option<Plateau> {
         None
     }
     /// Random numbers that draw its batches.
@@ -107,16 +114,54 @@ pub(crate) struct Kept<N> {
     pub(crate) error_pct: f64,
 }
 
+/// A network that is trained.
+#[derive(Debug)]
+pub(crate) struct Learned<N> {
+    /// The network.
+    pub(crate) kept: Kept<N>,
+    /// Steps done.
+    pub(crate) steps: usize,
+    /// Cause of its end.
+    pub(crate) ended_by: EndedBy,
+    /// Its cycles.
+    pub(crate) cycles: Vec<Cycle>,
+}
+
+impl<N> Learned<N> {
+    /// Summary of the stage, which trained on this many samples.
+    pub(crate) fn summary(
+        &self,
+        network: &str,
+        view: Option<&str>,
+        settings: &Optimisation,
+        samples: usize,
+    ) -> StageSummary {
+        StageSummary {
+            network: network.to_owned(),
+            view: view.map(str::to_owned),
+            steps: self.steps,
+            kept_step: self.kept.step,
+            batch_size: settings.batch_size,
+            samples,
+            passes: (self.steps * settings.batch_size) as f64 / samples.max(1) as f64,
+            ended_by: self.ended_by,
+            cycles: self.cycles.clone(),
+        }
+    }
+}
+
 /// A training between two steps.
 struct Position<N> {
     network: N,
     optimiser: ModuleOptimizer,
     /// Steps done.
     step: usize,
-    /// The network with the lowest error so far, if there is patience.
+    /// The network with the lowest error so far, if there is patience, or of the cycle with the lowest.
     best: Option<Kept<N>>,
     /// Judgements since then.
     since_best: usize,
+    /// Finished cycles.
+    cycles: Vec<Cycle>,
 }
 
 /// Trains a network, from its beginning or from where a checkpoint has it. If the training is stopped, the checkpoint has its last step.
@@ -125,7 +170,7 @@ pub(crate) fn learn<T: Task>(
     network: T::Network,
     settings: &Optimisation,
     Companions { checkpoints, watch }: &mut Companions,
-) -> Result<Kept<T::Network>> {
+) -> Result<Learned<T::Network>> {
     watch.begin(T::STAGE, settings.steps as u64);
     let reached = checkpoints.next_stage(task)?;
     if let Some(reached) = &reached {
@@ -136,25 +181,31 @@ pub(crate) fn learn<T: Task>(
         watch.resume(done as u64);
     }
     let mut at = match reached {
-        Some(Reached::End(kept)) => return Kept::restored(&kept, network, checkpoints),
+        Some(Reached::End(ended)) => return Learned::restored(ended, network, checkpoints),
         Some(Reached::Step(running)) => Position::restored(&running, network, checkpoints)?,
         None => Position::first(task, network)?,
     };
-    while at.step < settings.steps && task.patience().is_none_or(|most| at.since_best < most) {
+    let ended_by = loop {
+        if let Some(ended_by) = at.ended_by(task, settings) {
+            break ended_by;
+        }
+        let cycle = cycle_of(at.step, settings.steps, task.plateau());
         let gradients = task.gradients(&at.network, at.step);
-        let rate = learning_rate(settings, at.step);
+        let rate = learning_rate(settings.learning_rate, &cycle, at.step);
         at.network = at.optimiser.step(rate, at.network, gradients);
         at.step += 1;
-        let is_last = at.step == settings.steps;
-        let is_due = at.step.is_multiple_of(task.judged_every());
-        let is_judged = match task.patience() {
-            // The last network is judged when it is complete.
-            None => is_due && !is_last,
-            Some(_) => is_due || is_last,
-        };
-        if is_judged {
+        let ends_cycle = at.step == cycle.end;
+        if ends_cycle || at.step.is_multiple_of(task.judged_every()) {
             let errors_pct = judge(task, &at.network, at.step)?;
-            at.compare_with_best(mean(&errors_pct));
+            if ends_cycle || task.patience().is_some() {
+                at.compare_with_best(mean(&errors_pct));
+            }
+            if ends_cycle {
+                at.cycles.push(Cycle {
+                    steps: at.step,
+                    validation_mape_pct: errors_pct.clone(),
+                });
+            }
             let note = task.record(at.step, errors_pct);
             watch.advance(at.step as u64, &note);
         }
@@ -164,12 +215,16 @@ pub(crate) fn learn<T: Task>(
             checkpoints.save(task, reached)?;
         }
         stopped?;
-    }
-    let (kept, note) = at.end(task)?;
+    };
+    let learned = at.end(task, ended_by)?;
+    let Kept {
+        step, error_pct, ..
+    } = learned.kept;
+    let note = format!("kept step {step}, MAPE {error_pct:.3} %");
     watch.advance(settings.steps as u64, &note);
-    let reached = |checkpoints: &Checkpoints| Ok(Reached::End(kept.saved(checkpoints)?));
+    let reached = |checkpoints: &Checkpoints| Ok(Reached::End(learned.saved(checkpoints)?));
     checkpoints.save(task, reached)?;
-    Ok(kept)
+    Ok(learned)
 }
 
 impl<N: Module> Position<N> {
@@ -188,42 +243,51 @@ impl<N: Module> Position<N> {
             step: 0,
             best,
             since_best: 0,
+            cycles: Vec::new(),
         })
     }
 
-    fn compare_with_best(&mut self, error_pct: f64) {
-        let Some(best) = &mut self.best else {
-            return;
-        };
-        self.since_best += 1;
-        if error_pct < best.error_pct {
-            self.since_best = 0;
-            *best = Kept {
-                network: self.network.clone(),
-                step: self.step,
-                error_pct,
-            };
+    /// Cause of the end, if no more steps are made.
+    fn ended_by<T: Task<Network = N>>(&self, task: &T, settings: &Optimisation) -> Option<EndedBy> {
+        let plateau = task.plateau();
+        if plateau.is_some_and(|plateau| is_reached(plateau, &self.cycles)) {
+            Some(EndedBy::Plateau)
+        } else if task.patience().is_some_and(|most| self.since_best >= most) {
+            Some(EndedBy::Patience)
+        } else {
+            (self.step >= settings.steps).then_some(EndedBy::Steps)
         }
     }
 
-    /// The network that is kept, and a few words about its error.
-    fn end<T: Task<Network = N>>(self, task: &mut T) -> Result<(Kept<N>, String)> {
-        let (network, step) = match self.best {
-            Some(best) => (best.network, best.step),
-            None => (self.network, self.step),
+    fn compare_with_best(&mut self, error_pct: f64) {
+        self.since_best += 1;
+        let best = self.best.as_ref();
+        if best.is_none_or(|best| error_pct < best.error_pct) {
+            self.since_best = 0;
+            self.best = Some(Kept {
+                network: self.network.clone(),
+                step: self.step,
+                error_pct,
+            });
+        }
+    }
+
+    /// The trained network.
+    fn end<T: Task<Network = N>>(self, task: &T, ended_by: EndedBy) -> Result<Learned<N>> {
+        let kept = match self.best {
+            Some(best) => best,
+            None => Kept {
+                error_pct: mean(&judge(task, &self.network, self.step)?),
+                network: self.network,
+                step: self.step,
+            },
         };
-        let errors_pct = judge(task, &network, step)?;
-        let error_pct = mean(&errors_pct);
-        let note = match task.patience() {
-            None => task.record(step, errors_pct),
-            Some(_) => format!("kept step {step}, MAPE {error_pct:.3} %"),
-        };
-        let kept = Kept {
-            network,
-            step,
-            error_pct,
-        };
-        Ok((kept, note))
+        Ok(Learned {
+            kept,
+            steps: self.step,
+            ended_by,
+            cycles: self.cycles,
+        })
     }
 
     fn saved(&self, checkpoints: &Checkpoints) -> Result<RunningWeights> {
@@ -234,6 +298,7 @@ impl<N: Module> Position<N> {
             optimiser: checkpoints.optimiser_bytes(&self.optimiser)?,
             best: best.map(|best| best.saved(checkpoints)).transpose()?,
             since_best: self.since_best,
+            cycles: self.cycles.clone(),
         })
     }
 
@@ -246,6 +311,27 @@ impl<N: Module> Position<N> {
             optimiser: checkpoints.optimiser(&from.optimiser, adam())?,
             step: from.step,
             since_best: from.since_best,
+            cycles: from.cycles.clone(),
+        })
+    }
+}
+
+impl<N: Module> Learned<N> {
+    fn saved(&self, checkpoints: &Checkpoints) -> Result<EndedStage> {
+        Ok(EndedStage {
+            kept: self.kept.saved(checkpoints)?,
+            steps: self.steps,
+            ended_by: self.ended_by,
+            cycles: self.cycles.clone(),
+        })
+    }
+
+    fn restored(from: EndedStage, network: N, checkpoints: &Checkpoints) -> Result<Self> {
+        Ok(Self {
+            kept: Kept::restored(&from.kept, network, checkpoints)?,
+            steps: from.steps,
+            ended_by: from.ended_by,
+            cycles: from.cycles,
         })
     }
 }
@@ -293,182 +379,4 @@ fn adam() -> ModuleOptimizer {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::networks::dense::Dense;
-    use crate::networks::encoded::numbers;
-    use burn::tensor::Tensor;
-    use rand::SeedableRng;
-    use std::sync::Mutex;
-
-    #[test]
-    fn the_rate_rises_to_its_highest_and_falls_to_almost_nothing() {
-        let settings = Optimisation {
-            steps: 1_000,
-            batch_size: 1,
-            learning_rate: 0.01,
-        };
-        let rates: Vec<_> = (0..1_000)
-            .map(|step| learning_rate(&settings, step))
-            .collect();
-        assert!(
-            rates[0] < 0.001 && rates[999] < 2e-5,
-            "{} {}",
-            rates[0],
-            rates[999]
-        );
-        let highest = rates.iter().copied().fold(0.0, f64::max);
-        assert!((highest - 0.01).abs() < 1e-4, "{highest}");
-        assert!(rates[25..].windows(2).all(|pair| pair[1] <= pair[0]));
-    }
-
-    /// Task that does not learn, and records the calls to it.
-    struct Diary {
-        entries: Vec<String>,
-        /// After each number of steps, as planned.
-        errors_pct: Vec<f64>,
-        /// After each number of steps but the last.
-        weights: Vec<f32>,
-        patience: Option<usize>,
-        random: ChaCha12Rng,
-    }
-
-    impl Diary {
-        fn of(errors_pct: &[f64], patience: Option<usize>) -> Self {
-            Self {
-                entries: Vec::new(),
-                errors_pct: errors_pct.to_vec(),
-                weights: Vec::new(),
-                patience,
-                random: ChaCha12Rng::seed_from_u64(0),
-            }
-        }
-    }
-
-    impl Task for Diary {
-        type Network = Dense;
-        type State = ();
-        const NAME: &'static str = "diary";
-        const STAGE: &'static str = "diary";
-
-        fn judged_every(&self) -> usize {
-            2
-        }
-
-        fn patience(&self) -> Option<usize> {
-            self.patience
-        }
-
-        fn random(&mut self) -> &mut ChaCha12Rng {
-            &mut self.random
-        }
-
-        fn state(&self) {}
-
-        fn restore(&mut self, (): ()) {}
-
-        fn gradients(&mut self, network: &Dense, step: usize) -> GradientsParams {
-            self.entries.push(format!("step {step}"));
-            self.weights.push(weight(network));
-            let output = network.forward(Tensor::ones([1, 1], &Device::flex().autodiff()));
-            GradientsParams::from_grads(output.backward(), network)
-        }
-
-        fn errors_pct(&self, _network: &Dense) -> Vec<Option<f64>> {
-            let steps = self
-                .entries
-                .iter()
-                .filter(|entry| entry.starts_with("step"));
-            vec![Some(self.errors_pct[steps.count()]), None]
-        }
-
-        fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
-            format!("{} after {done}", errors_pct[0].unwrap())
-        }
-    }
-
-    fn weight(network: &Dense) -> f32 {
-        numbers(
-            network
-                .clone()
-                .valid()
-                .forward(Tensor::ones([1, 1], &Device::flex())),
-        )[0]
-    }
-
-    /// Messages reported by a training.
-    #[derive(Default)]
-    struct Notes(Mutex<Vec<String>>);
-
-    impl Watch for Notes {
-        fn begin(&self, stage: &str, total: u64) {
-            self.0.lock().unwrap().push(format!("{stage} of {total}"));
-        }
-
-        fn advance(&self, done: u64, note: &str) {
-            self.0.lock().unwrap().push(format!("{done}: {note}"));
-        }
-    }
-
-    fn learn_steps(diary: &mut Diary, steps: usize) -> Result<(Kept<Dense>, Vec<String>)> {
-        let random = &mut ChaCha12Rng::seed_from_u64(0);
-        let network = Dense::new(&[1, 1], random, &Device::flex().autodiff());
-        let settings = Optimisation {
-            steps,
-            batch_size: 1,
-            learning_rate: 0.01,
-        };
-        let notes = Notes::default();
-        let mut companions = Companions {
-            checkpoints: &mut Checkpoints::none(),
-            watch: &notes,
-        };
-        let kept = learn(diary, network, &settings, &mut companions)?;
-        Ok((kept, notes.0.into_inner().unwrap()))
-    }
-
-    #[test]
-    fn the_last_step_is_judged_too() {
-        let mut diary = Diary::of(&[9.0, 8.0, 7.0, 6.0], None);
-        let (kept, reported) = learn_steps(&mut diary, 3).unwrap();
-        assert_eq!(diary.entries, ["step 0", "step 1", "step 2"]);
-        assert_eq!(reported, ["diary of 3", "2: 7 after 2", "3: 6 after 3"]);
-        assert_eq!((kept.step, kept.error_pct), (3, 6.0));
-    }
-
-    #[test]
-    fn with_patience_the_best_network_is_kept_and_a_training_ends_that_no_longer_gets_better() {
-        let errors = [9.0, 8.0, 3.0, 2.0, 4.0, 1.0, 3.5, 1.0, 1.0];
-        for (patience, expected) in [(2, (2, 6)), (9, (8, 8))] {
-            let mut diary = Diary::of(&errors, Some(patience));
-            let (kept, _) = learn_steps(&mut diary, 8).unwrap();
-            let steps = diary
-                .entries
-                .iter()
-                .filter(|entry| entry.starts_with("step"));
-            assert_eq!((kept.step, steps.count()), expected, "patience {patience}");
-            let then = diary.weights.get(kept.step);
-            assert!(then.is_none_or(|&then| then == weight(&kept.network)));
-        }
-        // No step improved on the initial network.
-        let mut diary = Diary::of(&[1.0, 8.0, 3.0, 2.0, 4.0], Some(1));
-        let (kept, reported) = learn_steps(&mut diary, 4).unwrap();
-        assert_eq!(kept.step, 0);
-        assert_eq!(diary.entries, ["step 0", "step 1"]);
-        assert!(
-            reported.last().unwrap().contains("kept step 0"),
-            "{reported:?}"
-        );
-    }
-
-    #[test]
-    fn a_training_whose_errors_are_no_longer_finite_ends_with_its_name_and_step() {
-        let mut diary = Diary::of(&[9.0, 8.0, f64::NAN], None);
-        let message = learn_steps(&mut diary, 3).unwrap_err().to_string();
-        assert!(
-            message.contains("training of diary diverged at step 2"),
-            "{message}"
-        );
-        assert_eq!(diary.entries, ["step 0", "step 1"]);
-    }
-}
+mod tests;

@@ -5,6 +5,7 @@
 
 use burn::tensor::Device;
 use onnx_graph::proto::ModelProto;
+use serde::Serialize;
 
 use crate::estimators::geometry::triangulation;
 use crate::estimators::inverse_range::flight_filter::{Estimate, Knowing};
@@ -34,10 +35,28 @@ pub(crate) enum Estimator {
     Triangulation,
     /// A network per view that sees the whole box.
     MonoNetworkBox,
+    /// A network per view that sees the box's centre.
+    MonoNetworkPosition,
     /// A network per view that sees the box's size.
     MonoNetwork,
     /// A formula per view.
     MonoPinhole,
+    /// The mean distance of the training flights by time.
+    NoVisionTime,
+    /// The same by time and weather.
+    NoVisionTimeWeather,
+}
+
+/// Part of an estimator in the comparison with the others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Standing {
+    /// It is ranked.
+    Competitor,
+    /// It is given what no installation has: it is compared with the others and never ranked among them.
+    Oracle,
+    /// It sees no picture: it shows what the others must be better than, and is never ranked among them.
+    NoVision,
 }
 
 /// Presentation of an estimator.
@@ -86,9 +105,10 @@ impl<'a> Task<'a> {
     fn mono(&self, inputs: MonoInputs) -> Vec<Option<f64>> {
         let networks = match inputs {
             MonoInputs::Size => &self.run.networks.mono_size,
+            MonoInputs::Position => &self.run.networks.mono_position,
             MonoInputs::Box => &self.run.networks.mono_box,
         };
-        let loss = self.run.config.loss;
+        let loss = self.run.config.target();
         self.metres(networks.predict(inputs, &self.encoded, loss, &Device::flex()))
     }
 
@@ -100,7 +120,7 @@ impl<'a> Task<'a> {
 
 impl Estimator {
     /// All of them, in the order of tables, plots and columns.
-    pub(crate) const ALL: [Self; 9] = [
+    pub(crate) const ALL: [Self; 12] = [
         Self::PaperLstm,
         Self::InverseRange,
         Self::InverseRangeFiltered,
@@ -108,8 +128,11 @@ impl Estimator {
         Self::SelfCalibrated,
         Self::Triangulation,
         Self::MonoNetworkBox,
+        Self::MonoNetworkPosition,
         Self::MonoNetwork,
         Self::MonoPinhole,
+        Self::NoVisionTime,
+        Self::NoVisionTimeWeather,
     ];
 
     /// Its name in files.
@@ -117,9 +140,13 @@ impl Estimator {
         self.description().name
     }
 
-    /// True for an estimator that is given what no installation has: it is compared with the others and never ranked among them.
-    pub(crate) fn is_oracle(self) -> bool {
-        self == Self::Triangulation
+    /// Its part in the comparison with the others.
+    pub(crate) fn standing(self) -> Standing {
+        match self {
+            Self::Triangulation => Standing::Oracle,
+            Self::NoVisionTime | Self::NoVisionTimeWeather => Standing::NoVision,
+            _ => Standing::Competitor,
+        }
     }
 
     /// Its names and its method.
@@ -160,6 +187,11 @@ impl Estimator {
                 "Monoscopic network, whole box",
                 "each view by itself from place and size, averaged",
             ],
+            Self::MonoNetworkPosition => [
+                "mono_network_position",
+                "Monoscopic network, position",
+                "each view by itself from the place of the box, averaged",
+            ],
             Self::MonoNetwork => [
                 "mono_network",
                 "Monoscopic network, size",
@@ -169,6 +201,16 @@ impl Estimator {
                 "mono_pinhole",
                 "Monoscopic pinhole",
                 "each view by itself from width and span, averaged",
+            ],
+            Self::NoVisionTime => [
+                "no_vision_time",
+                "No vision: time",
+                "no picture at all: the mean distance of the training flights at the same time since the start",
+            ],
+            Self::NoVisionTimeWeather => [
+                "no_vision_time_weather",
+                "No vision: time and weather",
+                "no picture at all: the same mean over the training flights in the same weather",
             ],
         };
         Description { name, title, how }
@@ -182,9 +224,9 @@ impl Estimator {
             .collect()
     }
 
-    /// The same as an ONNX model, which takes boxes in pixels; `None` for an estimator that needs the cameras, or ticks before.
+    /// The same as an ONNX model, which takes boxes in pixels; `None` for an estimator that needs the cameras, the time, or ticks before.
     pub(crate) fn to_onnx(self, run: &TrainedRun) -> Option<ModelProto> {
-        let (networks, baselines, loss) = (&run.networks, &run.baselines, run.config.loss);
+        let (networks, baselines, loss) = (&run.networks, &run.baselines, run.config.target());
         let graph = &mut EstimatorGraph::new(&run.normalisation);
         let metres = match self {
             Self::PaperLstm => networks
@@ -193,8 +235,13 @@ impl Estimator {
             Self::InverseRange => baselines.inverse_range.to_onnx(graph),
             Self::MonoNetwork => networks.mono_size.to_onnx(MonoInputs::Size, loss, graph),
             Self::MonoNetworkBox => networks.mono_box.to_onnx(MonoInputs::Box, loss, graph),
+            Self::MonoNetworkPosition => {
+                (networks.mono_position).to_onnx(MonoInputs::Position, loss, graph)
+            }
             Self::MonoPinhole => pinhole::to_onnx(&baselines.pinholes, graph),
             Self::Triangulation
+            | Self::NoVisionTime
+            | Self::NoVisionTimeWeather
             | Self::SelfCalibrated
             | Self::InverseRangeFiltered
             | Self::InverseRangeSmoothed => return None,
@@ -224,7 +271,7 @@ impl Estimator {
                 &networks.calibration,
                 &networks.estimator,
                 &task.encoded,
-                task.run.config.loss,
+                task.run.config.target(),
                 &Device::flex(),
             )),
             Self::InverseRange => task.each(|s| baselines.inverse_range.predict(s)),
@@ -239,8 +286,14 @@ impl Estimator {
                 }
             },
             Self::MonoNetwork => task.mono(MonoInputs::Size),
+            Self::MonoNetworkPosition => task.mono(MonoInputs::Position),
             Self::MonoNetworkBox => task.mono(MonoInputs::Box),
             Self::MonoPinhole => task.each(|s| pinhole::predict(&baselines.pinholes, s)),
+            Self::NoVisionTime => task.each(|s| baselines.mean_by_time.at(s)),
+            Self::NoVisionTimeWeather => task.each(|observed| {
+                let weather = &task.scenarios[observed.scenario].weather;
+                baselines.mean_by_time.at_in(observed, weather)
+            }),
             Self::Triangulation => task.each(|observed| {
                 let scenario = &task.scenarios[observed.scenario];
                 triangulation::predict(
@@ -270,8 +323,11 @@ mod tests {
                 "self_calibrated",
                 "triangulation",
                 "mono_network_box",
+                "mono_network_position",
                 "mono_network",
-                "mono_pinhole"
+                "mono_pinhole",
+                "no_vision_time",
+                "no_vision_time_weather"
             ]
         );
     }

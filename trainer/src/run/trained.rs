@@ -21,11 +21,13 @@ use crate::estimators::inverse_range::InverseRange;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
 use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
 use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::no_vision::MeanByTime;
 use crate::estimators::paper_lstm::calibration_training::{
     CalibrationLogEntry, CalibrationNetworks,
 };
 use crate::estimators::paper_lstm::{EstimatorLogEntry, PaperLstm};
 use crate::networks::normalisation::Normalisation;
+use crate::networks::stage::StageSummary;
 use crate::run::choice::Choice;
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
@@ -34,10 +36,11 @@ use crate::run::sealed::SealedRun;
 use crate::samples::ScenarioSummary;
 use crate::samples::paired_views::PairedViews;
 use crate::samples::rig::{Cameras, Rig};
+use crate::samples::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::DroppedByView;
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 7;
+pub(crate) const RUN_FORMAT: u32 = 8;
 
 /// Version information that shows whether a run can be read.
 #[derive(Deserialize)]
@@ -76,6 +79,9 @@ pub(crate) struct RunSummary {
     pub training_flights: BTreeSet<String>,
     /// The same of the validation side.
     pub validation_flights: BTreeSet<String>,
+    /// The split by scenario, if there is one: its sides share flights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario_split: Option<ScenarioSplit>,
     /// Scenarios on the training side.
     pub training_scenarios: usize,
     /// Scenarios on the validation side.
@@ -91,6 +97,8 @@ pub(crate) struct RunSummary {
     pub samples_blake3: String,
     /// Error of `paper_lstm` on the validation side, percent.
     pub validation_mape_pct: f64,
+    /// Stages of the training, in their order.
+    pub stages: Vec<StageSummary>,
     /// The recommended estimator.
     pub choice: Choice,
     /// BLAKE3 of the weights that the training started from, if they were not random.
@@ -159,7 +167,7 @@ impl RunSummary {
     }
 }
 
-/// Both convergence logs (`convergence.json`).
+/// Both convergence logs (`convergence.json`): errors of training and validation by step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Convergence {
     /// Identifiers of the views.
@@ -191,6 +199,8 @@ pub(crate) struct Baselines {
     pub flight_filter: FlightFilter,
     /// The boxes that all estimators get.
     pub paired_views: PairedViews,
+    /// `no_vision_time` and `no_vision_time_weather`.
+    pub mean_by_time: MeanByTime,
     /// Content of `backgrounds.png`; missing without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backgrounds: Option<Vec<StoredView>>,
@@ -207,6 +217,8 @@ pub(crate) struct Networks {
     pub mono_size: MonoNetworks,
     /// `mono_network_box`.
     pub mono_box: MonoNetworks,
+    /// `mono_network_position`.
+    pub mono_position: MonoNetworks,
 }
 
 impl Networks {
@@ -224,6 +236,7 @@ impl Networks {
             ),
             mono_size: mono(MonoInputs::Size, random),
             mono_box: mono(MonoInputs::Box, random),
+            mono_position: mono(MonoInputs::Position, random),
         }
     }
 }
@@ -280,7 +293,8 @@ fn check_numbers(
         .chain(baselines.inverse_range.constants())
         .chain((baselines.self_calibrated.iter()).flat_map(SelfCalibrated::constants))
         .chain(baselines.flight_filter.constants())
-        .chain(baselines.paired_views.constants());
+        .chain(baselines.paired_views.constants())
+        .chain(baselines.mean_by_time.constants());
     // NaN is not below.
     if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
     {
@@ -416,6 +430,9 @@ impl TrainedRun {
         if !baselines.paired_views.is_of(views) {
             let fault = RunFault::PairedViews { views };
             return Err(sealed.refused(RunFolder::BASELINES, fault));
+        }
+        if !baselines.mean_by_time.is_whole() {
+            return Err(sealed.refused(RunFolder::BASELINES, RunFault::MeanByTime));
         }
         let mut networks = Networks::untrained(views, &config, &Device::flex());
         let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();

@@ -12,13 +12,14 @@ mod path;
 mod relation;
 mod robust_line;
 
+use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{Observation, Sample};
 pub(crate) use follower::Follower;
 use follower::{InSight, Learned};
 use path::Path;
-use relation::Relation;
+use relation::{LEAST_PAIRS, Relation};
 
 /// The relations of a rig's views, and the paths in each.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -30,7 +31,7 @@ pub(crate) struct PairedViews {
     paths: Vec<Path>,
 }
 
-/// What the views saw of one object at a tick.
+/// One object at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct OfObject {
     /// Number in the order of appearance.
@@ -51,6 +52,23 @@ impl PairedViews {
                 .filter_map(|view| fitted_path(view, true_boxes))
                 .collect(),
         }
+    }
+
+    /// A line for users about each two views that stay unrelated. `views`: their names.
+    pub(crate) fn unrelated(&self, views: &[String], true_boxes: &[&Sample]) -> Vec<String> {
+        let pairs =
+            (0..views.len()).flat_map(|one| (one + 1..views.len()).map(move |other| [one, other]));
+        pairs
+            .filter(|pair| !self.relations.iter().any(|relation| relation.views == *pair))
+            .map(|pair| {
+                let [one, other] = pair.map(|view| &views[view]);
+                format!(
+                    "views {one} and {other} are not compared: both see the aircraft in {} ticks of the training side, expected at least \
+                     {LEAST_PAIRS}; the best box of each view counts, also if they are of different objects",
+                    common_boxes(pair, true_boxes).len()
+                )
+            })
+            .collect()
     }
 
     /// The same with what concerns one view learned again.
@@ -168,11 +186,15 @@ fn is_related(relations: &[Relation], view: usize) -> bool {
 }
 
 fn fitted(views: [usize; 2], true_boxes: &[&Sample]) -> Option<Relation> {
+    Relation::fit(views, &common_boxes(views, true_boxes))
+}
+
+fn common_boxes<'a>(views: [usize; 2], true_boxes: &[&'a Sample]) -> Vec<[&'a PixelBox; 2]> {
     let boxes = true_boxes.iter().filter_map(|sample| {
         let [one, other] = views.map(|view| sample.boxes[view].as_ref());
         Some([one?, other?])
     });
-    Relation::fit(views, &boxes.collect::<Vec<_>>())
+    boxes.collect()
 }
 
 fn fitted_path(view: usize, true_boxes: &[&Sample]) -> Option<Path> {

@@ -12,6 +12,7 @@ use crate::networks::normalisation::Normalisation;
 use crate::samples::camera_health::Corrections;
 use crate::samples::marked_scenarios;
 use crate::samples::paired_views::PairedViews;
+use crate::samples::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::{DroppedByView, TrainingCameras};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
@@ -19,6 +20,8 @@ use crate::samples::{DistanceRange, Observation, Sample, Samples};
 pub(crate) struct Flights {
     /// Of all sides.
     pub(crate) samples: Samples,
+    /// The sides, if the settings draw them.
+    pub(crate) scenario_split: Option<ScenarioSplit>,
     /// Directions of the cameras, if the settings ask for them.
     pub(crate) backgrounds: Option<Backgrounds>,
     /// The training side with its true boxes alone.
@@ -45,6 +48,8 @@ impl Flights {
         };
         let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
         watch.check()?;
+        let scenario_split = (config.scenario_split.as_ref())
+            .map(|config| ScenarioSplit::draw(&mut samples, config));
         if !config.accept_weather {
             let left_out = marked_scenarios::leave_out(&mut samples);
             if !left_out.is_empty() {
@@ -71,9 +76,13 @@ impl Flights {
             let fault = CorpusFault::NoTrueBoxes { samples };
             return Err(Error::corpus(corpus.root(), fault));
         }
-        let paired_views =
-            PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
+        let learned_from: Vec<&Sample> = true_boxes.iter().collect();
+        let paired_views = PairedViews::fit(samples.views.len(), &learned_from);
+        for line in paired_views.unrelated(&samples.views, &learned_from) {
+            watch.say(&line);
+        }
         Ok(Self {
+            scenario_split,
             true_boxes,
             dropped_boxes,
             samples,

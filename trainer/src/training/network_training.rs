@@ -9,7 +9,9 @@ use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
 use crate::estimators::paper_lstm::calibration_training::train_calibration;
 use crate::estimators::paper_lstm::train_estimator;
 use crate::networks::encoded::EncodedSides;
+use crate::networks::stage::StageSummary;
 use crate::networks::training_loop::{Companions, Setup};
+use crate::run::estimator::Estimator;
 use crate::run::trained::{Convergence, Networks};
 use crate::training::stream::Stream;
 
@@ -19,6 +21,8 @@ pub(crate) struct TrainedNetworks {
     pub(crate) networks: Networks,
     /// Convergence logs.
     pub(crate) convergence: Convergence,
+    /// All stages, in their order.
+    pub(crate) stages: Vec<StageSummary>,
     /// Error of `paper_lstm` on the validation side, percent.
     pub(crate) validation_mape_pct: f64,
 }
@@ -35,7 +39,7 @@ pub(crate) fn train_networks(
     let start = start.map(|networks| networks.clone().to_device(device));
     let start = start.as_ref();
     let setup = |stream: Stream| Setup {
-        loss: config.loss,
+        loss: config.target(),
         device: device.clone().autodiff(),
         random: stream.generator(config.seed),
     };
@@ -47,8 +51,15 @@ pub(crate) fn train_networks(
         setup(Stream::Calibration),
         companions,
     )?;
-    let calibration_kept_step = calibration.step;
-    let calibration = calibration.network.valid();
+    let samples = sides.training.len();
+    let mut stages = vec![calibration.summary(
+        "calibration networks",
+        None,
+        &config.calibration.optimisation,
+        samples,
+    )];
+    let calibration_kept_step = calibration.kept.step;
+    let calibration = calibration.kept.network.valid();
     let (estimator, estimator_log) = train_estimator(
         start.map(|networks| &networks.estimator),
         &calibration,
@@ -58,25 +69,45 @@ pub(crate) fn train_networks(
         setup(Stream::Estimator),
         companions,
     )?;
-    let mut mono = |start, inputs, stream| {
+    let settings = &config.estimator.optimisation;
+    stages.push(estimator.summary(Estimator::PaperLstm.name(), None, settings, samples));
+    let mut mono = |start, inputs, estimator: Estimator, stream| -> Result<MonoNetworks> {
         let (settings, setup) = (&config.mono, setup(stream));
-        MonoNetworks::train_from(start, inputs, &sides.training, settings, setup, companions)
+        let (networks, learned) =
+            MonoNetworks::train_from(start, inputs, sides, settings, setup, companions)?;
+        for (view, (name, learned)) in views.iter().zip(learned).enumerate() {
+            if let Some(learned) = learned {
+                let samples = sides.training.seen_by(view).len();
+                let settings = &config.mono.optimisation;
+                stages.push(learned.summary(estimator.name(), Some(name), settings, samples));
+            }
+        }
+        Ok(networks)
     };
     let mono_size = mono(
         start.map(|networks| &networks.mono_size),
         MonoInputs::Size,
+        Estimator::MonoNetwork,
         Stream::MonoSize,
     )?;
     let mono_box = mono(
         start.map(|networks| &networks.mono_box),
         MonoInputs::Box,
+        Estimator::MonoNetworkBox,
         Stream::MonoBox,
+    )?;
+    let mono_position = mono(
+        start.map(|networks| &networks.mono_position),
+        MonoInputs::Position,
+        Estimator::MonoNetworkPosition,
+        Stream::MonoPosition,
     )?;
     let networks = Networks {
         calibration,
-        estimator: estimator.network.valid(),
+        estimator: estimator.kept.network.valid(),
         mono_size: mono_size.valid(),
         mono_box: mono_box.valid(),
+        mono_position: mono_position.valid(),
     };
     Ok(TrainedNetworks {
         networks: networks.to_device(&Device::flex()),
@@ -85,8 +116,9 @@ pub(crate) fn train_networks(
             calibration: calibration_log,
             calibration_kept_step,
             estimator: estimator_log,
-            estimator_kept_step: estimator.step,
+            estimator_kept_step: estimator.kept.step,
         },
-        validation_mape_pct: estimator.error_pct,
+        stages,
+        validation_mape_pct: estimator.kept.error_pct,
     })
 }

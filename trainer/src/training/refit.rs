@@ -295,7 +295,7 @@ fn fit_network(
     };
     let (training, judged) = (encoded(training), encoded(judged));
     let setup = Setup {
-        loss: run.config.loss,
+        loss: run.config.target(),
         device: Device::flex().autodiff(),
         random: random(&run.config),
     };

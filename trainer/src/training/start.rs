@@ -93,6 +93,7 @@ fn networks(config: &TrainConfig) -> Value {
     let (c, e) = (&config.calibration, &config.estimator);
     json!({
         "loss": config.loss,
+        "target_unit_nm": config.target_unit_nm,
         "calibration": {
             "hidden": c.hidden,
             "features": c.features,
@@ -160,6 +161,7 @@ mod tests {
             mono: MonoConfig {
                 hidden: vec![16],
                 optimisation: optimisation(),
+                ..MonoConfig::default()
             },
             ..TrainConfig::default()
         }

@@ -14,6 +14,8 @@ pub(crate) enum Stream {
     MonoSize,
     /// `mono_network_box`.
     MonoBox,
+    /// `mono_network_position`.
+    MonoPosition,
 }
 
 impl Stream {

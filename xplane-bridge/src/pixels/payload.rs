@@ -5,7 +5,7 @@ use crate::link::MAX_OUTSTANDING_CAPTURES;
 
 /// The source `link` or `gl`: the answer's payload is the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Payload(pub PixelKind);
+pub(crate) struct Payload(pub(crate) PixelKind);
 
 impl PixelSource for Payload {
     fn kind(&self) -> PixelKind {

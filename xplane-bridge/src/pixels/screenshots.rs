@@ -9,7 +9,7 @@ use crate::link::PictureSize;
 
 /// X-Plane's own screenshots. Slow: suitable for sparse sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Screenshots {
+pub(crate) struct Screenshots {
     /// The required size of the pictures.
     pub size: PictureSize,
 }

@@ -42,7 +42,7 @@ pub const FOLDER: &str = "detections";
 /// Folder of the registrations that belong to them.
 pub const REGISTRATIONS: &str = "registrations";
 /// Folder of the tables of the cameras' health that belong to them.
-pub const HEALTH: &str = "health";
+pub(crate) const HEALTH: &str = "health";
 /// All folders with tables of a model.
 pub const FOLDERS: [&str; 3] = [FOLDER, REGISTRATIONS, HEALTH];
 

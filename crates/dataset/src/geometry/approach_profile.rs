@@ -47,12 +47,12 @@ fn chart_step_from_threshold_m() -> f64 {
 }
 
 impl ApproachProfile {
-    /// The step-down approach of the WSSS 02L chart.
-    pub fn charted_step_down() -> Self {
+    /// The step-down approach of the WSSS 02L chart, for a runway that is higher by this much.
+    pub fn charted_step_down(higher_m: f64) -> Self {
         Self::StepDown {
-            upper_altitude_msl_m: chart_upper_msl_m(),
+            upper_altitude_msl_m: chart_upper_msl_m() + higher_m,
             step_from_threshold_m: chart_step_from_threshold_m(),
-            lower_altitude_msl_m: chart_lower_msl_m(),
+            lower_altitude_msl_m: chart_lower_msl_m() + higher_m,
         }
     }
 
@@ -80,7 +80,7 @@ mod tests {
     #[test]
     fn a_step_down_without_numbers_is_the_chart() {
         let parsed: ApproachProfile = serde_json::from_str(r#"{"kind":"step_down"}"#).unwrap();
-        assert_eq!(parsed, ApproachProfile::charted_step_down());
+        assert_eq!(parsed, ApproachProfile::charted_step_down(0.0));
         assert!((parsed.start_altitude_msl_m() - 762.0).abs() < 1e-9);
     }
 

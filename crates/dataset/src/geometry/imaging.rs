@@ -1,9 +1,11 @@
-//! The differences between an ideal picture and a real one: lens, refraction and turbulence of the air, sensor.
+//! The differences between an ideal picture and a real one: lens, refraction and turbulence of the air, mast, sensor, the camera's encoder.
 //!
 //! All of it is off by default, because X-Plane has none of it. Lens and refraction move objects, so they belong to the calibration
-//! and every projection includes them. Blur, seeing and noise degrade the picture and leave the geometry alone.
+//! and every projection includes them. The others degrade the picture: calibration and ground-truth boxes stay those of still air and a
+//! still mast.
 //!
-//! Only the stand-in can draw it; a simulator reports whether it can before a scenario is flown.
+//! Only the stand-in can draw it; a simulator reports whether it can before a scenario is flown. The camera's encoder is ours, so its
+//! stream is available with every simulator.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +27,7 @@ pub struct Imaging {
     pub degradation: Option<Degradation>,
 }
 
-/// Image degradation that does not affect geometry.
+/// Image degradation that does not affect the calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Degradation {
@@ -38,7 +40,13 @@ pub struct Degradation {
     /// Turbulence between aircraft and camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seeing: Option<Seeing>,
-    /// Seed of noise and seeing: different for every scenario and view, below 2^53.
+    /// Sway of the mast.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sway: Option<Sway>,
+    /// The camera's own encoder, ahead of the corpus's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stream: Option<Stream>,
+    /// Seed of noise, seeing and sway: different for every scenario and view, below 2^53.
     pub seed: u64,
 }
 
@@ -50,6 +58,9 @@ pub struct Sensor {
     pub full_well_electrons: f64,
     /// Standard deviation of the read noise, electrons.
     pub read_noise_electrons: f64,
+    /// Exposure relative to an ideal picture, stops: 1 doubles the light.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub exposure_ev: f64,
 }
 
 /// Image motion and blur caused by turbulent air.
@@ -60,8 +71,48 @@ pub struct Seeing {
     pub tilt_rms_arcsec: f64,
     /// Standard deviation of the blur of one picture over 10 km, arcseconds; grows with the distance to the power 3/5.
     pub blur_sigma_arcsec: f64,
-    /// The motion's autocorrelation falls to 1/e in this time, seconds.
-    pub correlation_s: f64,
+    /// The motion's autocorrelation falls to 1/e in this time, seconds. Either this or `crosswind`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correlation_s: Option<f64>,
+    /// Air that is blown across the line of sight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crosswind: Option<Crosswind>,
+}
+
+/// Turbulence that is blown across the line of sight as it is: the power spectrum of the motion falls as f^(-2/3) up to a knee, and as
+/// f^(-11/3) beyond.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Crosswind {
+    /// Its speed, metres per second.
+    pub wind_mps: f64,
+    /// Aperture of the lens, metres.
+    pub aperture_m: f64,
+}
+
+/// Motion of a whole picture, because its mast sways.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sway {
+    /// Root mean square along one axis of the image, pixels.
+    pub rms_px: f64,
+    /// Natural frequency of the mast, hertz.
+    pub frequency_hz: f64,
+}
+
+/// A rate-controlled video stream from camera to recorder.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stream {
+    /// Bit rate at the camera's image rate, Mbit/s.
+    pub mbit_per_s: f64,
+}
+
+impl Crosswind {
+    /// Frequency of the knee, hertz; [`super::image_motion`] has its source.
+    pub fn knee_hz(&self) -> f64 {
+        0.3 * self.wind_mps / self.aperture_m
+    }
 }
 
 impl Imaging {
@@ -78,6 +129,20 @@ impl Imaging {
         }
     }
 
+    /// The part that a simulator has to draw: all but the camera's stream.
+    #[must_use]
+    pub fn drawn(self) -> Self {
+        let without_stream = |degradation: Degradation| Degradation {
+            stream: None,
+            ..degradation
+        };
+        Self {
+            degradation: (self.degradation.map(without_stream))
+                .filter(|degradation| !degradation.is_none()),
+            ..self
+        }
+    }
+
     /// True for ideal pictures of a pinhole in a vacuum, as X-Plane draws them.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
@@ -85,13 +150,32 @@ impl Imaging {
 }
 
 impl Degradation {
+    /// True if it changes no picture.
+    pub fn is_none(&self) -> bool {
+        let Self {
+            blur_sigma_px,
+            sensor,
+            seeing,
+            sway,
+            stream,
+            seed: _,
+        } = self;
+        *blur_sigma_px == 0.0
+            && sensor.is_none()
+            && seeing.is_none()
+            && sway.is_none()
+            && stream.is_none()
+    }
+
     fn check(&self, check: &mut Check) {
         check.number("blur_sigma_px", self.blur_sigma_px, limits::BLUR_SIGMA_PX);
         if let Some(Sensor {
             full_well_electrons,
             read_noise_electrons,
+            exposure_ev,
         }) = self.sensor
         {
+            check.number("sensor.exposure_ev", exposure_ev, limits::EXPOSURE_EV);
             check.number(
                 "sensor.full_well_electrons",
                 full_well_electrons,
@@ -107,6 +191,7 @@ impl Degradation {
             tilt_rms_arcsec,
             blur_sigma_arcsec,
             correlation_s,
+            crosswind,
         }) = self.seeing
         {
             check.number(
@@ -119,7 +204,39 @@ impl Degradation {
                 blur_sigma_arcsec,
                 limits::SEEING_BLUR_ARCSEC,
             );
-            check.number("seeing.correlation_s", correlation_s, limits::CORRELATION_S);
+            match (correlation_s, crosswind) {
+                (
+                    _,
+                    Some(Crosswind {
+                        wind_mps,
+                        aperture_m,
+                    }),
+                ) => {
+                    check.number("seeing.crosswind.wind_mps", wind_mps, limits::CROSSWIND_MPS);
+                    check.number(
+                        "seeing.crosswind.aperture_m",
+                        aperture_m,
+                        limits::APERTURE_M,
+                    );
+                }
+                // NaN, a number that is in no range, if both are missing.
+                (correlation_s, None) => check.number(
+                    "seeing.correlation_s",
+                    correlation_s.unwrap_or(f64::NAN),
+                    limits::CORRELATION_S,
+                ),
+            }
+        }
+        if let Some(Sway {
+            rms_px,
+            frequency_hz,
+        }) = self.sway
+        {
+            check.number("sway.rms_px", rms_px, limits::SWAY_RMS_PX);
+            check.number("sway.frequency_hz", frequency_hz, limits::SWAY_FREQUENCY_HZ);
+        }
+        if let Some(Stream { mbit_per_s }) = self.stream {
+            check.number("stream.mbit_per_s", mbit_per_s, limits::STREAM_MBIT_PER_S);
         }
     }
 }
@@ -137,6 +254,56 @@ mod tests {
         let text = serde_json::to_string(&Imaging::default()).unwrap();
         assert_eq!(text, "{}");
         assert!(serde_json::from_str::<Imaging>(&text).unwrap().is_ideal());
+    }
+
+    #[test]
+    fn what_a_simulator_draws_lacks_the_stream_and_a_stream_alone_leaves_ideal_pictures() {
+        let stream = Some(Stream { mbit_per_s: 6.0 });
+        let of = |degradation| Imaging {
+            degradation: Some(degradation),
+            ..Imaging::default()
+        };
+        let only = of(Degradation {
+            stream,
+            seed: 3,
+            ..Degradation::default()
+        });
+        assert!(!only.is_ideal() && only.drawn().is_ideal());
+        let blurred = Degradation {
+            blur_sigma_px: 0.7,
+            seed: 3,
+            ..Degradation::default()
+        };
+        let both = of(Degradation { stream, ..blurred });
+        assert_eq!(both.drawn(), of(blurred));
+    }
+
+    #[test]
+    fn a_seeing_without_any_course_in_time_is_out_of_limits_and_that_of_older_files_reads_as_before()
+     {
+        let faults = |text: &str| {
+            let mut check = Check::default();
+            serde_json::from_str::<Imaging>(text)
+                .unwrap()
+                .check(&mut check);
+            check.first().map(|fault| fault.to_string())
+        };
+        let seeing = |more: &str| {
+            format!(
+                r#"{{"degradation":{{"seeing":{{"tilt_rms_arcsec":5.0,"blur_sigma_arcsec":0.0{more}}},"seed":1}}}}"#
+            )
+        };
+        let text = seeing(r#","correlation_s":0.05"#);
+        assert_eq!(faults(&text), None);
+        let back: Imaging = serde_json::from_str(&text).unwrap();
+        assert_eq!(serde_json::to_string(&back).unwrap(), text);
+        let fault = faults(&seeing("")).unwrap();
+        assert!(
+            fault.contains("degradation.seeing.correlation_s"),
+            "{fault}"
+        );
+        let still = seeing(r#","crosswind":{"wind_mps":0.0,"aperture_m":0.05}"#);
+        assert!(faults(&still).unwrap().contains("wind_mps"));
     }
 
     #[test]

@@ -252,6 +252,18 @@ pub const TILT_RMS_ARCSEC: Limits = Limits::new(0.0, 200.0, "a motion in seconds
 pub const SEEING_BLUR_ARCSEC: Limits = Limits::new(0.0, 200.0, "a blur in seconds of arc");
 /// Of turbulent air.
 pub const CORRELATION_S: Limits = Limits::new(0.001, 100.0, "a time in seconds");
+/// Across the line of sight.
+pub const CROSSWIND_MPS: Limits = Limits::new(0.1, 60.0, "a wind speed in m/s");
+/// Of a lens.
+pub const APERTURE_M: Limits = Limits::new(0.001, 1.0, "an aperture in metres");
+/// Relative to the exposure for the horizon.
+pub const EXPOSURE_EV: Limits = Limits::new(-4.0, 4.0, "an exposure in stops");
+/// Of an image.
+pub const SWAY_RMS_PX: Limits = Limits::new(0.0, 20.0, "a motion in pixels");
+/// Of a mast.
+pub const SWAY_FREQUENCY_HZ: Limits = Limits::new(0.01, 50.0, "a frequency in hertz");
+/// Of a camera; 0 is no stream.
+pub const STREAM_MBIT_PER_S: Limits = Limits::new(0.0, 200.0, "a bit rate in Mbit/s");
 
 // Weather and time.
 

@@ -70,6 +70,13 @@ fn check_plan(plan: &PlanAsWritten, found: &Found<'_>, faults: &mut Faults) -> V
         );
         faults.file(PLAN, message);
     }
+    if let Err(unreadable) = plan.sweep_blake3.read("sweep_blake3") {
+        let message = format!(
+            "{unreadable}; expected the BLAKE3 hash of {}",
+            Corpus::SWEEP
+        );
+        faults.file(PLAN, message);
+    }
     let planned = plan.scenarios();
     for (id, record) in found.records {
         match planned.get(id.as_str()) {

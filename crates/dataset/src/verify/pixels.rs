@@ -19,6 +19,7 @@
 
 mod elsewhere;
 mod lag;
+mod moving_image;
 mod outline;
 mod repeated;
 mod scene;
@@ -28,6 +29,7 @@ mod timing;
 use serde::Serialize;
 
 use super::Faults;
+use crate::corpus::calibration::Calibration;
 use crate::corpus::scenario::ScenarioRecord;
 use crate::tables::frames::Frames;
 use crate::tables::pixel_box::{PixelBox, TruthBox};
@@ -35,6 +37,7 @@ use elsewhere::{Other, Suspect};
 pub use lag::PairProof;
 pub(super) use lag::judge_lags;
 use lag::{Lag, MeasuredView, Offset};
+use moving_image::MovingImage;
 use repeated::Reference;
 use scene::CoarsePicture;
 use sight::{DecodedPicture, Sight, look};
@@ -63,6 +66,14 @@ pub(super) struct Scenario<'a> {
     pub(super) record: &'a ScenarioRecord,
     pub(super) frames: Option<&'a Frames>,
     pub(super) boxes: &'a [TruthBox],
+    /// Its cameras, if they can be read.
+    pub(super) calibration: Option<&'a Calibration>,
+}
+
+impl Scenario<'_> {
+    fn motion_of(&self, view: &str) -> Option<MovingImage> {
+        MovingImage::of(self.calibration?.cameras.get(view)?)
+    }
 }
 
 /// What the pictures of a view show about it.
@@ -96,6 +107,8 @@ pub(super) struct Watcher<'a> {
     scenario: &'a Scenario<'a>,
     /// True boxes of this view by tick, with their rows.
     boxes: Vec<Option<(usize, &'a TruthBox)>>,
+    /// Their places in the images, which air and mast may move, by tick.
+    places: Vec<Option<PixelBox>>,
     /// The same for the other views.
     others: Vec<(&'a str, Vec<Option<PixelBox>>)>,
     seen: Vec<Seen>,
@@ -138,22 +151,30 @@ impl<'a> Watcher<'a> {
             }
             by_tick
         };
-        let only_boxes = |boxes: Vec<Option<(usize, &TruthBox)>>| {
-            let boxes = boxes.into_iter();
+        let places = |view: &str, boxes: &[Option<(usize, &TruthBox)>]| {
+            let moving = scenario.motion_of(view);
+            let boxes = boxes.iter().enumerate();
             boxes
-                .map(|found| found.map(|(_, truth)| truth.pixel_box))
-                .collect()
+                .map(|(tick, found)| {
+                    let place = found.map(|(_, truth)| truth.pixel_box)?;
+                    let row = scenario.frames.and_then(|frames| frames.rows.get(tick));
+                    let moved = moving.as_ref().zip(row);
+                    Some(moved.map_or(place, |(moving, row)| moving.place(place, row)))
+                })
+                .collect::<Vec<_>>()
         };
+        let boxes = of(view);
         Self {
             view,
             scenario,
-            boxes: of(view),
+            places: places(view, &boxes),
+            boxes,
             others: scenario
                 .record
                 .views
                 .iter()
                 .filter(|other| *other != view)
-                .map(|other| (other.as_str(), only_boxes(of(other))))
+                .map(|other| (other.as_str(), places(other, &of(other))))
                 .collect(),
             seen: Vec::new(),
             coarse: Vec::new(),
@@ -171,12 +192,7 @@ impl<'a> Watcher<'a> {
     pub(super) fn see(&mut self, rgb: &[u8], width_px: u32, height_px: u32) {
         let tick = self.seen.len();
         let picture = DecodedPicture::new(rgb, width_px, height_px);
-        let own = self
-            .boxes
-            .get(tick)
-            .copied()
-            .flatten()
-            .map(|(_, truth)| truth.pixel_box);
+        let own = self.places.get(tick).copied().flatten();
         let mut seen = Seen::default();
         self.coarse.push(CoarsePicture::of(&picture, own.as_ref()));
         if let Some(own) = own {
@@ -205,7 +221,8 @@ impl<'a> Watcher<'a> {
     fn other_places(&self, tick: usize) -> impl Iterator<Item = (Other, PixelBox)> {
         let ticks = Suspect::ticks_near(tick, self.boxes.len()).filter_map(|other| {
             let (_, truth) = self.boxes[other]?;
-            (truth.truncation == 0.0).then_some((Other::Tick(other), truth.pixel_box))
+            let place = self.places[other].filter(|_| truth.truncation == 0.0)?;
+            Some((Other::Tick(other), place))
         });
         let views = self.others.iter().filter_map(move |(view, boxes)| {
             let place = boxes.get(tick).copied().flatten()?;
@@ -221,14 +238,14 @@ impl<'a> Watcher<'a> {
 
     /// Compares the suspects with a picture, in a second pass over the video.
     pub(super) fn see_again(&mut self, tick: usize, rgb: &[u8], width_px: u32, height_px: u32) {
-        let Some((_, own)) = self.boxes.get(tick).copied().flatten() else {
+        let Some(own) = self.places.get(tick).copied().flatten() else {
             return;
         };
         let sight = self.seen.get(tick).and_then(|seen| seen.sight);
         if sight.is_some_and(|sight| sight.is_filled()) {
             let picture = DecodedPicture::new(rgb, width_px, height_px);
             for suspect in &mut self.suspects {
-                suspect.compare(&picture, tick, &own.pixel_box);
+                suspect.compare(&picture, tick, &own);
             }
         }
     }

@@ -19,6 +19,7 @@ use crate::plan::{Aim, Jitter, Picture, PlannedCamera, plan_hash};
 #[serde(default)]
 pub(super) struct PlanAsWritten {
     pub(super) plan_hash: Written<String>,
+    pub(super) sweep_blake3: Written<String>,
     pub(super) common: CommonAsWritten,
     scenarios: Vec<ScenarioAsWritten>,
 }

@@ -14,7 +14,7 @@ use crate::geometry::pose::{Controls, Pose};
 use crate::geometry::runway::RunwayCoordinates;
 use crate::geometry::runway::tests::changi_02l as runway;
 use crate::numbers::frame_rate::FrameRate;
-use crate::plan::PlannedCamera;
+use crate::plan::{Plan, PlannedCamera};
 use crate::tables::frames::{Frames, TickLabels, TickRow, ViewStamp};
 use crate::tables::health::{HealthState, ViewHealth, write_health};
 use crate::tables::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
@@ -277,8 +277,7 @@ fn write_plan(corpus: &Corpus, common: &serde_json::Value, scenarios: &[serde_js
         hasher.update(format!("{id} {config_hash}\n").as_bytes());
     }
     let plan_hash = hasher.finalize().to_string();
-    let plan =
-        serde_json::json!({ "plan_hash": plan_hash, "common": common, "scenarios": scenarios });
+    let plan = serde_json::json!({ "plan_hash": plan_hash, "sweep_blake3": "sweep", "common": common, "scenarios": scenarios });
     write_json(&corpus.plan_path(), &plan).unwrap();
 }
 
@@ -1235,6 +1234,19 @@ fn a_changed_plan_does_not_have_its_hash_any_more() {
         findings.contains("config_hash was planned as \"other\""),
         "{findings}"
     );
+}
+
+#[test]
+fn a_plan_that_does_not_name_its_sweep_is_a_fault_as_other_verbs_refuse_it() {
+    let example = Example::new();
+    let plan = fs::read_to_string(example.corpus.plan_path()).unwrap();
+    let without = plan.replace("\"sweep_blake3\"", "\"sweep\"");
+    assert_ne!(without, plan);
+    fs::write(example.corpus.plan_path(), without).unwrap();
+    let findings = example.findings();
+    let words = "plan.json: sweep_blake3 cannot be read: invalid type: null, expected a string; expected the BLAKE3 hash of sweep.toml";
+    assert!(findings.contains(words), "{findings}");
+    assert!(Plan::of_corpus(&example.corpus).is_err());
 }
 
 #[test]

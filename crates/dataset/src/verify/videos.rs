@@ -6,8 +6,6 @@ use std::thread;
 use super::Faults;
 use super::pixels::{PairProof, Scenario, ViewProof, Watcher, judge_lags};
 use crate::corpus::ScenarioFolder;
-use crate::corpus::calibration::Calibration;
-use crate::corpus::scenario::ScenarioRecord;
 use crate::corpus::sealed::Sealed;
 use crate::video::{TimeBase, VideoReader};
 use crate::work::watch::Watch;
@@ -25,7 +23,6 @@ pub(super) struct Proofs {
 pub(super) fn check(
     folder: &ScenarioFolder,
     scenario: &Scenario,
-    calibration: Option<&Calibration>,
     faults: &mut Faults,
     watch: &dyn Watch,
 ) -> Proofs {
@@ -66,7 +63,7 @@ pub(super) fn check(
         let file = format!("views/{name}");
         proofs.pictures += decoded.pts.len() as u64;
         let watcher = decoded.watcher.take();
-        judge(view, &file, &decoded, scenario.record, calibration, faults);
+        judge(view, &file, &decoded, scenario, faults);
         if let Some(watcher) = watcher.filter(Watcher::is_needed) {
             let (proof, lag) = watcher.judge(&file, faults);
             measured.extend(lag);
@@ -137,18 +134,13 @@ fn look_again(path: &Path, watcher: &mut Watcher, watch: &dyn Watch) -> crate::R
     Ok(())
 }
 
-fn judge(
-    view: &str,
-    file: &str,
-    decoded: &Decoded,
-    record: &ScenarioRecord,
-    calibration: Option<&Calibration>,
-    faults: &mut Faults,
-) {
+fn judge(view: &str, file: &str, decoded: &Decoded, scenario: &Scenario, faults: &mut Faults) {
+    let record = scenario.record;
     if let Some(fault) = &decoded.fault {
         faults.view(file, view, fault);
     }
-    let camera = calibration.and_then(|calibration| calibration.cameras.get(view));
+    let cameras = scenario.calibration.map(|calibration| &calibration.cameras);
+    let camera = cameras.and_then(|cameras| cameras.get(view));
     if let (Some(found), Some(camera)) = (decoded.size_px, camera)
         && found != (camera.width_px, camera.height_px)
     {

@@ -30,7 +30,7 @@ fn flown() -> Value {
     let flights = [
         (straight_in(1).profile, weather(0.0, 0.0, 0.0)),
         (
-            ApproachProfile::charted_step_down(),
+            ApproachProfile::charted_step_down(0.0),
             weather(60.0, 6.0, 0.3),
         ),
         (descent, weather(340.0, 11.3, 0.5)),

@@ -2,8 +2,8 @@
 //!
 //! A pixel of display value 255 has a full well of electrons, others in proportion to their linear light. Variance is the number of
 //! electrons (Poisson's, as a Gaussian) plus the variance of the read noise: `sqrt(electrons + read^2)` (the mean-variance model of EMVA
-//! 1288). Each colour of each pixel has independent noise, from a hash of seed, instant and position, so the number of threads has no
-//! effect.
+//! 1288). An exposure multiplies the light, and a full well holds no more. Each colour of each pixel has independent noise, from a hash of
+//! seed, instant and position, so the number of threads has no effect.
 
 use std::sync::LazyLock;
 
@@ -39,8 +39,9 @@ pub(crate) struct SensorNoise {
 
 impl SensorNoise {
     pub(crate) fn new(sensor: &Sensor, seed: u64) -> Self {
+        let gain = sensor.exposure_ev.exp2();
         let levels = std::array::from_fn(|value| {
-            let light = f64::from(linear_from_srgb(value as f32 / 255.0));
+            let light = (f64::from(linear_from_srgb(value as f32 / 255.0)) * gain).min(1.0);
             let electrons = light * sensor.full_well_electrons;
             let sd = (electrons + sensor.read_noise_electrons.powi(2)).sqrt()
                 / sensor.full_well_electrons;
@@ -152,6 +153,7 @@ mod tests {
         let sensor = Sensor {
             full_well_electrons: 10_000.0,
             read_noise_electrons: 20.0,
+            exposure_ev: 0.0,
         };
         for grey in [20_u8, 60, 128, 200] {
             const SIDE: usize = 300;
@@ -174,10 +176,31 @@ mod tests {
     }
 
     #[test]
+    fn a_stop_doubles_the_light_and_a_full_well_is_white() {
+        let mean_of = |grey: u8, exposure_ev: f64| {
+            let sensor = Sensor {
+                full_well_electrons: 10_000.0,
+                read_noise_electrons: 5.0,
+                exposure_ev,
+            };
+            let mut rgb = vec![grey; 200 * 200 * 3];
+            SensorNoise::new(&sensor, 5).add(&mut rgb, 200, 0.1);
+            let light = |value: &u8| f64::from(linear_from_srgb(f32::from(*value) / 255.0));
+            rgb.iter().map(light).sum::<f64>() / rgb.len() as f64
+        };
+        let ratio = mean_of(120, 1.0) / mean_of(120, 0.0);
+        assert!((ratio - 2.0).abs() < 0.01, "{ratio}");
+        assert!(mean_of(230, 1.0) > 0.99);
+        let third = mean_of(120, -1.0 / 3.0) / mean_of(120, 0.0);
+        assert!((third - 0.794).abs() < 0.005, "{third}");
+    }
+
+    #[test]
     fn every_instant_every_seed_and_every_colour_has_its_own_noise() {
         let sensor = Sensor {
             full_well_electrons: 500.0,
             read_noise_electrons: 5.0,
+            exposure_ev: 0.0,
         };
         let draw = |seed: u64, time_s: f64| {
             let mut rgb = vec![120; 64 * 48 * 3];

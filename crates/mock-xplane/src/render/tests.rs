@@ -3,7 +3,7 @@
 use dataset::conditions::{CloudKind, CloudLayer};
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::distortion::Distortion;
-use dataset::geometry::imaging::{Degradation, Imaging, Seeing, Sensor};
+use dataset::geometry::imaging::{Degradation, Imaging, Seeing, Sensor, Sway};
 pub(crate) use testkit::changi_02l;
 
 use super::*;
@@ -423,12 +423,19 @@ fn all_effects() -> Imaging {
             sensor: Some(Sensor {
                 full_well_electrons: 8_000.0,
                 read_noise_electrons: 6.0,
+                exposure_ev: 0.3,
             }),
             seeing: Some(Seeing {
                 tilt_rms_arcsec: 12.0,
                 blur_sigma_arcsec: 6.0,
-                correlation_s: 0.05,
+                correlation_s: Some(0.05),
+                crosswind: None,
             }),
+            sway: Some(Sway {
+                rms_px: 1.5,
+                frequency_hz: 0.8,
+            }),
+            stream: None,
             seed: 77,
         }),
     }
@@ -514,6 +521,7 @@ fn effects_that_are_off_change_no_byte_and_each_one_that_is_on_does() {
         only(&|d| d.blur_sigma_px = degradation.blur_sigma_px),
         only(&|d| d.sensor = degradation.sensor),
         only(&|d| d.seeing = degradation.seeing),
+        only(&|d| d.sway = degradation.sway),
     ] {
         assert!(draw(&imaging) != ideal, "{imaging:?} changes nothing");
     }
@@ -584,7 +592,8 @@ fn seeing_moves_the_aircraft_by_what_the_turbulence_says_and_not_the_backdrop() 
     let seeing = Seeing {
         tilt_rms_arcsec: 20.0,
         blur_sigma_arcsec: 0.0,
-        correlation_s: 0.1,
+        correlation_s: Some(0.1),
+        crosswind: None,
     };
     let imaging = Imaging {
         degradation: Some(Degradation {

@@ -421,7 +421,13 @@ impl CaptureService {
             }
             (Deliver::Picture | Deliver::Drawn, _) => None,
         };
-        let drawn = self.lock_cameras().drawn_for(&request);
+        let drawn = {
+            let mut cameras = self.lock_cameras();
+            if let Some(text) = cameras.fault_of_no_view(&request) {
+                return ready(Answer::lasting_refusal(text));
+            }
+            cameras.drawn_for(&request)
+        };
         let (key, frame) = {
             let mut world = self.world.lock();
             let Some(runway) = world.frozen_runway().cloned() else {

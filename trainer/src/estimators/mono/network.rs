@@ -1,39 +1,50 @@
 //! The monoscopic baseline as a network: one view's box to distance, each view separately, averaged over the views that saw it.
 
+use std::ops::Range;
+
 use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Loss, MonoConfig};
+use crate::config::{MonoConfig, Plateau, Target};
 use crate::error::Result;
 use crate::networks::dense::{Dense, widths};
-use crate::networks::encoded::{Encoded, draw, numbers};
+use crate::networks::encoded::{Encoded, EncodedSides, draw, mape_pct, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::normalisation::BOX_FEATURES;
-use crate::networks::training_loop::{Companions, Setup, Task, learn};
+use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
+
+/// Steps between two judgements.
+const JUDGED_EVERY: usize = 500;
+/// Features of a box that are its centre: the first.
+const CENTRE: usize = 2;
 
 /// Box features that the network sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum MonoInputs {
     /// Width and height: `mono_network`.
     Size,
+    /// Centre: `mono_network_position`.
+    Position,
     /// Centre and size: `mono_network_box`.
     Box,
 }
 
 impl MonoInputs {
-    fn first_feature(self) -> usize {
+    /// Its part of the features of a box.
+    fn columns(self) -> Range<usize> {
         match self {
-            Self::Size => 2,
-            Self::Box => 0,
+            Self::Size => CENTRE..BOX_FEATURES,
+            Self::Position => 0..CENTRE,
+            Self::Box => 0..BOX_FEATURES,
         }
     }
 
     fn of(self, features: Tensor<2>) -> Tensor<2> {
-        let first = self.first_feature();
-        features.narrow(1, first, BOX_FEATURES - first)
+        let Range { start, end } = self.columns();
+        features.narrow(1, start, end - start)
     }
 }
 
@@ -52,7 +63,7 @@ impl MonoNetworks {
         random: &mut ChaCha12Rng,
         device: &Device,
     ) -> Self {
-        let widths = widths(BOX_FEATURES - inputs.first_feature(), &config.hidden, 1);
+        let widths = widths(inputs.columns().len(), &config.hidden, 1);
         Self {
             views: (0..views)
                 .map(|_| Dense::new(&widths, random, device))
@@ -60,37 +71,44 @@ impl MonoNetworks {
         }
     }
 
-    /// Trains the network of each view on the boxes of that view, starting from random networks or from `start`.
+    /// Trains the network of each view on the boxes of that view, starting from random networks or from `start`. Also returns the stages,
+    /// `None` for a view without boxes.
     pub(crate) fn train_from(
         start: Option<&Self>,
         inputs: MonoInputs,
-        training: &Encoded,
+        sides: &EncodedSides,
         config: &MonoConfig,
         mut setup: Setup,
         companions: &mut Companions,
-    ) -> Result<Self> {
+    ) -> Result<(Self, Vec<Option<Learned<Dense>>>)> {
         let settings = &config.optimisation;
+        let training = &sides.training;
         let views = training.views();
         let random = Self::new(views, inputs, config, &mut setup.random, &setup.device);
         let untrained = start.map_or(random, |start| start.clone().train());
         let mut task = MonoTask {
             inputs,
             training,
-            batch_size: settings.batch_size,
+            validation: &sides.validation,
+            config,
             view: 0,
             seen: Vec::new(),
-            last_error: 0.0,
             setup,
         };
-        let mut trained = Vec::new();
+        let (mut trained, mut stages) = (Vec::new(), Vec::new());
         for (view, mut network) in untrained.views.into_iter().enumerate() {
             (task.view, task.seen) = (view, training.seen_by(view));
-            if !task.seen.is_empty() {
-                network = learn(&mut task, network, settings, companions)?.network;
-            }
+            let learned = if task.seen.is_empty() {
+                None
+            } else {
+                let learned = learn(&mut task, network.clone(), settings, companions)?;
+                network = learned.kept.network.clone();
+                Some(learned)
+            };
             trained.push(network);
+            stages.push(learned);
         }
-        Ok(Self { views: trained })
+        Ok((Self { views: trained }, stages))
     }
 
     /// Mean over the views that saw each sample, units of 10 NM. Networks and device must be without autodiff.
@@ -98,7 +116,7 @@ impl MonoNetworks {
         &self,
         inputs: MonoInputs,
         samples: &Encoded,
-        loss: Loss,
+        loss: Target,
         device: &Device,
     ) -> Vec<f32> {
         let mut sums = vec![0.0; samples.len()];
@@ -122,13 +140,13 @@ impl MonoNetworks {
     pub(crate) fn to_onnx(
         &self,
         inputs: MonoInputs,
-        loss: Loss,
+        loss: Target,
         graph: &mut EstimatorGraph,
     ) -> String {
         let (mut distances, mut presences) = (Vec::new(), Vec::new());
         for (view, network) in self.views.iter().enumerate() {
             let features = graph.features(view);
-            let features = graph.some_of(&features, inputs.first_feature()..BOX_FEATURES);
+            let features = graph.some_of(&features, inputs.columns());
             let predicted = network.to_onnx(&mut graph.graph, &features);
             let distance = graph.distance(predicted, loss);
             let present = graph.presence(view);
@@ -149,12 +167,11 @@ impl MonoNetworks {
 struct MonoTask<'a> {
     inputs: MonoInputs,
     training: &'a Encoded,
-    batch_size: usize,
+    validation: &'a Encoded,
+    config: &'a MonoConfig,
     view: usize,
     /// The samples that the view saw.
     seen: Vec<usize>,
-    /// Of the last batch: these networks are not tuned on the validation side.
-    last_error: f32,
     setup: Setup,
 }
 
@@ -165,7 +182,11 @@ impl Task for MonoTask<'_> {
     const STAGE: &'static str = "monoscopic network";
 
     fn judged_every(&self) -> usize {
-        100
+        JUDGED_EVERY
+    }
+
+    fn plateau(&self) -> Option<Plateau> {
+        self.config.plateau()
     }
 
     fn random(&mut self) -> &mut ChaCha12Rng {
@@ -177,21 +198,32 @@ impl Task for MonoTask<'_> {
     fn restore(&mut self, (): ()) {}
 
     fn gradients(&mut self, network: &Dense, _step: usize) -> GradientsParams {
-        let batch = draw(&self.seen, self.batch_size, &mut self.setup.random);
+        let batch_size = self.config.optimisation.batch_size;
+        let batch = draw(&self.seen, batch_size, &mut self.setup.random);
         let Setup { loss, device, .. } = &self.setup;
         let inputs = self.training.inputs(&batch, self.view, device);
         let predicted = network.forward(self.inputs.of(inputs));
         let size = batch.len() as f32;
         let error = (self.training).squared_error(predicted, &batch, size, *loss, device);
-        self.last_error = error.clone().into_scalar();
         GradientsParams::from_grads(error.backward(), network)
     }
 
-    fn errors_pct(&self, _network: &Dense) -> Vec<Option<f64>> {
-        vec![Some(f64::from(self.last_error))]
+    fn errors_pct(&self, network: &Dense) -> Vec<Option<f64>> {
+        let (samples, loss) = (self.validation, self.setup.loss);
+        let seen = samples.seen_by(self.view);
+        if seen.is_empty() {
+            return vec![None];
+        }
+        let inputs = samples.inputs(&seen, self.view, &self.setup.plain_device());
+        let predicted = numbers(network.valid().forward(self.inputs.of(inputs)));
+        let pairs = seen.iter().zip(predicted);
+        vec![mape_pct(pairs.map(|(&sample, p)| {
+            (loss.distance(p), samples.distance(sample))
+        }))]
     }
 
-    fn record(&mut self, _done: usize, _errors_pct: Vec<Option<f64>>) -> String {
-        String::new()
+    fn record(&mut self, _done: usize, errors_pct: Vec<Option<f64>>) -> String {
+        let error = errors_pct.into_iter().flatten().next();
+        error.map_or_else(String::new, |error| format!("MAPE {error:.3} %"))
     }
 }

@@ -1,9 +1,10 @@
 //! Stage one: a calibration network per camera and one shared auxiliary head, trained by Algorithm 1.
 //!
 //! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same tick
-//! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The
-//! paper's full-batch epochs are mini-batches here. Gradients come from [`gradients`] on the processor; on a GPU, and in a
-//! refit, from autodiff.
+//! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The paper's
+//! full-batch epochs are mini-batches here. Gradients come from [`gradients`] on the processor; on a GPU, and in a refit, from autodiff.
+//! The stage ends on its plateau ([`crate::networks::stage`]): with every view within the gap threshold of the best, or with the gap that
+//! is left when the lagging views no longer get better.
 
 mod gradients;
 
@@ -14,13 +15,14 @@ use onnx_graph::Graph;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{CalibrationConfig, Loss};
+use crate::config::{CalibrationConfig, Plateau, Target};
 use crate::error::Result;
 use crate::estimators::paper_lstm::gap_balance::GapBalance;
 use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::networks::normalisation::BOX_FEATURES;
-use crate::networks::training_loop::{Companions, Kept, Setup, Task, learn};
+use crate::networks::running_mean::RunningMean;
+use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
 
 /// The networks of stage one.
 #[derive(Module, Debug)]
@@ -100,6 +102,10 @@ impl CalibrationNetworks {
 pub(crate) struct CalibrationLogEntry {
     /// Steps done.
     pub step: usize,
+    /// Loss that was minimised, mean over the batches since the entry before.
+    pub training_loss: Option<f64>,
+    /// Error of each view's own prediction in these batches, percent; `null` for a view without samples there.
+    pub training_mape_pct: Vec<Option<f64>>,
     /// Error of each view's own prediction on the validation side, percent; `null` for a view without samples there.
     pub validation_mape_pct: Vec<Option<f64>>,
     /// For each view, true if it was trained until the next entry.
@@ -114,7 +120,7 @@ pub(crate) fn train_calibration(
     config: &CalibrationConfig,
     mut setup: Setup,
     companions: &mut Companions,
-) -> Result<(Kept<CalibrationNetworks>, Vec<CalibrationLogEntry>)> {
+) -> Result<(Learned<CalibrationNetworks>, Vec<CalibrationLogEntry>)> {
     let views = training.views();
     let random = CalibrationNetworks::new(views, config, &mut setup.random, &setup.device);
     let networks = start.map_or(random, |start| start.clone().train());
@@ -130,12 +136,13 @@ pub(crate) fn train_calibration(
                 config.plateau_threshold_pct,
                 config.gap_threshold_pct,
             ),
+            since_entry: SinceEntry::of(views),
             log: Vec::new(),
         },
         setup,
     };
-    let kept = learn(&mut task, networks, &config.optimisation, companions)?;
-    Ok((kept, task.state.log))
+    let learned = learn(&mut task, networks, &config.optimisation, companions)?;
+    Ok((learned, task.state.log))
 }
 
 struct Calibration<'a> {
@@ -151,7 +158,46 @@ struct Calibration<'a> {
 #[derive(Clone, Serialize, Deserialize)]
 struct CalibrationState {
     balance: GapBalance,
+    since_entry: SinceEntry,
     log: Vec<CalibrationLogEntry>,
+}
+
+/// Means over the batches since the last entry.
+#[derive(Clone, Serialize, Deserialize)]
+struct SinceEntry {
+    loss: RunningMean,
+    /// Percentage error by view.
+    errors_pct: Vec<RunningMean>,
+}
+
+impl SinceEntry {
+    fn of(views: usize) -> Self {
+        Self {
+            loss: RunningMean::default(),
+            errors_pct: vec![RunningMean::default(); views],
+        }
+    }
+
+    /// Takes note of a batch: its loss, and what each view predicted.
+    fn add(
+        &mut self,
+        loss_value: f32,
+        predictions: &[Tensor<2>],
+        samples: &Encoded,
+        batch: &[usize],
+        loss: Target,
+    ) {
+        self.loss.add(loss_value.into());
+        for (view, (mean, predicted)) in self.errors_pct.iter_mut().zip(predictions).enumerate() {
+            let predicted = numbers(predicted.clone());
+            let seen = batch.iter().zip(predicted);
+            let seen = seen.filter(|(sample, _)| samples.seen(**sample, view));
+            let pairs = seen.map(|(&s, p)| (loss.distance(p), samples.distance(s)));
+            if let Some(error_pct) = mape_pct(pairs) {
+                mean.add(error_pct);
+            }
+        }
+    }
 }
 
 impl Task for Calibration<'_> {
@@ -166,6 +212,10 @@ impl Task for Calibration<'_> {
 
     fn patience(&self) -> Option<usize> {
         self.config.patience
+    }
+
+    fn plateau(&self) -> Option<Plateau> {
+        self.config.plateau()
     }
 
     fn random(&mut self) -> &mut ChaCha12Rng {
@@ -186,21 +236,27 @@ impl Task for Calibration<'_> {
             self.config.optimisation.batch_size,
             &mut self.setup.random,
         );
-        let balance = &self.state.balance;
-        let optimised = balance.optimised();
+        let CalibrationState {
+            balance,
+            since_entry,
+            ..
+        } = &mut self.state;
         let Setup { loss, device, .. } = &self.setup;
-        if self.setup.is_on_processor() {
-            return traced_gradients(
-                &networks.valid(),
-                self.training,
-                &batch,
-                balance,
-                *loss,
-                device,
-            );
-        }
-        let total = batch_loss(networks, self.training, &batch, optimised, *loss, device);
-        networks.gradients(total.backward(), balance)
+        let samples = self.training;
+        let (predictions, value, gradients) = if self.setup.is_on_processor() {
+            let plain = networks.valid();
+            traced_gradients(&plain, samples, &batch, balance, *loss, device)
+        } else {
+            let optimised = balance.optimised();
+            let predictions = predictions_of(networks, samples, &batch, optimised, device);
+            let total = loss_of(&predictions, samples, &batch, optimised, *loss, device);
+            let value = total.clone().into_scalar();
+            let gradients = networks.gradients(total.backward(), balance);
+            let plain = predictions.into_iter().map(Tensor::inner);
+            (plain.collect(), value, gradients)
+        };
+        since_entry.add(value, &predictions, samples, &batch, *loss);
+        gradients
     }
 
     fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {
@@ -213,14 +269,25 @@ impl Task for Calibration<'_> {
     }
 
     fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
-        let CalibrationState { balance, log } = &mut self.state;
-        balance.observe(self.config.log_every, &errors_pct);
+        let CalibrationState {
+            balance,
+            since_entry,
+            log,
+        } = &mut self.state;
+        let before = log.last().map_or(0, |entry| entry.step);
+        balance.observe(done - before, &errors_pct);
         let note = errors_pct
             .iter()
             .map(|e| e.map_or("-".into(), |e| format!("{e:.2}")))
             .collect::<Vec<_>>();
         log.push(CalibrationLogEntry {
             step: done,
+            training_loss: since_entry.loss.take(),
+            training_mape_pct: since_entry
+                .errors_pct
+                .iter_mut()
+                .map(RunningMean::take)
+                .collect(),
             validation_mape_pct: errors_pct,
             optimised: balance.optimised().to_vec(),
         });
@@ -228,18 +295,20 @@ impl Task for Calibration<'_> {
     }
 }
 
-/// The gradients of those that train, by hand. Networks must be without autodiff, the device with it.
+/// Predictions of all views, the loss, and the gradients of those that train, by hand. Networks must be without autodiff, the device with
+/// it.
 fn traced_gradients(
     networks: &CalibrationNetworks,
     samples: &Encoded,
     batch: &[usize],
     balance: &GapBalance,
-    loss: Loss,
+    loss: Target,
     device: &Device,
-) -> GradientsParams {
+) -> (Vec<Tensor<2>>, f32, GradientsParams) {
     let optimised = balance.optimised();
     let traced = networks.trace(samples, batch, optimised, &device.clone().inner());
-    let predictions: Vec<Tensor<2>> = (traced.predictions().into_iter().zip(optimised))
+    let plain = traced.predictions();
+    let predictions: Vec<Tensor<2>> = (plain.iter().cloned().zip(optimised))
         .map(|(prediction, &optimised)| {
             if optimised {
                 Tensor::from_inner(prediction).require_grad()
@@ -248,7 +317,9 @@ fn traced_gradients(
             }
         })
         .collect();
-    let mut gradients = loss_of(&predictions, samples, batch, optimised, loss, device).backward();
+    let total = loss_of(&predictions, samples, batch, optimised, loss, device);
+    let value = total.clone().into_scalar();
+    let mut gradients = total.backward();
     let of_predictions: Vec<_> = (predictions.iter().zip(optimised))
         .map(|(prediction, &optimised)| {
             optimised
@@ -256,7 +327,8 @@ fn traced_gradients(
                 .flatten()
         })
         .collect();
-    traced.gradients(&of_predictions, balance.all_optimised())
+    let gradients = traced.gradients(&of_predictions, balance.all_optimised());
+    (plain, value, gradients)
 }
 
 /// Sum of the losses of the optimised views.
@@ -265,14 +337,26 @@ pub(crate) fn batch_loss(
     samples: &Encoded,
     batch: &[usize],
     optimised: &[bool],
-    loss: Loss,
+    loss: Target,
     device: &Device,
 ) -> Tensor<1> {
+    let predictions = predictions_of(networks, samples, batch, optimised, device);
+    loss_of(&predictions, samples, batch, optimised, loss, device)
+}
+
+/// Predictions from each view, with autodiff for those that are optimised.
+fn predictions_of(
+    networks: &CalibrationNetworks,
+    samples: &Encoded,
+    batch: &[usize],
+    optimised: &[bool],
+    device: &Device,
+) -> Vec<Tensor<2>> {
     // Views that are not optimised are computed without autodiff: a graph that no backward pass consumes is never freed, and burn's
     // search for such graphs slows down every later step.
     let plain_device = device.clone().inner();
     let plain = networks.valid();
-    let predictions: Vec<Tensor<2>> = (0..samples.views())
+    (0..samples.views())
         .map(|view| {
             if optimised[view] {
                 networks.predict(view, samples.inputs(batch, view, device))
@@ -280,8 +364,7 @@ pub(crate) fn batch_loss(
                 Tensor::from_inner(plain.predict(view, samples.inputs(batch, view, &plain_device)))
             }
         })
-        .collect();
-    loss_of(&predictions, samples, batch, optimised, loss, device)
+        .collect()
 }
 
 /// The same of the predictions from each view.
@@ -290,7 +373,7 @@ fn loss_of(
     samples: &Encoded,
     batch: &[usize],
     optimised: &[bool],
-    loss: Loss,
+    loss: Target,
     device: &Device,
 ) -> Tensor<1> {
     let views = samples.views();
@@ -357,7 +440,7 @@ fn take_gradients<M: Module>(gradients: &mut Gradients, module: &M, into: &mut G
 fn validation_errors(
     networks: &CalibrationNetworks,
     validation: &Encoded,
-    loss: Loss,
+    loss: Target,
     device: &Device,
 ) -> Vec<Option<f64>> {
     (0..validation.views())

@@ -4,7 +4,7 @@ use dataset::files::json_file::write_unsynced;
 use minijinja::context;
 use report_page::page::{drawn, render, value};
 
-use super::{TableEvaluation, TableMetrics};
+use super::TableMetrics;
 use crate::error::Result;
 use crate::evaluation::report::{CHARTED, legend, plots, tables};
 use crate::run::folder::RunFolder;
@@ -15,11 +15,7 @@ const TEMPLATE: &str = concat!(
 );
 
 /// Writes the report of an evaluation.
-pub(super) fn write(
-    folder: &RunFolder,
-    evaluation: &TableEvaluation,
-    metrics: &TableMetrics,
-) -> Result<()> {
+pub(super) fn write(folder: &RunFolder, metrics: &TableMetrics) -> Result<()> {
     let TableMetrics {
         rules,
         judged,
@@ -34,11 +30,6 @@ pub(super) fn write(
         .iter()
         .map(|&number| (number, &estimators[names[number]].by_distance_nm[..]))
         .collect();
-    let outcomes = best.iter().filter_map(|&number| {
-        let mut predicted = evaluation.predictions.estimators.iter();
-        let predicted = predicted.find(|predicted| predicted.name == names[number])?;
-        Some((number, evaluation.outcomes(predicted)))
-    });
     let headline = tables::headline(estimators);
     let page = render(
         TEMPLATE,
@@ -48,7 +39,7 @@ pub(super) fn write(
             has_dual => ticks.seen.is_some(),
             legend => value(legend(&names, &best)),
             best_plot => drawn(plots::best_by_distance(&bins)?),
-            boxes_plot => drawn(plots::errors_by_distance(outcomes, rules.distance_bin_nm)?),
+            boxes_plot => drawn(plots::errors_by_distance(&bins)?),
             by_weather => value(tables::by_weather(estimators)),
             by_time => value(tables::by_time(estimators)),
             weather_at_aircraft => value(tables::weather_at_aircraft(weather_at_aircraft)),

@@ -6,7 +6,8 @@ use report_page::chart::{
     COLOURS, FONT, GRID, INK, LogarithmicAxis, MOST_POINTS, axes, axis, shown_points, svg,
 };
 
-use crate::evaluation::metrics::{DistanceBin, Outcome, distance_bins};
+use crate::estimators::paper_lstm::calibration_training::CalibrationLogEntry;
+use crate::evaluation::metrics::{BoxFigures, DistanceBin, Outcome};
 use crate::run::estimator::Estimator;
 use crate::run::trained::Convergence;
 use crate::samples::Sample;
@@ -26,44 +27,6 @@ fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
 /// End of an axis of percentage errors, on either side.
 fn reach_pct(typical: Option<f64>, least: f64, margin: f64) -> f64 {
     typical.unwrap_or(1.0).clamp(least, FARTHEST_PCT) * margin
-}
-
-/// Quartiles and whiskers of a box.
-struct FiveNumbers {
-    quartiles: [f64; 3],
-    whiskers: [f64; 2],
-}
-
-impl FiveNumbers {
-    /// Whiskers reach to the last value within 1.5 box lengths; `None` without values.
-    fn of(mut values: Vec<f64>) -> Option<Self> {
-        values.sort_by(f64::total_cmp);
-        let (first, last) = (*values.first()?, *values.last()?);
-        let quartiles = [0.25, 0.5, 0.75].map(|part| {
-            let place = part * (values.len() - 1) as f64;
-            let (below, above) = (
-                values[place.floor() as usize],
-                values[place.ceil() as usize],
-            );
-            below + (above - below) * place.fract()
-        });
-        let reach = 1.5 * (quartiles[2] - quartiles[0]);
-        let low = values
-            .iter()
-            .copied()
-            .find(|&v| v >= quartiles[0] - reach)
-            .unwrap_or(first);
-        let high = values
-            .iter()
-            .copied()
-            .rev()
-            .find(|&v| v <= quartiles[2] + reach)
-            .unwrap_or(last);
-        Some(Self {
-            quartiles,
-            whiskers: [low, high],
-        })
-    }
 }
 
 /// True if boxes and points of an estimator are hollow: there are more estimators than colours that everybody can distinguish.
@@ -119,32 +82,24 @@ pub(in crate::evaluation) fn best_by_distance(shown: &[(usize, &[DistanceBin])])
     )
 }
 
-/// Box plot of the signed percentage error by distance bin and estimator. `shown`: the numbers of estimators, each with its outcomes.
-pub(in crate::evaluation) fn errors_by_distance<'a>(
-    shown: impl Iterator<Item = (usize, Vec<Outcome<'a>>)>,
-    bin_nm: f64,
+/// Box plot of the signed percentage error by distance bin and estimator. `shown`: the numbers of estimators, each with its bins.
+pub(in crate::evaluation) fn errors_by_distance(
+    shown: &[(usize, &[DistanceBin])],
 ) -> Result<String> {
-    let mut boxes = Vec::new();
-    let mut width_nm = bin_nm;
-    let mut estimators = 0;
-    for (slot, (which, outcomes)) in shown.enumerate() {
-        estimators += 1;
-        for ([from_nm, to_nm], inside) in distance_bins(&outcomes, bin_nm) {
-            width_nm = to_nm - from_nm;
-            let errors = inside
-                .iter()
-                .filter_map(|outcome| outcome.signed_error_pct())
-                .collect();
-            if let Some(numbers) = FiveNumbers::of(errors) {
-                boxes.push((slot, which, from_nm, numbers));
-            }
-        }
-    }
+    let estimators = shown.len();
+    let bins = || shown.iter().flat_map(|(_, bins)| bins.iter());
+    let width_nm = bins().next().map_or(1.0, |bin| bin.to_nm - bin.from_nm);
+    let boxes: Vec<(usize, usize, f64, BoxFigures)> = (shown.iter().enumerate())
+        .flat_map(|(slot, (which, bins))| {
+            let bins = bins.iter();
+            bins.filter_map(move |bin| Some((slot, *which, bin.from_nm, bin.signed?)))
+        })
+        .collect();
     let first = boxes.iter().map(|b| b.2).reduce(f64::min).unwrap_or(0.0);
     let last = boxes.iter().map(|b| b.2).reduce(f64::max).unwrap_or(0.0) + width_nm;
     let distances = axis(first, last);
     let labels = (((last - first) / width_nm).round() as usize + 1).min(MOST_LABELS);
-    let ends = boxes.iter().flat_map(|b| b.3.whiskers).map(f64::abs);
+    let ends = boxes.iter().flat_map(|b| b.3.whiskers_pct).map(f64::abs);
     // Whiskers of the worst estimators must not flatten all boxes: they are cut off at the picture's edge.
     let reach = reach_pct(quantile(ends.collect(), 0.7), 0.02, 1.15);
     let decimals = if reach < 0.5 { 2 } else { 1 };
@@ -172,8 +127,8 @@ pub(in crate::evaluation) fn errors_by_distance<'a>(
             let right = left + slot_nm * 0.8;
             let middle = (left + right) / 2.0;
             let cut = |y: f64| y.clamp(-reach, reach);
-            let [low, median, high] = numbers.quartiles.map(cut);
-            let [bottom, top] = numbers.whiskers.map(cut);
+            let [low, median, high] = numbers.quartiles_pct.map(cut);
+            let [bottom, top] = numbers.whiskers_pct.map(cut);
             let lines = [
                 vec![(middle, bottom), (middle, low)],
                 vec![(middle, high), (middle, top)],
@@ -190,34 +145,51 @@ pub(in crate::evaluation) fn errors_by_distance<'a>(
     })
 }
 
-/// Validation error over the steps of both stages.
-pub(super) fn convergence(log: &Convergence) -> Result<String> {
-    let mut lines: Vec<(String, Vec<(f64, f64)>)> = log
-        .views
-        .iter()
-        .enumerate()
-        .map(|(view, name)| {
-            let points = log
-                .calibration
-                .iter()
-                .filter_map(|e| Some((e.step as f64, (*e.validation_mape_pct.get(view)?)?)));
-            (format!("calibration network {name}"), points.collect())
+/// A line of the convergence plot.
+struct ConvergenceLine {
+    name: String,
+    validation: Vec<(f64, f64)>,
+    training: Vec<(f64, f64)>,
+}
+
+/// Errors over the steps of both stages, on the validation side and in the batches.
+pub(in crate::evaluation) fn convergence(log: &Convergence) -> Result<String> {
+    let of_view = |of: fn(&CalibrationLogEntry) -> &Vec<Option<f64>>, view: usize| {
+        let entries = log.calibration.iter();
+        entries
+            .filter_map(|entry| Some((entry.step as f64, (*of(entry).get(view)?)?)))
+            .collect()
+    };
+    let views = log.views.iter().enumerate();
+    let mut lines: Vec<ConvergenceLine> = views
+        .map(|(view, name)| ConvergenceLine {
+            name: format!("calibration network {name}"),
+            validation: of_view(|entry| &entry.validation_mape_pct, view),
+            training: of_view(|entry| &entry.training_mape_pct, view),
         })
         .collect();
     let offset = log.calibration.last().map_or(0, |entry| entry.step) as f64;
-    let estimator = log
-        .estimator
-        .iter()
-        .map(|e| (offset + e.step as f64, e.validation_mape_pct))
-        .collect();
-    lines.push(("distance estimator (stage two)".into(), estimator));
-    let points = || lines.iter().flat_map(|(_, points)| points.iter().copied());
+    let estimator = || log.estimator.iter().map(|e| (offset + e.step as f64, e));
+    lines.push(ConvergenceLine {
+        name: "distance estimator (stage two)".into(),
+        validation: estimator()
+            .map(|(step, e)| (step, e.validation_mape_pct))
+            .collect(),
+        training: estimator()
+            .filter_map(|(step, e)| Some((step, e.training_mape_pct?)))
+            .collect(),
+    });
+    let points = || {
+        lines
+            .iter()
+            .flat_map(|line| line.validation.iter().copied())
+    };
     let last = points().map(|p| p.0).fold(1.0, f64::max);
     // The first entries, of hardly trained networks, may leave the plot.
     let errors = points().map(|p| p.1).filter(|error| error.is_finite());
     let high = reach_pct(quantile(errors.collect(), 0.95), 0.01, 1.2);
     let [steps, errors] = [axis(0.0, last), axis(0.0, high)];
-    svg("validation error during training", 360, |area| {
+    svg("errors during training", 360, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
             .x_label_area_size(44)
@@ -232,7 +204,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
                 }
             })
             .x_desc("training step (mini-batches)")
-            .y_desc("validation MAPE, %")
+            .y_desc("MAPE, %")
             .draw()?;
         // Phases in which only some views continue training: a bar along the top in the colour of each of them.
         let phases: Vec<_> = log
@@ -254,14 +226,18 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
                 chart.draw_series([bar])?;
             }
         }
-        for (which, (name, points)) in lines.iter().enumerate() {
+        for (which, line) in lines.iter().enumerate() {
             let colour = convergence_colour(which, lines.len());
+            let inside =
+                |points: &[(f64, f64)]| shown_points(points.iter().copied(), &steps, &errors);
+            let of_batches = colour.mix(0.3).stroke_width(1);
+            chart.draw_series(LineSeries::new(inside(&line.training), of_batches))?;
             chart
                 .draw_series(LineSeries::new(
-                    shown_points(points.iter().copied(), &steps, &errors),
+                    inside(&line.validation),
                     colour.stroke_width(2),
                 ))?
-                .label(name)
+                .label(&line.name)
                 .legend(move |(x, y)| {
                     PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(3))
                 });
@@ -377,12 +353,9 @@ pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use super::*;
     use crate::estimators::paper_lstm::EstimatorLogEntry;
-    use crate::estimators::paper_lstm::calibration_training::CalibrationLogEntry;
-    use crate::evaluation::metrics::EstimatorMetrics;
+    use crate::evaluation::metrics::{EstimatorMetrics, WithoutViews};
     use crate::evaluation::rules::EvaluationRules;
 
     /// A plot of extreme values must still open: finite numbers, and not too many of them.
@@ -425,12 +398,15 @@ mod tests {
             let samples: Vec<_> = ticks.iter().map(|t| sample(t.0, t.1)).collect();
             for answer in answers {
                 let outcomes: Vec<_> = ticks.iter().map(|t| outcome(t.1, Some(answer))).collect();
-                let shown = (0..Estimator::ALL.len()).map(|which| (which, outcomes.clone()));
-                assert_sound(&errors_by_distance(shown, 1.0).unwrap());
                 let rules = EvaluationRules::current();
                 let common = vec![true; outcomes.len()];
-                let metrics = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), &rules);
+                let without = WithoutViews::default();
+                let metrics = EstimatorMetrics::of(&outcomes, &common, without, &rules);
                 let bins = &metrics.by_distance_nm[..];
+                let shown: Vec<_> = (0..Estimator::ALL.len())
+                    .map(|which| (which, bins))
+                    .collect();
+                assert_sound(&errors_by_distance(&shown).unwrap());
                 assert_sound(&best_by_distance(&[(0, bins), (7, bins)]).unwrap());
                 let of = |_| samples.iter().zip(outcomes.iter().copied()).collect();
                 assert_sound(&flight(of).unwrap());
@@ -456,6 +432,8 @@ mod tests {
             calibration: (0..100_000)
                 .map(|step| CalibrationLogEntry {
                     step,
+                    training_loss: None,
+                    training_mape_pct: vec![Some(1e308), None],
                     validation_mape_pct: vec![Some(if step == 7 { 1e308 } else { 2.0 })],
                     optimised: vec![step % 2 == 0, true],
                 })
@@ -463,6 +441,8 @@ mod tests {
             estimator: (0..100_000)
                 .map(|step| EstimatorLogEntry {
                     step,
+                    training_loss: Some(1.0),
+                    training_mape_pct: Some(1.0),
                     validation_mape_pct: 0.0,
                 })
                 .collect(),
@@ -470,17 +450,5 @@ mod tests {
             estimator_kept_step: 99_999,
         };
         assert_sound(&convergence(&log).unwrap());
-    }
-
-    #[test]
-    fn five_numbers_of_one_to_nine_and_an_outlier() {
-        let numbers = FiveNumbers::of(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 100.0]).unwrap();
-        assert_eq!(numbers.quartiles, [3.0, 5.0, 7.0]);
-        assert_eq!(
-            numbers.whiskers,
-            [1.0, 8.0],
-            "the outlier lies beyond 7 + 1.5 * 4"
-        );
-        assert!(FiveNumbers::of(Vec::new()).is_none());
     }
 }

@@ -10,22 +10,11 @@ use dataset::corpus::effective_weather::ReportedWeather;
 use crate::evaluation::metrics::{
     ErrorFigures, EstimatorMetrics, FlightFigures, Metrics, SplitFigures,
 };
+use crate::networks::stage::{Cycle, EndedBy};
+use crate::paper::TABLE_3;
 use crate::run::choice::Choice;
-use crate::run::estimator::{Description, Estimator};
+use crate::run::estimator::{Description, Estimator, Standing};
 use crate::samples::{Sample, Samples};
-
-/// `MAPE` and `SD` of the paper's table 3 for a weather or a time: dual, then combination; percent.
-const PAPER: [(&str, [f64; 4]); 9] = [
-    ("clear", [0.10, 0.15, 0.18, 0.75]),
-    ("cloudy", [0.22, 0.68, 0.30, 0.91]),
-    ("foggy", [0.09, 0.09, 0.21, 0.70]),
-    ("stormy", [0.11, 0.15, 0.18, 0.57]),
-    ("06:00", [0.13, 0.27, 0.25, 0.79]),
-    ("08:00", [0.14, 0.18, 0.23, 0.66]),
-    ("12:00", [0.18, 0.52, 0.25, 0.75]),
-    ("17:00", [0.16, 0.18, 0.23, 0.62]),
-    ("18:00", [0.13, 0.14, 0.19, 0.55]),
-];
 
 /// The recommended estimator.
 #[derive(Serialize)]
@@ -51,8 +40,8 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    fn is_oracle(&self) -> bool {
-        self.own.is_some_and(Estimator::is_oracle)
+    fn standing(&self) -> Standing {
+        self.own.map_or(Standing::Competitor, Estimator::standing)
     }
 }
 
@@ -96,7 +85,7 @@ pub(super) struct Method {
 pub(in crate::evaluation) struct HeadlineRow {
     name: String,
     title: &'static str,
-    is_oracle: bool,
+    standing: Standing,
     all: Cells,
     /// Of the MAPE.
     interval: String,
@@ -137,7 +126,7 @@ pub(in crate::evaluation) struct FiguresTable {
 #[derive(Serialize)]
 struct FiguresRow {
     name: String,
-    is_oracle: bool,
+    standing: Standing,
     /// In the order of [`FiguresTable::columns`].
     figures: Vec<Cells>,
 }
@@ -208,11 +197,11 @@ fn interval(of: Option<&EstimatorMetrics>) -> String {
     })
 }
 
-/// Numbers of the estimators, in the order of [`names`], with the smallest errors over the common ticks, the best first. The oracle is none
-/// of them.
+/// Numbers of the estimators, in the order of [`names`], with the smallest errors over the common ticks, the best first. Neither the oracle
+/// nor an estimator without vision is one of them.
 pub(in crate::evaluation) fn best(estimators: &ByEstimator, most: usize) -> Vec<usize> {
     let shown = shown(estimators).into_iter().enumerate();
-    let competitors = shown.filter(|(_, shown)| !shown.is_oracle());
+    let competitors = shown.filter(|(_, shown)| shown.standing() == Standing::Competitor);
     let errors =
         competitors.filter_map(|(number, shown)| Some((shown.of.common.mape_pct?, number)));
     let mut errors: Vec<(f64, usize)> = errors.collect();
@@ -228,7 +217,7 @@ pub(in crate::evaluation) fn headline(estimators: &ByEstimator) -> Vec<HeadlineR
         HeadlineRow {
             name: shown.name.to_owned(),
             title: shown.own.map_or("", |own| own.description().title),
-            is_oracle: shown.is_oracle(),
+            standing: shown.standing(),
             all: cells(&overall.all),
             interval: interval(Some(of)),
             in_sight: share(overall.all.coverage_in_sight),
@@ -280,14 +269,93 @@ pub(super) fn conditions(metrics: &Metrics) -> Vec<ConditionRow> {
         name: name.clone(),
         dual: figures.dual.as_ref().map(cells),
         combination: figures.combination.as_ref().map(cells),
-        paper: PAPER
+        paper: TABLE_3
             .iter()
-            .find(|(condition, _)| condition == name)
-            .map(|(_, figures)| figures.map(|figure| format!("{figure:.2}"))),
+            .find(|condition| condition.name == name)
+            .map(|condition| {
+                let [[dual, dual_sd], [combination, combination_sd]] =
+                    [condition.dual_pct, condition.combination_pct];
+                [dual, dual_sd, combination, combination_sd].map(|figure| format!("{figure:.2}"))
+            }),
     };
     let weathers = ours.by_weather.iter().map(|entry| row("Weather", entry));
     weathers
         .chain(ours.by_time.iter().map(|entry| row("Time", entry)))
+        .collect()
+}
+
+/// A monoscopic network.
+#[derive(Serialize)]
+pub(super) struct OneViewRow<'a> {
+    name: &'a str,
+    inputs: &'a str,
+    /// By view, as text.
+    by_view: Vec<(&'a str, String)>,
+    mean: String,
+    reduction: String,
+}
+
+/// `paper_lstm` against networks that see one view.
+pub(super) fn against_one_view(metrics: &Metrics) -> Vec<OneViewRow<'_>> {
+    let rows = metrics.against_one_view.iter();
+    rows.map(|row| OneViewRow {
+        name: &row.estimator,
+        inputs: &row.inputs,
+        by_view: (row.mape_by_view_pct.iter())
+            .map(|(view, mape_pct)| (view.as_str(), percent(*mape_pct)))
+            .collect(),
+        mean: percent(row.mean_pct),
+        reduction: row
+            .reduction_pct
+            .map_or(NONE.into(), |part| format!("{part:.0}")),
+    })
+    .collect()
+}
+
+/// A stage of the training.
+#[derive(Serialize)]
+pub(super) struct StageRow<'a> {
+    network: &'a str,
+    view: Option<&'a str>,
+    steps: usize,
+    kept_step: usize,
+    batch_size: usize,
+    passes: String,
+    ended_by: &'static str,
+    /// Validation errors at the ends of its cycles.
+    cycles: String,
+}
+
+/// The stages of the training.
+pub(super) fn stages(metrics: &Metrics) -> Vec<StageRow<'_>> {
+    let errors = |cycle: &Cycle| {
+        let errors = cycle.validation_mape_pct.iter();
+        errors
+            .map(|error| percent(*error))
+            .collect::<Vec<_>>()
+            .join(" / ")
+    };
+    let stages = metrics.training.stages.iter();
+    stages
+        .map(|stage| StageRow {
+            network: &stage.network,
+            view: stage.view.as_deref(),
+            steps: stage.steps,
+            kept_step: stage.kept_step,
+            batch_size: stage.batch_size,
+            passes: format!("{:.0}", stage.passes),
+            ended_by: match stage.ended_by {
+                EndedBy::Plateau => "its plateau",
+                EndedBy::Steps => "the number of steps",
+                EndedBy::Patience => "early stopping",
+            },
+            cycles: stage
+                .cycles
+                .iter()
+                .map(errors)
+                .collect::<Vec<_>>()
+                .join(", "),
+        })
         .collect()
 }
 
@@ -336,7 +404,7 @@ fn figures_table(
     columns.sort_by(|one, other| by_number(one, other));
     let row = |(shown, figures): &(Shown, BTreeMap<String, ErrorFigures>)| FiguresRow {
         name: shown.name.to_owned(),
-        is_oracle: shown.is_oracle(),
+        standing: shown.standing(),
         figures: (columns.iter())
             .map(|name| figures.get(name).map_or_else(Cells::none, cells))
             .collect(),

@@ -36,7 +36,7 @@ const RIVAL_S: f64 = 3.0;
 const INTRUDER: f64 = 2.0;
 const INTRUDER_AWAY: f64 = 0.2;
 
-/// What the training learned of the views.
+/// Relations and paths that the training learned.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Learned<'a> {
     pub(super) relations: &'a [Relation],

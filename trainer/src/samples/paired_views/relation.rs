@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::robust_line::{dot, robust_line};
 
 /// Pairs of boxes below which nothing is learned.
-const LEAST_PAIRS: usize = 30;
+pub(super) const LEAST_PAIRS: usize = 30;
 /// Units of the coordinates and of the widths in the fit, pixels.
 const UNIT_PX: f64 = 1_000.0;
 const WIDTH_UNIT_PX: f64 = 100.0;

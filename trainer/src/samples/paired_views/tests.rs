@@ -312,3 +312,32 @@ fn relations_of_a_view_are_learned_again_without_touching_the_others() {
     assert!(paired.constants().all(f64::is_finite));
     assert_eq!(paired.with_view_refitted(1, 2, &[]), paired.without(1));
 }
+
+#[test]
+fn views_that_see_the_aircraft_together_too_seldom_are_named_with_what_follows() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = every(1).write(folder.path()).unwrap();
+    let range = DistanceRange {
+        min_nm: 1.0,
+        max_nm: None,
+    };
+    let samples = Samples::read(&corpus, None, range).unwrap();
+    let true_boxes = samples.with_true_boxes();
+    let sees_both = |sample: &&Sample| sample.boxes.iter().all(Option::is_some);
+    let common: Vec<&Sample> = true_boxes.iter().filter(sees_both).collect();
+    let lines = |learned_from: &[&Sample]| {
+        let paired = PairedViews::fit(samples.views.len(), learned_from);
+        paired.unrelated(&samples.views, learned_from)
+    };
+    let few = lines(&common[..29]);
+    assert_eq!(few.len(), 1, "{few:?}");
+    for words in [
+        "are not compared",
+        "in 29 ticks",
+        "at least 30",
+        "the best box of each view counts",
+    ] {
+        assert!(few[0].contains(words), "{few:?}");
+    }
+    assert!(lines(&common).is_empty());
+}

@@ -53,6 +53,7 @@ fn others(run: &TrainedRun, view: usize) -> Value {
         "inverse_range": baselines.inverse_range.without(view),
         "flight_filter": baselines.flight_filter.without(view, &baselines.inverse_range),
         "paired_views": baselines.paired_views.without(view),
+        "mean_by_time": baselines.mean_by_time,
         "self_calibrated": baselines.self_calibrated.as_ref().map(|fitted| fitted.without(view)),
     })
 }

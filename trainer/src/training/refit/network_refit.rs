@@ -67,8 +67,8 @@ pub(super) fn refit_network(
         watch,
     };
     let start = networks.clone().train();
-    let kept = learn(&mut task, start, &settings, &mut companions)?;
-    Ok(kept.network.valid())
+    let learned = learn(&mut task, start, &settings, &mut companions)?;
+    Ok(learned.kept.network.valid())
 }
 
 struct NetworkRefit<'a> {

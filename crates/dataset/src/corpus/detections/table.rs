@@ -42,7 +42,7 @@ pub struct Detection {
     /// Whether the box counts: its track has enough boxes and does not stand still (docs/tracks.md). True without tracking, false in rows
     /// without a box.
     pub confirmed: bool,
-    /// Whether the box counts at its tick, by the images up to it: its track has been confirmed by then, and does not stand still. Missing
+    /// True if the box counts at its tick, by the images up to it: its track has been confirmed by then, and does not stand still. Missing
     /// in tables of earlier versions and without tracking, false in rows without a box.
     pub counts_live: Option<bool>,
 }

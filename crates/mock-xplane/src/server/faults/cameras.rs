@@ -3,7 +3,7 @@
 //! Input: the requests for images in their order. Output: for each, the request for what is drawn in its place. Answers still echo
 //! what was asked: a camera with such a fault does not notice it.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::f64::consts::TAU;
 use std::time::Duration;
 
@@ -57,6 +57,9 @@ pub(crate) struct FaultyCameras {
     faults: Vec<CameraFault>,
     seed: u64,
     views: BTreeMap<u32, View>,
+    /// The first tick of the flight, and the views that were requested in it: those of the rig.
+    first_tick: Option<u32>,
+    rig: BTreeSet<u32>,
 }
 
 impl FaultyCameras {
@@ -65,12 +68,32 @@ impl FaultyCameras {
             faults: faults.cameras.clone(),
             seed: faults.seed,
             views: BTreeMap::new(),
+            first_tick: None,
+            rig: BTreeSet::new(),
         }
     }
 
     /// The next requests are of another scenario.
     pub(crate) fn begin_flight(&mut self) {
+        self.first_tick = None;
+        self.rig.clear();
         self.views.values_mut().for_each(View::begin_flight);
+    }
+
+    /// Refusal of a fault of a view that the rig does not have: it would do nothing. `None` in the first tick, which shows the views.
+    pub(crate) fn fault_of_no_view(&mut self, request: &CaptureRequest) -> Option<String> {
+        if request.tick == *self.first_tick.get_or_insert(request.tick) {
+            self.rig.insert(request.view);
+            return None;
+        }
+        let mut faults = self.faults.iter();
+        let fault = faults.find(|fault| !self.rig.contains(&fault.view))?;
+        let views: Vec<String> = self.rig.iter().map(u32::to_string).collect();
+        Some(format!(
+            "fault {fault} is of view {}, but the cameras are views {}: correct --faults",
+            fault.view,
+            views.join(", ")
+        ))
     }
 
     /// The request for what is drawn in place of the image that was requested.
@@ -326,6 +349,23 @@ mod tests {
             assert!((rms_px - 2.0).abs() < 0.1, "{rms_px}");
         }
         assert_ne!(first[0], second[0]);
+    }
+
+    #[test]
+    fn a_fault_of_a_view_that_no_camera_has_is_named_from_the_second_tick_on() {
+        let mut cameras = cameras("late=2:450");
+        for (view, tick) in [(0, 5), (1, 5)] {
+            assert_eq!(cameras.fault_of_no_view(&request(view, tick)), None);
+        }
+        let message = cameras.fault_of_no_view(&request(0, 6)).unwrap();
+        let words =
+            "fault late=2:450 is of view 2, but the cameras are views 0, 1: correct --faults";
+        assert_eq!(message, words);
+        // A rig of three has that view.
+        cameras.begin_flight();
+        for (view, tick) in [(0, 0), (1, 0), (2, 0), (0, 1)] {
+            assert_eq!(cameras.fault_of_no_view(&request(view, tick)), None);
+        }
     }
 
     #[test]

@@ -174,7 +174,7 @@ impl Filter {
         }
     }
 
-    /// What is known of the motion after the next tick; `None` before the first measurement.
+    /// State of the motion after the next tick; `None` before the first measurement.
     pub(super) fn take(&mut self, model: Model, tick: &Tick) -> Option<Gaussian> {
         let number = self.ticks;
         self.ticks += 1;

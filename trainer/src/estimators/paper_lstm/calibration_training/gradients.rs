@@ -169,7 +169,7 @@ mod tests {
 
     use super::super::{batch_loss, traced_gradients};
     use super::*;
-    use crate::config::{CalibrationConfig, Loss};
+    use crate::config::{CalibrationConfig, Loss, Target};
     use crate::estimators::paper_lstm::gap_balance::GapBalance;
     use crate::networks::normalisation::Normalisation;
     use crate::samples::{DistanceRange, Samples};
@@ -239,11 +239,18 @@ mod tests {
             }
             assert_eq!(balance.all_optimised(), !lags);
             for loss in [Loss::Squared, Loss::Relative] {
+                let loss = Target {
+                    loss,
+                    per_10_nm: 2.0,
+                };
                 let optimised = balance.optimised();
                 let total = batch_loss(&networks, &samples, &batch, optimised, loss, &device);
+                let expected_value: f32 = total.clone().into_scalar();
                 let expected = networks.gradients(total.backward(), &balance);
                 let plain = networks.valid();
-                let found = traced_gradients(&plain, &samples, &batch, &balance, loss, &device);
+                let (_, value, found) =
+                    traced_gradients(&plain, &samples, &batch, &balance, loss, &device);
+                assert!((value / expected_value - 1.0).abs() < 1e-5);
                 let mut compared = Compared {
                     found: &found,
                     expected: &expected,

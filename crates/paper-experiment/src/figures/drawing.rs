@@ -1,0 +1,86 @@
+//! Lines and boxes on a picture, and its JPEG.
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{Rgb, RgbImage};
+
+use crate::error::{Error, Result};
+
+/// Quality of a JPEG.
+const QUALITY: u8 = 85;
+/// Colour of what labels say.
+pub(super) const TRUE: Rgb<u8> = Rgb([0, 200, 90]);
+/// Colour of what the detector says.
+pub(super) const FOUND: Rgb<u8> = Rgb([230, 60, 0]);
+/// Colour of tiles.
+pub(super) const TILE: Rgb<u8> = Rgb([250, 230, 60]);
+
+/// Colours a square of `width` pixels around a point; what is outside the picture is left out.
+fn dot(picture: &mut RgbImage, [x, y]: [f64; 2], width: u32, colour: Rgb<u8>) {
+    let first = |centre: f64| (centre - f64::from(width) / 2.0).round() as i64;
+    for (dx, dy) in
+        (0..i64::from(width)).flat_map(|dx| (0..i64::from(width)).map(move |dy| (dx, dy)))
+    {
+        let place = [first(x) + dx, first(y) + dy].map(u32::try_from);
+        if let [Ok(x), Ok(y)] = place
+            && let Some(pixel) = picture.get_pixel_mut_checked(x, y)
+        {
+            *pixel = colour;
+        }
+    }
+}
+
+/// A line of `width` pixels through some points.
+pub(super) fn line(picture: &mut RgbImage, points: &[[f64; 2]], width: u32, colour: Rgb<u8>) {
+    for ends in points.windows(2) {
+        let [from, to] = [ends[0], ends[1]];
+        let length = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+        let steps = length.ceil().max(1.0) as u32;
+        for step in 0..=steps {
+            let part = f64::from(step) / f64::from(steps);
+            let at = |axis: usize| from[axis] + part * (to[axis] - from[axis]);
+            dot(picture, [at(0), at(1)], width, colour);
+        }
+    }
+}
+
+/// The outline of a box with these left, top, right and bottom edges.
+pub(super) fn outline(
+    picture: &mut RgbImage,
+    [left, top, right, bottom]: [f64; 4],
+    width: u32,
+    colour: Rgb<u8>,
+) {
+    let corners = [
+        [left, top],
+        [right, top],
+        [right, bottom],
+        [left, bottom],
+        [left, top],
+    ];
+    line(picture, &corners, width, colour);
+}
+
+/// The picture as JPEG. `what` names it in errors.
+pub(super) fn jpeg(picture: &RgbImage, what: &'static str) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
+        .encode_image(picture)
+        .map_err(|cause| Error::Picture { what, cause })?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_leaves_the_picture_is_drawn_as_far_as_it_is_inside() {
+        let mut picture = RgbImage::new(20, 10);
+        line(&mut picture, &[[-5.0, 5.0], [30.0, 5.0]], 1, TRUE);
+        assert!((0..20).all(|x| *picture.get_pixel(x, 5) == TRUE));
+        assert_eq!(*picture.get_pixel(3, 4), Rgb([0, 0, 0]));
+        outline(&mut picture, [2.0, 2.0, 8.0, 8.0], 1, FOUND);
+        assert_eq!(*picture.get_pixel(2, 7), FOUND);
+        assert_eq!(*picture.get_pixel(5, 4), Rgb([0, 0, 0]), "the inside stays");
+    }
+}

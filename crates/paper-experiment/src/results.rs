@@ -1,0 +1,116 @@
+//! `results/paper.json`: the figures behind the page.
+
+use serde::{Deserialize, Serialize};
+use trainer::Metrics;
+
+use crate::single_views::SingleViews;
+
+/// The whole file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// Version of this software.
+    pub dtd: String,
+    /// The corpus.
+    pub corpus: CorpusFigures,
+    /// The detector that misses aircraft, whose boxes train and judge.
+    pub weaker: WeakerDetector,
+    /// Ranges of detectors.
+    pub ranges: Vec<Range>,
+    /// Name of the recommended estimator.
+    pub recommended: String,
+    /// Figures of estimators on flights that the training has not seen, without those of each flight.
+    pub by_trajectory: Metrics,
+    /// The same with the paper's split: scenarios are drawn, so test scenarios share flights with the training.
+    pub by_scenario: Metrics,
+    /// Time of each stage, in their order.
+    pub stages: Vec<StageTime>,
+}
+
+/// The recorded corpus.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CorpusFigures {
+    /// `small` or `full`.
+    pub scale: String,
+    /// Simulator that recorded it.
+    pub simulator: String,
+    /// Scenarios.
+    pub scenarios: usize,
+    /// Different flights among them.
+    pub flights: usize,
+    /// Width of the pictures, pixels.
+    pub width_px: u32,
+    /// Height of the pictures, pixels.
+    pub height_px: u32,
+    /// Pictures per second and view, as a sweep writes it.
+    pub frame_rate: String,
+    /// Pictures of all views.
+    pub pictures: u64,
+}
+
+/// The detector with settings that make it miss aircraft.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WeakerDetector {
+    /// Factor by which pictures are shrunk for its first pass.
+    pub first_pass_shrink: u32,
+    /// The smallest score that it reports.
+    pub least_score: f64,
+    /// Ticks of the whole corpus that it sees in one view alone.
+    pub single_views: SingleViews,
+    /// The same of the detector itself.
+    pub of_detector: SingleViews,
+}
+
+/// Way in which pictures are searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Search {
+    /// Tiles of 640 pixels, and a second pass around each hit: the paper's Auto Segmentation.
+    Tiles,
+    /// The whole picture shrunk to the model's size: the paper's conventional scaling.
+    Scaled,
+    /// Small windows around known aircraft.
+    Tracked,
+}
+
+/// Range and cost of a detector, in clear weather, on flights that start beyond its range.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Range {
+    /// File name of the model.
+    pub model: String,
+    /// True for one that was trained on photographs by others, and is used as it is.
+    pub is_pretrained: bool,
+    /// The search.
+    pub search: Search,
+    /// The farthest picture in which the aircraft was found, nautical miles.
+    pub max_range_nm: Option<f64>,
+    /// Distance up to which more than 99 % are found.
+    pub effective_range_nm: Option<f64>,
+    /// The farthest picture that shows the aircraft.
+    pub farthest_expected_nm: Option<f64>,
+    /// Share of the aircraft from 1 to 10 NM that was found.
+    pub recall: Option<f64>,
+    /// Processor time per picture, decoding included, milliseconds.
+    pub cpu_ms_per_picture: Option<f64>,
+}
+
+/// Time that a stage took, over all calls of the command that reached its end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StageTime {
+    /// Name of the stage.
+    pub stage: String,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+impl Results {
+    /// The figures without those of each flight, which nobody compares with the paper.
+    #[must_use]
+    pub fn without_flights(mut self) -> Self {
+        for metrics in [&mut self.by_trajectory, &mut self.by_scenario] {
+            for estimator in metrics.estimators.values_mut() {
+                estimator.by_flight.clear();
+            }
+        }
+        self
+    }
+}

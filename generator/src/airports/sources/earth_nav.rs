@@ -1,0 +1,59 @@
+//! X-Plane's `earth_nav.dat`: rows 4 and 5 are localizers, row 6 glide paths. From version 1100 on they name a region before the runway.
+
+use std::io::BufRead;
+
+use dataset::numbers::units::METERS_PER_FOOT;
+
+use super::{Aid, Facts, Lines, SourceError, Wanted};
+
+/// Fields of a row: from the kind to the runway of version 810.
+const AIRPORT: usize = 8;
+const ELEVATION_FT: std::ops::RangeInclusive<f64> = -1_500.0..=16_000.0;
+/// Hundredths of a megahertz.
+const FREQUENCY: std::ops::RangeInclusive<f64> = 10_800.0..=11_200.0;
+/// Hundredths of a degree times 1,000, and the bearing.
+const ANGLE: std::ops::RangeInclusive<f64> = 200_000.0..=800_000.0;
+
+pub(super) fn is_one(head: &str) -> bool {
+    let is_aid = |line: &str| {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        matches!(fields.first(), Some(&("2" | "3" | "4" | "5" | "6"))) && fields.len() >= 9
+    };
+    head.lines().any(is_aid)
+}
+
+pub(super) fn read<R: BufRead>(
+    mut lines: Lines<'_, R>,
+    wanted: &Wanted<'_>,
+    facts: &mut Facts,
+) -> Result<(), SourceError> {
+    while let Some(line) = lines.next()? {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        let is_aid = matches!(fields.first(), Some(&("4" | "5" | "6")));
+        let is_here = fields
+            .get(AIRPORT)
+            .is_some_and(|icao| *icao == wanted.airport);
+        let after = fields.get(AIRPORT + 1..).unwrap_or_default();
+        let is_runway = after.iter().take(2).any(|name| *name == wanted.runway);
+        if !(is_aid && is_here && is_runway) {
+            continue;
+        }
+        let field = |at: usize| fields.get(at).copied();
+        let place = lines.place(field(1), field(2))?;
+        facts.aids.push(if fields[0] == "6" {
+            let coded = lines.number("the glide path's angle and bearing", field(6), ANGLE)?;
+            let elevation_ft = lines.number("the elevation", field(3), ELEVATION_FT)?;
+            Aid::GlidePath {
+                place,
+                elevation_m: elevation_ft * METERS_PER_FOOT,
+                angle_deg: (coded / 1_000.0).floor() / 100.0,
+            }
+        } else {
+            Aid::Localizer {
+                place,
+                frequency_mhz: lines.number("the frequency", field(4), FREQUENCY)? / 100.0,
+            }
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,219 @@
+//! The arrival in a track, in coordinates of the runway, or the reason why there is none.
+
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::{Runway, RunwayCoordinates};
+use dataset::numbers::spread::median;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+
+use super::formats::Fix;
+use crate::trajectory::last_approach;
+
+/// Fixes and altitudes that an arrival needs at least.
+const FEWEST: usize = 20;
+/// Arrivals begin within this distance, metres.
+const FURTHEST_M: f64 = 25.0 * METERS_PER_NAUTICAL_MILE;
+/// Slower aircraft taxi, m/s.
+const FLYING_MPS: f64 = 40.0;
+/// A track may end in the air within this distance.
+const LATEST_END_M: f64 = 3_000.0;
+/// Gaps in which an aircraft may have done anything, seconds, and the distances between which they matter.
+const LONGEST_GAP_S: f64 = 10.0;
+const GAPS_MATTER_M: (f64, f64) = (METERS_PER_NAUTICAL_MILE, 5.0 * METERS_PER_NAUTICAL_MILE);
+/// Distance from the centreline within the last two kilometres, metres.
+const OTHER_RUNWAY_M: f64 = 150.0;
+const FINAL_M: f64 = 2_000.0;
+/// An aircraft that climbs by this much after the target goes around, metres.
+const GO_AROUND_M: f64 = 150.0;
+/// Fixes are kept for so long after the target, seconds.
+const AFTER_TARGET_S: f64 = 60.0;
+/// The corridor of an approach, as for recordings.
+const CORRIDOR_M: f64 = 500.0;
+const CORRIDOR: f64 = 0.5;
+
+/// Reasons why a track is no arrival on the runway.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum NoArrival {
+    /// Not enough to smooth.
+    #[error("{fixes} different positions on the approach, expected at least {FEWEST}")]
+    TooFew {
+        /// Their number.
+        fixes: usize,
+    },
+    /// It is elsewhere, or departs.
+    #[error(
+        "it never approaches the runway: its nearest position is {nearest_m:.0} m from the touchdown target"
+    )]
+    Elsewhere {
+        /// The distance.
+        nearest_m: f64,
+    },
+    /// It ends before the runway.
+    #[error(
+        "it ends {to_go_m:.0} m before the touchdown target, expected at most {LATEST_END_M} m"
+    )]
+    EndsEarly {
+        /// The remaining distance.
+        to_go_m: f64,
+    },
+    /// Too little is known of it.
+    #[error(
+        "it has no position for {gap_s:.0} s, {to_go_m:.0} m before the touchdown target; expected at most {LONGEST_GAP_S} s there"
+    )]
+    Gap {
+        /// Its length.
+        gap_s: f64,
+        /// Where it begins.
+        to_go_m: f64,
+    },
+    /// It lands beside this runway.
+    #[error("it is {offset_m:.0} m beside the centreline at the end: another runway?")]
+    OtherRunway {
+        /// The distance.
+        offset_m: f64,
+    },
+    /// It does not land.
+    #[error("it goes around: it climbs by {climbs_m:.0} m after the touchdown target")]
+    GoAround {
+        /// By how much.
+        climbs_m: f64,
+    },
+    /// Its heights cannot be recovered.
+    #[error("it has {altitudes} altitudes between 0.7 and 4 NM, expected at least {FEWEST}")]
+    NoAltitudes {
+        /// Their number.
+        altitudes: usize,
+    },
+    /// It does not descend as an approach does.
+    #[error("it descends at {angle_deg:.1} degrees between 0.7 and 4 NM, expected 2 to 6.5")]
+    NoDescent {
+        /// The angle.
+        angle_deg: f64,
+    },
+}
+
+/// A fix of the arrival.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seen {
+    pub(super) fix: Fix,
+    /// Before the target along the course, and right of it, metres.
+    pub(super) to_go_m: f64,
+    pub(super) right_m: f64,
+}
+
+/// The fixes of the last arrival of a track.
+pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArrival> {
+    let target = runway.touchdown_target();
+    let seen: Vec<Seen> = fixes.iter().map(|fix| seen(*fix, target, runway)).collect();
+    let nearest_m = seen
+        .iter()
+        .map(|at| at.to_go_m.hypot(at.right_m))
+        .fold(f64::INFINITY, f64::min);
+    let to_go_m: Vec<f64> = seen.iter().map(|at| at.to_go_m).collect();
+    let is_airborne = |index: usize| {
+        let Fix {
+            on_ground,
+            ground_speed_mps,
+            ..
+        } = seen[index].fix;
+        !on_ground && ground_speed_mps.is_none_or(|speed| speed > FLYING_MPS)
+    };
+    let found = last_approach(&to_go_m, is_airborne, FURTHEST_M)
+        .filter(|_| nearest_m < FURTHEST_M)
+        .ok_or(NoArrival::Elsewhere { nearest_m })?;
+    let end = match found.passing {
+        Some(passing) => {
+            let last_s = seen[passing].fix.time_s + AFTER_TARGET_S;
+            let later = seen[passing..].iter();
+            passing + later.take_while(|at| at.fix.time_s <= last_s).count()
+        }
+        None => seen.len(),
+    };
+    let before_target = found.passing.unwrap_or(end);
+    let first = beginning(&seen[..before_target], found.first);
+    if !(first..before_target).any(is_airborne) {
+        return Err(NoArrival::Elsewhere { nearest_m });
+    }
+    let arrival = &seen[first..end];
+    let approach = &seen[first..before_target];
+    if approach.len() < FEWEST {
+        return Err(NoArrival::TooFew {
+            fixes: approach.len(),
+        });
+    }
+    if let Some(last) = approach
+        .last()
+        .filter(|last| found.passing.is_none() && last.to_go_m > LATEST_END_M)
+    {
+        return Err(NoArrival::EndsEarly {
+            to_go_m: last.to_go_m,
+        });
+    }
+    let gap = arrival.windows(2).find(|pair| {
+        let matters = pair[1].to_go_m > GAPS_MATTER_M.0 && pair[0].to_go_m < GAPS_MATTER_M.1;
+        matters && pair[1].fix.time_s - pair[0].fix.time_s > LONGEST_GAP_S
+    });
+    if let Some(pair) = gap {
+        return Err(NoArrival::Gap {
+            gap_s: pair[1].fix.time_s - pair[0].fix.time_s,
+            to_go_m: pair[0].to_go_m,
+        });
+    }
+    let last_m = approach
+        .iter()
+        .rev()
+        .take_while(|at| at.to_go_m < FINAL_M)
+        .count()
+        .max(5);
+    let mut offsets: Vec<f64> = approach[approach.len() - last_m.min(approach.len())..]
+        .iter()
+        .map(|at| at.right_m)
+        .collect();
+    let offset_m = median(&mut offsets).abs();
+    if offset_m > OTHER_RUNWAY_M {
+        return Err(NoArrival::OtherRunway { offset_m });
+    }
+    let altitude_m = |at: &Seen| at.fix.altitude_m.filter(|_| !at.fix.on_ground);
+    let at_target_m = approach.iter().rev().find_map(altitude_m);
+    let highest_m = seen[before_target..end]
+        .iter()
+        .filter_map(altitude_m)
+        .fold(f64::NEG_INFINITY, f64::max);
+    if let Some(climbs_m) = at_target_m
+        .map(|at_m| highest_m - at_m)
+        .filter(|climbs_m| *climbs_m > GO_AROUND_M)
+    {
+        return Err(NoArrival::GoAround { climbs_m });
+    }
+    Ok(arrival.to_vec())
+}
+
+fn seen(fix: Fix, target: Geodetic, runway: &Runway) -> Seen {
+    let here = Geodetic {
+        latitude_deg: fix.latitude_deg,
+        longitude_deg: fix.longitude_deg,
+        altitude_msl_m: target.altitude_msl_m,
+    };
+    let place = RunwayCoordinates::of(here, target, runway.course_true_deg);
+    Seen {
+        fix,
+        to_go_m: place.along_track_m,
+        right_m: place.cross_track_m,
+    }
+}
+
+/// The first fix after which the aircraft stays in the corridor and is seen without long gaps, until they matter.
+fn beginning(approach: &[Seen], first: usize) -> usize {
+    let leaves = |at: &Seen| at.right_m.abs() > CORRIDOR_M + CORRIDOR * at.to_go_m;
+    let outside = approach[first..]
+        .iter()
+        .rposition(leaves)
+        .map_or(first, |last| first + last + 1);
+    let gap = approach[outside.min(approach.len())..]
+        .windows(2)
+        .rposition(|pair| {
+            let is_long = pair[1].fix.time_s - pair[0].fix.time_s > LONGEST_GAP_S;
+            is_long && pair[1].to_go_m >= GAPS_MATTER_M.1
+        });
+    gap.map_or(outside, |gap| outside + gap + 1)
+        .min(approach.len())
+}

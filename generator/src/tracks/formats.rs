@@ -1,0 +1,237 @@
+//! Files of tracks: CSV as `traffic` and OpenSky write them, and `trace_full` of readsb (JSON). The names of the columns tell the units.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use dataset::files::outside_file::{self, FileKind};
+use dataset::numbers::units::METERS_PER_FOOT;
+use serde_json::Value;
+
+/// The largest file that is read.
+const TRACKS: FileKind = FileKind::new("file of tracks", 4 << 30);
+const MPS_PER_KNOT: f64 = 1_852.0 / 3_600.0;
+/// Times above this are milliseconds since 1970.
+const MILLISECONDS: f64 = 1e11;
+
+/// What a receiver measured at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fix {
+    /// Time of the position, seconds.
+    pub(super) time_s: f64,
+    pub(super) latitude_deg: f64,
+    pub(super) longitude_deg: f64,
+    /// By any datum: it is tied to the runway later.
+    pub(super) altitude_m: Option<f64>,
+    pub(super) ground_speed_mps: Option<f64>,
+    pub(super) track_deg: Option<f64>,
+    pub(super) on_ground: bool,
+}
+
+/// The fixes of one aircraft in order of time.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Track {
+    pub(super) aircraft: Option<String>,
+    pub(super) fixes: Vec<Fix>,
+}
+
+/// Reasons why a file has no tracks.
+#[derive(Debug, thiserror::Error)]
+pub enum TrackFileError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Unreadable(#[from] dataset::Error),
+    /// It is broken.
+    #[error("{}: {why}", path.display())]
+    Broken {
+        /// The file.
+        path: PathBuf,
+        /// Line and reason.
+        why: String,
+    },
+    /// Columns are missing.
+    #[error(
+        "{}: no column for {missing}; its columns are {found}. Expected those of traffic (timestamp, latitude, longitude, altitude), of \
+         OpenSky (time, lat, lon, baroaltitude), or trace_full of readsb",
+        path.display()
+    )]
+    MissingColumns {
+        /// The file.
+        path: PathBuf,
+        /// Their meanings.
+        missing: String,
+        /// The names in the first line.
+        found: String,
+    },
+}
+
+/// Reads a file.
+pub(super) fn read(path: &Path) -> Result<Vec<Track>, TrackFileError> {
+    let bytes = outside_file::read(path, TRACKS)?;
+    let broken = |why: String| TrackFileError::Broken {
+        path: path.to_owned(),
+        why,
+    };
+    let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+    let mut tracks = if first == Some(&b'{') {
+        let trace = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
+        vec![trace_full(&trace).ok_or_else(|| {
+            broken("no `timestamp` and `trace` as in trace_full of readsb".into())
+        })?]
+    } else {
+        csv_tracks(path, &bytes)?
+    };
+    for track in &mut tracks {
+        track.fixes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        // Receivers repeat the last position until there is a new one.
+        track.fixes.dedup_by(|next, before| {
+            next.time_s <= before.time_s
+                || (next.latitude_deg, next.longitude_deg)
+                    == (before.latitude_deg, before.longitude_deg)
+        });
+    }
+    Ok(tracks)
+}
+
+/// Columns of a kind of file, by meaning, with the factors to metres and seconds.
+struct Columns {
+    time: &'static str,
+    latitude: &'static str,
+    longitude: &'static str,
+    altitude: &'static str,
+    speed: &'static str,
+    track: &'static str,
+    altitude_m: f64,
+    speed_mps: f64,
+}
+
+const KINDS: [Columns; 2] = [
+    Columns {
+        time: "timestamp",
+        latitude: "latitude",
+        longitude: "longitude",
+        altitude: "altitude",
+        speed: "groundspeed",
+        track: "track",
+        altitude_m: METERS_PER_FOOT,
+        speed_mps: MPS_PER_KNOT,
+    },
+    Columns {
+        time: "time",
+        latitude: "lat",
+        longitude: "lon",
+        altitude: "baroaltitude",
+        speed: "velocity",
+        track: "heading",
+        altitude_m: 1.0,
+        speed_mps: 1.0,
+    },
+];
+
+fn csv_tracks(path: &Path, bytes: &[u8]) -> Result<Vec<Track>, TrackFileError> {
+    let broken = |why: String| TrackFileError::Broken {
+        path: path.to_owned(),
+        why,
+    };
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .from_reader(bytes);
+    let header = reader
+        .headers()
+        .map_err(|error| broken(error.to_string()))?
+        .clone();
+    let place = |name: &str| header.iter().position(|found| found == name);
+    let needed = |kind: &Columns| [kind.time, kind.latitude, kind.longitude, kind.altitude];
+    let kind = KINDS
+        .iter()
+        .find(|kind| needed(kind).iter().all(|name| place(name).is_some()));
+    let Some(kind) = kind else {
+        let missing = needed(&KINDS[0])
+            .into_iter()
+            .filter(|name| place(name).is_none());
+        return Err(TrackFileError::MissingColumns {
+            path: path.to_owned(),
+            missing: missing.collect::<Vec<_>>().join(", "),
+            found: header.iter().collect::<Vec<_>>().join(", "),
+        });
+    };
+    let [time, latitude, longitude, altitude] =
+        needed(kind).map(|name| place(name).unwrap_or_default());
+    let [speed, track, ground, aircraft, position_time] = [
+        kind.speed,
+        kind.track,
+        "onground",
+        "icao24",
+        "last_position",
+    ]
+    .map(place);
+    let mut tracks: BTreeMap<String, Vec<Fix>> = BTreeMap::new();
+    for record in reader.records() {
+        let record = record.map_err(|error| broken(error.to_string()))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |at: usize, what: &str| match record.get(at).unwrap_or_default() {
+            "" => Ok(None),
+            text => match text.parse::<f64>() {
+                Ok(number) if number.is_finite() => Ok(Some(number)),
+                Ok(_) => Ok(None),
+                Err(_) => Err(broken(format!(
+                    "line {line}: {what} is {text:?}; expected a number"
+                ))),
+            },
+        };
+        let optional = |at: Option<usize>, what: &str| at.map_or(Ok(None), |at| number(at, what));
+        let stated_s = number(time, kind.time)?;
+        let valid_s = optional(position_time, "last_position")?;
+        let (Some(time_s), Some(latitude_deg), Some(longitude_deg)) = (
+            valid_s.or(stated_s),
+            number(latitude, kind.latitude)?,
+            number(longitude, kind.longitude)?,
+        ) else {
+            continue;
+        };
+        let on_ground = ground.and_then(|at| record.get(at)).unwrap_or_default();
+        let name = aircraft.and_then(|at| record.get(at)).unwrap_or_default();
+        tracks.entry(name.to_owned()).or_default().push(Fix {
+            time_s: if time_s > MILLISECONDS {
+                time_s / 1e3
+            } else {
+                time_s
+            },
+            latitude_deg,
+            longitude_deg,
+            altitude_m: number(altitude, kind.altitude)?.map(|value| value * kind.altitude_m),
+            ground_speed_mps: optional(speed, kind.speed)?.map(|value| value * kind.speed_mps),
+            track_deg: optional(track, kind.track)?,
+            on_ground: matches!(
+                on_ground.to_ascii_lowercase().as_str(),
+                "true" | "1" | "1.0" | "t"
+            ),
+        });
+    }
+    let track = |(name, fixes): (String, Vec<Fix>)| Track {
+        aircraft: (!name.is_empty()).then_some(name),
+        fixes,
+    };
+    Ok(tracks.into_iter().map(track).collect())
+}
+
+/// A day of one aircraft: rows of seconds, latitude, longitude, altitude in feet or "ground", knots, track.
+fn trace_full(trace: &Value) -> Option<Track> {
+    let start_s = trace.get("timestamp")?.as_f64()?;
+    let rows = trace.get("trace")?.as_array()?;
+    let fix = |row: &Value| {
+        let number = |at: usize| row.get(at).and_then(Value::as_f64);
+        Some(Fix {
+            time_s: start_s + number(0)?,
+            latitude_deg: number(1)?,
+            longitude_deg: number(2)?,
+            altitude_m: number(3).map(|feet| feet * METERS_PER_FOOT),
+            ground_speed_mps: number(4).map(|knots| knots * MPS_PER_KNOT),
+            track_deg: number(5),
+            on_ground: row.get(3).and_then(Value::as_str) == Some("ground"),
+        })
+    };
+    Some(Track {
+        aircraft: trace.get("icao").and_then(Value::as_str).map(str::to_owned),
+        fixes: rows.iter().filter_map(fix).collect(),
+    })
+}

@@ -1,0 +1,313 @@
+//! The states of a recording from an arrival: path and height are smoothed, everything else follows from them.
+
+use std::fmt::Write;
+
+use dataset::geometry::runway::Runway;
+use dataset::numbers::spread::mean_and_deviation;
+use dataset::numbers::units::Degrees;
+
+use super::arrival::{NoArrival, Seen, arrival};
+use super::formats::Fix;
+use super::height::Datum;
+use super::smoother::{Measured, Noise, Smoothed, at, smooth};
+
+/// Time between states, seconds.
+const STEP_S: f64 = 0.5;
+/// Positions scatter along the course by their age, and less across.
+const ALONG: Noise = Noise {
+    place_m: 15.0,
+    speed_mps: 2.0,
+    acceleration: 0.2,
+};
+const ACROSS: Noise = Noise {
+    place_m: 3.0,
+    speed_mps: 1.0,
+    acceleration: 0.05,
+};
+/// Altitudes have steps of 25 ft.
+const HEIGHT: Noise = Noise {
+    place_m: 3.0,
+    speed_mps: 1.0,
+    acceleration: 0.05,
+};
+/// Height of the centre of gravity when the wheels touch the runway, metres.
+const ON_WHEELS_M: f64 = 3.5;
+/// Sink rates of an aircraft that is continued to the ground, m/s.
+const SINKS_MPS: (f64, f64) = (1.5, 4.5);
+/// Over this time before touchdown a remaining height is taken away, seconds.
+const CORRECTED_S: f64 = 20.0;
+/// The roll: its duration, its deceleration, and the least speed.
+const ROLL_S: f64 = 8.0;
+const BRAKES_MPS2: f64 = 2.0;
+const TAXI_MPS: f64 = 20.0;
+/// A state without a fix this near is derived, seconds.
+const MEASURED_S: f64 = 2.0;
+/// Turn rates are taken over this time on both sides, seconds.
+const TURN_S: f64 = 2.0;
+const GRAVITY_MPS2: f64 = 9.81;
+
+const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,roll_deg,heading_true_deg,tas_mps,v_north_mps,v_east_mps,v_down_mps,flap_norm,gear_norm,on_ground,position";
+
+/// The states of a recording.
+pub(super) struct Made {
+    rows: Vec<Row>,
+    pub(super) along_sd_m: f64,
+    pub(super) across_sd_m: f64,
+    pub(super) outliers: usize,
+    pub(super) continued_s: f64,
+}
+
+struct Row {
+    time_s: f64,
+    numbers: [f64; 12],
+    on_ground: bool,
+    is_measured: bool,
+}
+
+/// The smoothed path.
+struct Path<'a> {
+    runway: &'a Runway,
+    to_go: Vec<Smoothed>,
+    right: Vec<Smoothed>,
+    height: Vec<Smoothed>,
+    /// Last fix.
+    ends_s: f64,
+    touchdown_s: f64,
+    /// Height that is left at touchdown by the smoothed heights.
+    left_m: f64,
+}
+
+/// The states of the arrival of a track.
+pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival> {
+    let seen = arrival(fixes, runway)?;
+    let datum = Datum::of(&seen, runway)?;
+    let along_mps = |at: &Seen| {
+        let track_deg = at.fix.track_deg?;
+        let off = Degrees(track_deg - runway.course_true_deg)
+            .wrapped_180()
+            .0
+            .to_radians();
+        Some(-at.fix.ground_speed_mps? * off.cos())
+    };
+    let along: Vec<Measured> = seen
+        .iter()
+        .map(|at| measured(at, at.to_go_m, along_mps(at).filter(|_| !at.fix.on_ground)))
+        .collect();
+    let across: Vec<Measured> = seen
+        .iter()
+        .map(|at| measured(at, at.right_m, None))
+        .collect();
+    let heights: Vec<Measured> = seen
+        .iter()
+        .filter(|at| !at.fix.on_ground)
+        .filter_map(|at| Some(measured(at, datum.height_m(at.fix.altitude_m?), None)))
+        .collect();
+    let (to_go, along_outliers) = smooth(&along, ALONG);
+    let (right, across_outliers) = smooth(&across, ACROSS);
+    let (height, _) = smooth(&heights, HEIGHT);
+    let is_outlier: Vec<bool> = (along_outliers.iter().zip(&across_outliers))
+        .map(|(along, across)| *along || *across)
+        .collect();
+    let deviation = |measured: &[Measured], path: &[Smoothed]| {
+        let errors = measured
+            .iter()
+            .zip(path)
+            .zip(&is_outlier)
+            .filter(|(_, outlier)| !**outlier);
+        let errors = errors.map(|((seen, path), _)| seen.place_m - path.place_m);
+        mean_and_deviation(errors)[1]
+    };
+    let (along_sd_m, across_sd_m) = (deviation(&along, &to_go), deviation(&across, &right));
+    let mut path = Path {
+        runway,
+        ends_s: seen[seen.len() - 1].fix.time_s,
+        to_go,
+        right,
+        height,
+        touchdown_s: f64::INFINITY,
+        left_m: 0.0,
+    };
+    path.land(&seen);
+    let first_s = seen[0].fix.time_s;
+    let last_s = path.touchdown_s + ROLL_S;
+    let count = ((last_s - first_s) / STEP_S).floor() as usize + 1;
+    let times = (0..count).map(|step| first_s + step as f64 * STEP_S);
+    Ok(Made {
+        rows: times
+            .map(|time_s| path.row(time_s, first_s, &seen))
+            .collect(),
+        along_sd_m,
+        across_sd_m,
+        outliers: is_outlier.iter().filter(|outlier| **outlier).count(),
+        continued_s: (last_s - path.ends_s).max(0.0),
+    })
+}
+
+fn measured(at: &Seen, place_m: f64, speed_mps: Option<f64>) -> Measured {
+    Measured {
+        time_s: at.fix.time_s,
+        place_m,
+        speed_mps,
+    }
+}
+
+impl Path<'_> {
+    /// Finds the touchdown: by the first fix on the ground, or where the path reaches it; after the end of the track by its last sink rate.
+    fn land(&mut self, seen: &[Seen]) {
+        let rolls_s = seen
+            .iter()
+            .find(|at| at.fix.on_ground)
+            .map(|at| at.fix.time_s);
+        let last = self.height[self.height.len() - 1];
+        let from_s = self.height[0].time_s;
+        let steps = ((last.time_s - from_s) / STEP_S) as usize;
+        let reaches_s = (0..=steps)
+            .map(|step| from_s + step as f64 * STEP_S)
+            .find(|time_s| at(&self.height, *time_s).place_m <= ON_WHEELS_M);
+        let sinks_mps = (-last.speed_mps).clamp(SINKS_MPS.0, SINKS_MPS.1);
+        let continued_s = last.time_s + (last.place_m - ON_WHEELS_M).max(0.0) / sinks_mps;
+        let touchdown_s = reaches_s.unwrap_or(continued_s);
+        self.touchdown_s = rolls_s.map_or(touchdown_s, |rolls_s| touchdown_s.min(rolls_s));
+        self.left_m = (self.falling_m(self.touchdown_s) - ON_WHEELS_M).max(0.0);
+    }
+
+    /// Height by altitudes and, after the last one, by the sink rate.
+    fn falling_m(&self, time_s: f64) -> f64 {
+        let last = self.height[self.height.len() - 1];
+        if time_s <= last.time_s {
+            return at(&self.height, time_s).place_m;
+        }
+        let sinks_mps = (-last.speed_mps).clamp(SINKS_MPS.0, SINKS_MPS.1);
+        last.place_m - sinks_mps * (time_s - last.time_s)
+    }
+
+    fn height_m(&self, time_s: f64) -> f64 {
+        if time_s >= self.touchdown_s {
+            return ON_WHEELS_M;
+        }
+        let part = 1.0 - ((self.touchdown_s - time_s) / CORRECTED_S).min(1.0);
+        (self.falling_m(time_s) - part * self.left_m).max(ON_WHEELS_M)
+    }
+
+    /// Distance to go and offset with their rates; after the last fix the aircraft brakes on the centreline.
+    fn place(&self, time_s: f64) -> [Smoothed; 2] {
+        if time_s <= self.ends_s {
+            return [at(&self.to_go, time_s), at(&self.right, time_s)];
+        }
+        let mut to_go = at(&self.to_go, self.ends_s);
+        let right = at(&self.right, self.ends_s);
+        let flies_s = (self.touchdown_s.max(self.ends_s) - self.ends_s).min(time_s - self.ends_s);
+        to_go.place_m += to_go.speed_mps * flies_s;
+        let brakes_s = time_s - self.ends_s - flies_s;
+        let least_mps = TAXI_MPS.min(-to_go.speed_mps);
+        let stops_s = ((-to_go.speed_mps - least_mps) / BRAKES_MPS2).max(0.0);
+        let slowing_s = brakes_s.min(stops_s);
+        to_go.place_m += to_go.speed_mps * slowing_s + BRAKES_MPS2 * slowing_s * slowing_s / 2.0;
+        to_go.speed_mps += BRAKES_MPS2 * slowing_s;
+        to_go.place_m += to_go.speed_mps * (brakes_s - slowing_s);
+        let steady = Smoothed {
+            speed_mps: 0.0,
+            ..right
+        };
+        [to_go, steady]
+    }
+
+    /// North and east.
+    fn velocity_mps(&self, time_s: f64) -> [f64; 2] {
+        let [to_go, right] = self.place(time_s);
+        let (sin, cos) = self.runway.course_true_deg.to_radians().sin_cos();
+        let ahead_mps = -to_go.speed_mps;
+        [
+            cos * ahead_mps - sin * right.speed_mps,
+            sin * ahead_mps + cos * right.speed_mps,
+        ]
+    }
+
+    fn track_deg(&self, time_s: f64) -> f64 {
+        let [north, east] = self.velocity_mps(time_s);
+        east.atan2(north).to_degrees()
+    }
+
+    fn row(&self, time_s: f64, first_s: f64, seen: &[Seen]) -> Row {
+        let [to_go, right] = self.place(time_s);
+        let target = self.runway.touchdown_target();
+        let here = self.runway.point_on_approach(to_go.place_m, right.place_m);
+        let [north, east] = self.velocity_mps(time_s);
+        let speed_mps = north.hypot(east);
+        let on_ground = time_s >= self.touchdown_s;
+        let half_s = STEP_S / 2.0;
+        let sink_mps = (self.height_m(time_s - half_s) - self.height_m(time_s + half_s)) / STEP_S;
+        let turn = Degrees(self.track_deg(time_s + TURN_S) - self.track_deg(time_s - TURN_S))
+            .wrapped_180()
+            .0;
+        let bank_deg = (speed_mps * (turn / (2.0 * TURN_S)).to_radians() / GRAVITY_MPS2)
+            .atan()
+            .to_degrees();
+        let nearest = seen.partition_point(|at| at.fix.time_s < time_s);
+        let near = nearest.checked_sub(1).into_iter().chain([nearest]);
+        let is_measured = near
+            .filter_map(|index| seen.get(index))
+            .any(|at| (at.fix.time_s - time_s).abs() <= MEASURED_S);
+        let path_deg = -sink_mps.atan2(speed_mps).to_degrees();
+        Row {
+            time_s: time_s - first_s,
+            numbers: [
+                here.latitude_deg,
+                here.longitude_deg,
+                target.altitude_msl_m + self.height_m(time_s),
+                if on_ground {
+                    0.0
+                } else {
+                    path_deg + angle_of_attack_deg(speed_mps)
+                },
+                if on_ground { 0.0 } else { bank_deg },
+                Degrees(self.track_deg(time_s)).wrapped_360().0,
+                speed_mps,
+                north,
+                east,
+                sink_mps,
+                flaps(speed_mps),
+                gear(to_go.place_m),
+            ],
+            on_ground,
+            is_measured,
+        }
+    }
+}
+
+/// Of an airliner with its flaps as [`flaps`] has them: about 6 degrees at 70 m/s, less when it is faster.
+fn angle_of_attack_deg(speed_mps: f64) -> f64 {
+    (10.5 * (62.0 / speed_mps.max(30.0)).powi(2) - 2.5).clamp(0.0, 8.0)
+}
+
+/// Extended with falling speed.
+fn flaps(speed_mps: f64) -> f64 {
+    ((105.0 - speed_mps) / 33.0).clamp(0.0, 1.0)
+}
+
+/// Down at five miles.
+fn gear(to_go_m: f64) -> f64 {
+    ((9_500.0 - to_go_m) / 700.0).clamp(0.0, 1.0)
+}
+
+impl Made {
+    /// The recording as a table.
+    pub(super) fn csv(&self) -> String {
+        let mut text = format!("{HEADER}\n");
+        for row in &self.rows {
+            // A string has room for everything.
+            let _ = write!(text, "{:.3}", row.time_s);
+            for (index, number) in row.numbers.iter().enumerate() {
+                let digits = if index < 2 { 9 } else { 4 };
+                let _ = write!(text, ",{number:.digits$}");
+            }
+            let position = if row.is_measured {
+                "measured"
+            } else {
+                "derived"
+            };
+            let _ = writeln!(text, ",{},{position}", u8::from(row.on_ground));
+        }
+        text
+    }
+}

@@ -1,0 +1,140 @@
+//! Runways from the tables that X-Plane and OurAirports publish. The runway here is invented: 3,000 m long, at 50 degrees north.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use dataset::geometry::geodesy::LatLon;
+use generator::airports::{Imported, import};
+
+const START: LatLon = LatLon {
+    latitude_deg: 50.0,
+    longitude_deg: 8.0,
+};
+const COURSE_DEG: f64 = 70.0;
+const LENGTH_M: f64 = 3_000.0;
+
+fn along(from: LatLon, metres: f64, right_m: f64) -> LatLon {
+    let on_line = from.destination(COURSE_DEG, metres);
+    on_line.destination(COURSE_DEG + 90.0, right_m)
+}
+
+fn write(folder: &Path, name: &str, text: String) -> PathBuf {
+    let path = folder.join(name);
+    fs::write(&path, text).unwrap();
+    path
+}
+
+/// apt.dat with the far end moved sideways.
+fn apt_dat(folder: &Path, far_right_m: f64) -> PathBuf {
+    let far = along(START, LENGTH_M, far_right_m);
+    let text = format!(
+        "I\n1000 Version\n\n1  300 0 0 ZZZZ Nowhere\n100 45.00 1 0 0.25 1 3 1 07  {:.8} {:.8} 200.00 0.00 3 1 1 0 25 {:.8} {:.8} 0.00 0.00 2 0 1 0\n",
+        START.latitude_deg, START.longitude_deg, far.latitude_deg, far.longitude_deg
+    );
+    write(folder, "apt.dat", text)
+}
+
+fn our_airports(folder: &Path) -> PathBuf {
+    let far = along(START, LENGTH_M, 0.0);
+    let text = format!(
+        "\"id\",\"airport_ident\",\"length_ft\",\"le_ident\",\"le_latitude_deg\",\"le_longitude_deg\",\"le_elevation_ft\",\
+         \"le_displaced_threshold_ft\",\"he_ident\",\"he_latitude_deg\",\"he_longitude_deg\",\"he_elevation_ft\",\"he_displaced_threshold_ft\"\n\
+         1,\"ZZZZ\",{:.0},\"07\",{},{},328.084,656.168,\"25\",{},{},330,\n",
+        LENGTH_M / 0.3048,
+        START.latitude_deg,
+        START.longitude_deg,
+        far.latitude_deg,
+        far.longitude_deg
+    );
+    write(folder, "runways.csv", text)
+}
+
+/// In the form of version 1100, with a region.
+fn earth_nav(folder: &Path) -> PathBuf {
+    let localizer = along(START, LENGTH_M + 300.0, 0.0);
+    let antenna = along(START, 200.0 + 310.0, 120.0);
+    let text = format!(
+        "I\n1100 Version\n\n4 {:.8} {:.8} 330 11030 18 25270.000 IZZ ZZZZ ED 07 ILS-cat-I\n6 {:.8} {:.8} 329 11030 18 320070.000 IZZ ZZZZ ED 07 GS\n",
+        localizer.latitude_deg,
+        localizer.longitude_deg,
+        antenna.latitude_deg,
+        antenna.longitude_deg
+    );
+    write(folder, "earth_nav.dat", text)
+}
+
+fn imported(files: &[PathBuf]) -> Imported {
+    import("ZZZZ", "07", files).unwrap()
+}
+
+#[test]
+fn a_runway_has_the_course_between_its_ends_the_displaced_threshold_and_the_origin_of_its_glide_path()
+ {
+    let folder = tempfile::tempdir().unwrap();
+    let files = [
+        apt_dat(folder.path(), 0.0),
+        our_airports(folder.path()),
+        earth_nav(folder.path()),
+    ];
+    let found = imported(&files);
+    let runway = &found.runway;
+    assert_eq!(found.conflicts, []);
+    let threshold = along(START, 200.0, 0.0);
+    assert!(threshold.distance_m(runway.threshold.lat_lon()) < 0.05);
+    assert!((runway.threshold.altitude_msl_m - 100.0).abs() < 0.01);
+    // Meridians converge over 200 m.
+    assert!(
+        (runway.course_true_deg - COURSE_DEG).abs() < 0.01,
+        "{runway:?}"
+    );
+    assert!(
+        (runway.touchdown_past_threshold_m - 310.0).abs() < 0.2,
+        "{runway:?}"
+    );
+    assert_eq!(
+        (runway.glide_path_deg, runway.ils_frequency_mhz),
+        (3.2, Some(110.3))
+    );
+}
+
+#[test]
+fn tables_that_differ_are_named_and_the_one_on_the_localizers_axis_is_recommended() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = [
+        apt_dat(folder.path(), 12.0),
+        our_airports(folder.path()),
+        earth_nav(folder.path()),
+    ];
+    let found = imported(&files);
+    let [conflict] = &found.conflicts[..] else {
+        panic!("{:?}", found.conflicts);
+    };
+    assert_eq!(conflict.figure, "course_true_deg");
+    assert!(
+        conflict.recommended.starts_with("OurAirports"),
+        "{conflict:?}"
+    );
+    assert!((found.runway.course_true_deg - COURSE_DEG).abs() < 0.01);
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let apt = apt_dat(folder.path(), 0.0);
+    let message = |airport: &str, runway: &str, files: &[PathBuf]| {
+        import(airport, runway, files).unwrap_err().to_string()
+    };
+    assert!(message("ZZZZ", "09", &[apt.clone()]).contains("they have runways 07, 25"));
+    assert!(message("YYYY", "07", &[apt.clone()]).contains("the airport is in none of them"));
+    assert!(message("ZZZZ", "07", &[apt]).contains("no elevation of ZZZZ 07"));
+    let other = write(folder.path(), "apt.dat", "some text\n".into());
+    assert!(message("ZZZZ", "07", &[other]).contains("is no table of runways"));
+    let broken = write(
+        folder.path(),
+        "broken",
+        "I\n1000 Version\n1 300 0 0 ZZZZ Nowhere\n100 45 1 0 0.25 1 3 1 07 x 8.0 0 0 3 1 1 0 25 50.1 8.1 0 0 2 0 1 0\n".into(),
+    );
+    assert!(
+        message("ZZZZ", "07", &[broken]).contains(":4: the latitude is \"x\"; expected -90 to 90")
+    );
+}

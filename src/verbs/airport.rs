@@ -1,0 +1,48 @@
+//! `dtd airport import`: the table of a runway from published ones.
+
+use generator::airports::{Conflict, Imported, import};
+use serde::Serialize;
+
+use super::Outcome;
+use super::output::print_json;
+use crate::args::{AirportArgs, AirportCommand};
+use crate::failure::{Ending, Failure};
+
+/// Runs the verb.
+pub(crate) fn run(args: &AirportArgs) -> Outcome {
+    let AirportCommand::Import(args) = &args.command;
+    let found = import(&args.airport, &args.runway, &args.from)
+        .map_err(|error| Failure::bad_input(error))?;
+    let is_agreed = args.accept || found.conflicts.is_empty();
+    if args.json {
+        print_json(&Printed {
+            imported: &found,
+            toml: is_agreed.then(|| found.toml()),
+        })?;
+    } else if is_agreed {
+        print!("{}", found.toml());
+    }
+    for Conflict {
+        figure,
+        found,
+        recommended,
+    } in &found.conflicts
+    {
+        eprintln!("{figure}: {found}\n    recommended: {recommended}");
+    }
+    if is_agreed {
+        return Ok(Ending::Done);
+    }
+    Err(Failure::bad_input_message(format!(
+        "the tables differ on {} {}; check them against a chart, then take the recommended figures with --accept",
+        args.airport, args.runway
+    )))
+}
+
+#[derive(Serialize)]
+struct Printed<'a> {
+    #[serde(flatten)]
+    imported: &'a Imported,
+    /// The table of a sweep, unless the figures are not agreed on.
+    toml: Option<String>,
+}

@@ -1,0 +1,400 @@
+//! `dtd paper`: the paper's own experiment, from recording to the page that compares every table and figure with ours.
+//!
+//! The stages are the other verbs, in their order. What a stage found, and its time, is kept in `PAPER.json`, so that a later call goes on
+//! where an earlier one ended.
+
+mod notes;
+mod results;
+mod sweeps;
+mod weaker;
+
+use std::path::{Path, PathBuf};
+use std::slice;
+use std::time::Instant;
+
+use dataset::corpus::Corpus;
+use dataset::corpus::splits::Side;
+use detector_evaluation::{EvaluatedMode, EvaluationOptions};
+use generator::plan::expand;
+use generator::sweep::Sweep;
+use labeller::tiling::TilingSettings;
+use labeller::{DetectOptions, Mode, ModeSettings, SearchBands};
+use paper_experiment::{SINGLE_VIEW_SHARE, SeenTicks, SingleViews, WeakerDetector};
+use trainer::config::ScenarioSplitConfig;
+use trainer::{EvaluationConfig, RunFolder, TrainConfig};
+
+use super::Outcome;
+use super::detect::{detect, interrupted, refuse_other_models};
+use super::evaluate::evaluate;
+use super::evaluate_detector;
+use super::generate::{ending_of, generate, options};
+use super::label::{self, label};
+use super::output::{Next, finish, print_json};
+use super::train::{settings_in, train};
+use crate::args::{PaperArgs, Scale};
+use crate::failure::{Ending, Failure};
+use crate::shipped::Detector;
+use notes::{Notes, Settings};
+use sweeps::PaperSweep;
+
+/// Share of the scenarios that judge, as in the paper, where scenarios are drawn.
+const TEST_SHARE: f64 = 0.3;
+/// Side of the paper's tiles, pixels.
+const TILE_PX: u32 = 640;
+/// Factor by which the weaker detector shrinks pictures for its first pass.
+const SHRINK: u32 = 2;
+/// Stages in their order.
+const CORPUS: &str = "corpus";
+const LABELS: &str = "labels";
+const DETECTIONS: &str = "detections";
+const WEAKER: &str = "detections of the weaker detector";
+const BY_TRAJECTORY: &str = "training, other flights";
+const BY_SCENARIO: &str = "training, scenarios drawn";
+const EVALUATIONS: &str = "evaluation of estimators";
+const RANGE_CORPUS: &str = "corpus for ranges";
+const RANGES: &str = "ranges";
+
+/// Runs the verb.
+pub(crate) fn run(args: &PaperArgs) -> Outcome {
+    let began = Instant::now();
+    let sweep = PaperSweep::read(args)?;
+    let detector = Detector::chosen(args.model.as_deref())?;
+    for model in [Some(detector.path()), args.pretrained_detector.as_deref()] {
+        model.map_or(Ok(()), refuse_other_models)?;
+    }
+    let training = training(args)?;
+    let recorded = sweep.corpus()?;
+    let settings = Settings {
+        scale: args.scale.name().into(),
+        plan_hash: expand(&recorded).plan_hash,
+        model: args.model.clone(),
+        training: training.clone(),
+    };
+    let mut experiment = Experiment {
+        args,
+        sweep,
+        recorded,
+        detector,
+        training,
+        notes: Notes::open(&args.out, settings)?,
+    };
+    if let Some(ending) = experiment.stages()? {
+        return Ok(ending);
+    }
+    let page = results::write(&experiment)?;
+    if args.json {
+        print_json(&page.results)?;
+    } else {
+        println!("page: {}", page.path.display());
+    }
+    let run = experiment.place(Place::ByTrajectory);
+    let next = Next::verb("view", &experiment.place(Place::Corpus));
+    finish("paper", began, &next.and("--run").and(run.display()));
+    Ok(Ending::Done)
+}
+
+/// Settings of the trainings, but for boxes and split.
+fn training(args: &PaperArgs) -> Result<TrainConfig, Failure> {
+    match (&args.config, args.scale) {
+        (Some(path), _) => settings_in(path),
+        (None, Scale::Full) => Ok(TrainConfig::default()),
+        (None, Scale::Small) => Ok(sweeps::small_training()),
+    }
+}
+
+/// Folders of the experiment.
+#[derive(Debug, Clone, Copy)]
+enum Place {
+    Corpus,
+    RangeCorpus,
+    ByTrajectory,
+    ByScenario,
+    Ranges,
+    PretrainedRanges,
+    Weaker,
+}
+
+impl Place {
+    const ALL: [Self; 7] = [
+        Self::Corpus,
+        Self::RangeCorpus,
+        Self::ByTrajectory,
+        Self::ByScenario,
+        Self::Ranges,
+        Self::PretrainedRanges,
+        Self::Weaker,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Corpus => "corpus",
+            Self::RangeCorpus => "range-corpus",
+            Self::ByTrajectory => "run-other-flights",
+            Self::ByScenario => "run-scenarios-drawn",
+            Self::Ranges => "ranges",
+            Self::PretrainedRanges => "ranges-pretrained",
+            Self::Weaker => "weaker-detector",
+        }
+    }
+}
+
+/// Work of a stage.
+type Stage = fn(&mut Experiment<'_>) -> Outcome;
+
+/// The experiment in its folder.
+struct Experiment<'a> {
+    args: &'a PaperArgs,
+    sweep: PaperSweep,
+    /// The corpus, as it is recorded.
+    recorded: Sweep,
+    detector: Detector,
+    training: TrainConfig,
+    notes: Notes,
+}
+
+impl Experiment<'_> {
+    fn place(&self, place: Place) -> PathBuf {
+        self.args.out.join(place.name())
+    }
+
+    fn corpus(&self) -> Result<Corpus, Failure> {
+        Corpus::open(&self.place(Place::Corpus)).map_err(Failure::of_corpus)
+    }
+
+    /// All stages; the ending of one that did not reach its end.
+    fn stages(&mut self) -> Result<Option<Ending>, Failure> {
+        let stages: [(&str, Stage); 8] = [
+            (CORPUS, |this| this.record(&this.recorded, Place::Corpus)),
+            (LABELS, |this| label_in(&this.place(Place::Corpus))),
+            (DETECTIONS, |this| this.detect()),
+            (WEAKER, |this| this.detect_weaker()),
+            (BY_TRAJECTORY, |this| this.train(Place::ByTrajectory)),
+            (BY_SCENARIO, |this| this.train(Place::ByScenario)),
+            (EVALUATIONS, |this| this.evaluate()),
+            (RANGE_CORPUS, |this| this.record_for_ranges()),
+        ];
+        for (name, work) in stages {
+            if let Some(ending) = self.stage(name, work)? {
+                return Ok(Some(ending));
+            }
+        }
+        let own = self.detector.path().to_owned();
+        if let Some(ending) = self.stage(RANGES, |this| this.ranges(&own, false))? {
+            return Ok(Some(ending));
+        }
+        let Some(model) = self.args.pretrained_detector.clone() else {
+            return Ok(None);
+        };
+        let name = format!("{RANGES}, {}", file_name(&model));
+        self.stage(&name, |this| this.ranges(&model, true))
+    }
+
+    /// Runs a stage unless an earlier call did; the ending if it did not reach its end.
+    fn stage(
+        &mut self,
+        name: &str,
+        work: impl Fn(&mut Self) -> Outcome,
+    ) -> Result<Option<Ending>, Failure> {
+        if let Some(seconds) = self.notes.done_in_s(name) {
+            eprintln!("paper: {name}: done already, in {seconds:.0} s");
+            return Ok(None);
+        }
+        eprintln!("paper: {name}");
+        let began = Instant::now();
+        let ending = work(self);
+        let is_done = matches!(ending, Ok(Ending::Done));
+        self.notes.add(name, began.elapsed(), is_done)?;
+        Ok(match ending? {
+            Ending::Done => None,
+            other => Some(other),
+        })
+    }
+
+    fn record(&self, sweep: &Sweep, place: Place) -> Outcome {
+        let options = options(self.args.sim.clone())?;
+        let generated = generate(sweep, &self.place(place), &options)?;
+        for failed in &generated.failed {
+            eprint_warning!("paper: {}: {}", failed.id, failed.reason);
+        }
+        ending_of(&generated)
+    }
+
+    fn record_for_ranges(&self) -> Outcome {
+        match self.record(&self.sweep.range_corpus()?, Place::RangeCorpus)? {
+            Ending::Done => label_in(&self.place(Place::RangeCorpus)),
+            other => Ok(other),
+        }
+    }
+
+    fn detect(&mut self) -> Outcome {
+        let model = self.detector.path().to_owned();
+        self.detect_with(&model, |notes, hash| notes.found.detections = Some(hash))
+    }
+
+    /// Searches with a detector that misses aircraft, so that one view alone sees as many ticks as in the paper: the first pass shrinks the
+    /// pictures, and if that is not enough, boxes with low scores do not count either.
+    fn detect_weaker(&mut self) -> Outcome {
+        let corpus = self.corpus()?;
+        let folder = self.place(Place::Weaker);
+        let mut search = |least_score: f64| -> Result<(Ending, String), Failure> {
+            let model = weaker::write(self.detector.path(), SHRINK, least_score, &folder)?;
+            let ending = self.detect_with(&model, |notes, hash| {
+                notes.found.weaker_detections = Some(hash);
+            })?;
+            let hash = self.notes.found.weaker_detections.clone();
+            Ok((ending, hash.unwrap_or_default()))
+        };
+        let (ending, mut hash) = search(0.0)?;
+        if ending != Ending::Done {
+            return Ok(ending);
+        }
+        let training = SeenTicks::read(&corpus, &hash, Some(Side::Train))?;
+        let least_score = training.least_score(SINGLE_VIEW_SHARE);
+        if least_score > 0.0 {
+            let ending;
+            (ending, hash) = search(least_score)?;
+            if ending != Ending::Done {
+                return Ok(ending);
+            }
+        }
+        let seen = |hash: &str| -> Result<SingleViews, Failure> {
+            Ok(SeenTicks::read(&corpus, hash, None)?.single_views(0.0))
+        };
+        self.notes.found.weaker = Some(WeakerDetector {
+            first_pass_shrink: SHRINK,
+            least_score,
+            single_views: seen(&hash)?,
+            of_detector: seen(&self.notes.detections()?)?,
+        });
+        Ok(Ending::Done)
+    }
+
+    fn detect_with(&mut self, model: &Path, keep: impl Fn(&mut Notes, String)) -> Outcome {
+        let corpus = self.corpus()?;
+        let bands = SearchBands::of_training_side(&corpus)?;
+        let detected = detect(
+            &corpus,
+            model,
+            DetectOptions {
+                settings: TilingSettings {
+                    rows: bands.map(|bands| bands.small),
+                    half_scale_rows: bands.and_then(|bands| bands.large),
+                    ..TilingSettings::default()
+                },
+                modes: ModeSettings {
+                    mode: Mode::Full,
+                    ..ModeSettings::default()
+                },
+                ..self.runtime()
+            },
+        )?;
+        if let Some(ending) = interrupted(&detected) {
+            return Ok(ending);
+        }
+        if !detected.failed.is_empty() {
+            return Ok(Ending::Losses);
+        }
+        keep(&mut self.notes, detected.model_hash);
+        Ok(Ending::Done)
+    }
+
+    fn runtime(&self) -> DetectOptions {
+        DetectOptions {
+            onnx_runtime: self.args.runtime.library.clone(),
+            device: self.args.runtime.device,
+            ..DetectOptions::default()
+        }
+    }
+
+    fn train(&mut self, place: Place) -> Outcome {
+        let config = TrainConfig {
+            model_hash: self.notes.found.weaker_detections.clone(),
+            scenario_split: matches!(place, Place::ByScenario).then(|| ScenarioSplitConfig {
+                test_share: TEST_SHARE,
+                ..ScenarioSplitConfig::default()
+            }),
+            ..self.training.clone()
+        };
+        let corpus = self.corpus()?;
+        let outcome = train(slice::from_ref(&corpus), &self.place(place), &config)?;
+        if matches!(place, Place::ByTrajectory) {
+            self.notes.found.recommended = Some(outcome.choice.estimator);
+        }
+        Ok(Ending::Done)
+    }
+
+    fn evaluate(&self) -> Outcome {
+        let corpus = self.corpus()?;
+        for place in [Place::ByTrajectory, Place::ByScenario] {
+            evaluate(&self.place(place), &corpus, &EvaluationConfig::default())?;
+        }
+        Ok(Ending::Done)
+    }
+
+    fn ranges(&mut self, model: &Path, is_pretrained: bool) -> Outcome {
+        let place = if is_pretrained {
+            Place::PretrainedRanges
+        } else {
+            Place::Ranges
+        };
+        let corpus = Corpus::open(&self.place(Place::RangeCorpus)).map_err(Failure::of_corpus)?;
+        let mut modes = vec![EvaluatedMode::AutoSegmentation, EvaluatedMode::Scaled];
+        // A detector that finds little has no track to follow.
+        if !is_pretrained {
+            modes.push(EvaluatedMode::Tracked);
+        }
+        let evaluation = evaluate_detector::evaluate(
+            &corpus,
+            &EvaluationOptions {
+                model: model.to_owned(),
+                detect: DetectOptions {
+                    settings: TilingSettings {
+                        tile_px: Some(TILE_PX),
+                        ..TilingSettings::default()
+                    },
+                    ..self.runtime()
+                },
+                modes,
+                out: self.place(place),
+            },
+        )?;
+        let Some(evaluation) = evaluation else {
+            return Ok(Ending::Interrupted);
+        };
+        self.notes
+            .found
+            .ranges
+            .retain(|range| range.is_pretrained != is_pretrained);
+        self.notes
+            .found
+            .ranges
+            .extend(results::ranges(&evaluation, is_pretrained));
+        Ok(if evaluation.failed.is_empty() {
+            Ending::Done
+        } else {
+            Ending::Losses
+        })
+    }
+
+    /// The run of a split.
+    fn run_folder(&self, place: Place) -> RunFolder {
+        RunFolder::at(&self.place(place))
+    }
+}
+
+fn label_in(corpus: &Path) -> Outcome {
+    let corpus = Corpus::open(corpus).map_err(Failure::of_corpus)?;
+    let labelled = label(&corpus)?;
+    Ok(match label::interrupted(&labelled) {
+        Some(ending) => ending,
+        None if labelled.failed.is_empty() => Ending::Done,
+        None => Ending::Losses,
+    })
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}

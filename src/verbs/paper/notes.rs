@@ -1,0 +1,248 @@
+//! `PAPER.json`: the settings of an experiment, and the findings of its stages.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use dataset::corpus::claim::Claim;
+use dataset::corpus::workshop::{CLAIM, lock};
+use dataset::files::json_file::{read_json, write_json};
+use paper_experiment::{Range, StageTime, WeakerDetector};
+use serde::{Deserialize, Serialize};
+use trainer::TrainConfig;
+
+use super::Place;
+use crate::failure::Failure;
+
+const FILE: &str = "PAPER.json";
+const MADE_BY: &str = "dtd paper";
+/// Files and folders of the page.
+const PAGE: [&str; 3] = ["paper.md", "results", "images"];
+
+/// Settings that stay the same from call to call.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Settings {
+    pub(super) scale: String,
+    pub(super) plan_hash: String,
+    pub(super) model: Option<PathBuf>,
+    pub(super) training: TrainConfig,
+}
+
+/// A stage, and the time of all calls that were not killed in it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Stage {
+    name: String,
+    seconds: f64,
+    is_done: bool,
+}
+
+/// The content of the file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    made_by: String,
+    settings: Settings,
+    stages: Vec<Stage>,
+    found: Found,
+}
+
+/// Findings of stages, for later ones.
+#[derive(Debug, Default, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Found {
+    /// Name of the detections of the detector.
+    pub(super) detections: Option<String>,
+    /// The same of the weaker one.
+    pub(super) weaker_detections: Option<String>,
+    pub(super) weaker: Option<WeakerDetector>,
+    /// The recommended estimator.
+    pub(super) recommended: Option<String>,
+    pub(super) ranges: Vec<Range>,
+}
+
+/// The file, locked until this is dropped.
+pub(super) struct Notes {
+    path: PathBuf,
+    settings: Settings,
+    stages: Vec<Stage>,
+    pub(super) found: Found,
+    _claim: Claim,
+}
+
+impl Notes {
+    /// The notes in a folder, which is created if it is missing. A folder of others, or of other settings, is rejected.
+    pub(super) fn open(folder: &Path, settings: Settings) -> Result<Self, Failure> {
+        let claim = lock(folder, folder, Duration::ZERO).map_err(Failure::of_corpus)?;
+        let path = folder.join(FILE);
+        let mut notes = Self {
+            path,
+            settings,
+            stages: Vec::new(),
+            found: Found::default(),
+            _claim: claim.in_existing_folder(),
+        };
+        if notes.path.exists() {
+            let written: Written =
+                read_json(&notes.path, "notes of dtd paper").map_err(Failure::bad_input)?;
+            notes.refuse_other(folder, &written.settings)?;
+            notes.stages = written.stages;
+            notes.found = written.found;
+        } else {
+            refuse_others(folder)?;
+            notes.write()?;
+        }
+        Ok(notes)
+    }
+
+    fn refuse_other(&self, folder: &Path, earlier: &Settings) -> Result<(), Failure> {
+        let (now, before) = (&self.settings, earlier);
+        let difference = if now.scale != before.scale {
+            format!("--scale {}, now it is {}", before.scale, now.scale)
+        } else if now.plan_hash != before.plan_hash {
+            "another sweep or frame rate".into()
+        } else if now.model != before.model {
+            "another --model".into()
+        } else if now.training != before.training {
+            "other settings of the training".into()
+        } else {
+            return Ok(());
+        };
+        Err(Failure::bad_input_message(format!(
+            "{} was started with {difference}; start the command as before, or name another --out",
+            folder.display()
+        )))
+    }
+
+    /// Time of a stage that reached its end, seconds.
+    pub(super) fn done_in_s(&self, name: &str) -> Option<f64> {
+        let stage = self.stages.iter().find(|stage| stage.name == name)?;
+        stage.is_done.then_some(stage.seconds)
+    }
+
+    /// Adds the time of a stage.
+    pub(super) fn add(&mut self, name: &str, took: Duration, is_done: bool) -> Result<(), Failure> {
+        let known = self.stages.iter_mut().find(|stage| stage.name == name);
+        match known {
+            Some(stage) => {
+                stage.seconds += took.as_secs_f64();
+                stage.is_done = is_done;
+            }
+            None => self.stages.push(Stage {
+                name: name.into(),
+                seconds: took.as_secs_f64(),
+                is_done,
+            }),
+        }
+        self.write()
+    }
+
+    /// All stages and their times.
+    pub(super) fn times(&self) -> Vec<StageTime> {
+        let stages = self.stages.iter();
+        stages
+            .map(|stage| StageTime {
+                stage: stage.name.clone(),
+                seconds: stage.seconds,
+            })
+            .collect()
+    }
+
+    /// Name of the detections of the detector.
+    pub(super) fn detections(&self) -> Result<String, Failure> {
+        self.noted(self.found.detections.clone())
+    }
+
+    /// A finding that a stage must have noted.
+    pub(super) fn noted<T>(&self, value: Option<T>) -> Result<T, Failure> {
+        value.ok_or_else(|| {
+            Failure::bad_input_message(format!(
+                "{} lacks what its stages found; name another --out",
+                self.path.display()
+            ))
+        })
+    }
+
+    fn write(&self) -> Result<(), Failure> {
+        let written = Written {
+            made_by: MADE_BY.into(),
+            settings: self.settings.clone(),
+            stages: self.stages.clone(),
+            found: self.found.clone(),
+        };
+        write_json(&self.path, &written).map_err(Failure::bad_input)
+    }
+}
+
+/// Rejects a folder with anything that would be replaced.
+fn refuse_others(folder: &Path) -> Result<(), Failure> {
+    let own: BTreeSet<&str> = Place::ALL
+        .map(Place::name)
+        .into_iter()
+        .chain(PAGE)
+        .collect();
+    let entries = fs::read_dir(folder).map_err(dataset::Error::io("list", folder))?;
+    for entry in entries {
+        let name = entry
+            .map_err(dataset::Error::io("list", folder))?
+            .file_name();
+        let name = name.to_string_lossy();
+        if name != CLAIM && own.contains(name.as_ref()) {
+            return Err(Failure::bad_input_message(format!(
+                "{} contains {name}, which `dtd paper` did not write; name another --out",
+                folder.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(scale: &str) -> Settings {
+        Settings {
+            scale: scale.into(),
+            plan_hash: "0".into(),
+            model: None,
+            training: TrainConfig::demo(),
+        }
+    }
+
+    #[test]
+    fn what_a_stage_took_is_added_up_until_it_is_done_and_read_by_the_next_call() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut notes = Notes::open(folder.path(), settings("small")).unwrap();
+        notes.add("corpus", Duration::from_secs(2), false).unwrap();
+        assert_eq!(notes.done_in_s("corpus"), None);
+        notes.found.detections = Some("abc".into());
+        notes.add("corpus", Duration::from_secs(3), true).unwrap();
+        drop(notes);
+        let notes = Notes::open(folder.path(), settings("small")).unwrap();
+        assert_eq!(notes.done_in_s("corpus"), Some(5.0));
+        assert_eq!(notes.detections().unwrap(), "abc");
+    }
+
+    #[test]
+    fn other_settings_and_folders_of_others_are_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(Notes::open(folder.path(), settings("small")).unwrap());
+        let refused = |folder: &Path, scale| match Notes::open(folder, settings(scale)) {
+            Err(Failure::BadInput(error)) => error.to_string(),
+            _ => panic!("not refused"),
+        };
+        let said = refused(folder.path(), "full");
+        assert!(said.contains("--scale small, now it is full"), "{said}");
+        let mine = tempfile::tempdir().unwrap();
+        fs::write(mine.path().join("notes.txt"), "").unwrap();
+        drop(Notes::open(mine.path(), settings("small")).unwrap());
+        let others = tempfile::tempdir().unwrap();
+        fs::create_dir(others.path().join("corpus")).unwrap();
+        let said = refused(others.path(), "small");
+        assert!(said.contains("corpus"), "{said}");
+        assert!(!others.path().join(FILE).exists());
+    }
+}

@@ -1,0 +1,59 @@
+//! `dtd tracks import`: recordings from tracks of real arrivals.
+
+use std::fs;
+
+use generator::airports::{bundled, in_file};
+use generator::tracks::import_tracks;
+
+use super::Outcome;
+use super::output::{count, print_json};
+use crate::args::{TracksArgs, TracksCommand};
+use crate::failure::{Ending, Failure};
+
+/// Runs the verb.
+pub(crate) fn run(args: &TracksArgs) -> Outcome {
+    let TracksCommand::Import(args) = &args.command;
+    let (airport, name) = args.runway.split_once('/').ok_or_else(|| {
+        Failure::bad_input_message(format!(
+            "--runway {}: expected airport and runway, e.g. LFPG/09R",
+            args.runway
+        ))
+    })?;
+    let runway = match &args.airports {
+        Some(file) => in_file(file, airport, name).map_err(Failure::bad_input_message)?,
+        None => bundled(airport, name).ok_or_else(|| {
+            Failure::bad_input_message(format!(
+                "runway {name} of {airport} is not built in; make its table with `dtd airport import`, and name the file in --airports"
+            ))
+        })?,
+    };
+    fs::create_dir_all(&args.out).map_err(|error| {
+        Failure::bad_input_message(format!("--out {}: {error}", args.out.display()))
+    })?;
+    let outcome = import_tracks(&args.files, &runway, &args.out)?;
+    if args.json {
+        print_json(&outcome)?;
+    } else {
+        for track in &outcome.imported {
+            println!("{}", track.recording.display());
+        }
+    }
+    for track in &outcome.refused {
+        let aircraft = track.aircraft.as_ref();
+        let aircraft = aircraft.map_or_else(String::new, |name| format!(", aircraft {name}"));
+        eprintln!(
+            "refused: {}{aircraft}: {}",
+            track.file.display(),
+            track.reason
+        );
+    }
+    let (imported, refused) = (outcome.imported.len(), outcome.refused.len());
+    eprintln!("{} imported, {refused} refused", count(imported, "arrival"));
+    match (imported, refused) {
+        (0, _) => Err(Failure::bad_input_message(
+            "no track is an arrival on this runway",
+        )),
+        (_, 0) => Ok(Ending::Done),
+        _ => Ok(Ending::Losses),
+    }
+}

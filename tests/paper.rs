@@ -1,0 +1,116 @@
+//! `dtd paper --scale small`: it makes the page, and killed in its stages and started again it arrives at the same figures.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, ChildStderr, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use serde_json::Value;
+use testkit::command::{Dtd, said};
+
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
+
+/// Stages in which the command is killed, and how long after their start.
+const KILLED_IN: [(&str, Duration); 4] = [
+    ("paper: corpus", Duration::from_millis(1_500)),
+    (
+        "paper: detections of the weaker detector",
+        Duration::from_millis(300),
+    ),
+    (
+        "paper: training, scenarios drawn",
+        Duration::from_millis(800),
+    ),
+    ("paper: ranges", Duration::from_millis(300)),
+];
+
+fn arguments(out: &Path) -> [&str; 5] {
+    ["paper", "--scale", "small", "--out", out.to_str().unwrap()]
+}
+
+fn start(out: &Path) -> (Child, BufReader<ChildStderr>) {
+    let mut process = DTD
+        .command(&arguments(out))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let stderr = process.stderr.take().unwrap();
+    (process, BufReader::new(stderr))
+}
+
+/// Runs the command until `later` after a line with these words, and kills it there.
+fn kill_in(out: &Path, words: &str, later: Duration) {
+    let (mut process, stderr) = start(out);
+    let mut lines = stderr.lines().map_while(Result::ok);
+    let reached = lines.by_ref().any(|line| line.ends_with(words));
+    assert!(reached, "no line {words:?}");
+    sleep(later);
+    process.kill().unwrap();
+    // Its simulator ends with it, and lets go of stderr then.
+    assert!(
+        lines.all(|line| !line.contains("paper: done")),
+        "{words}: killed too late"
+    );
+    process.wait().unwrap();
+}
+
+/// The figures, without times.
+fn figures(out: &Path) -> Value {
+    let text = fs::read_to_string(out.join("results/paper.json")).unwrap();
+    let mut results: Value = serde_json::from_str(&text).unwrap();
+    results.as_object_mut().unwrap().remove("stages");
+    for split in ["by_trajectory", "by_scenario"] {
+        let training = results[split]["training"].as_object_mut().unwrap();
+        training.remove("training_s");
+    }
+    for range in results["ranges"].as_array_mut().unwrap() {
+        range.as_object_mut().unwrap().remove("cpu_ms_per_picture");
+    }
+    results
+}
+
+#[test]
+fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
+    let output = DTD.run(&arguments(&whole));
+    assert!(output.status.success(), "{}", said(&output));
+    let page = fs::read_to_string(whole.join("paper.md")).unwrap();
+    for part in [
+        "9.95",
+        "0.22 / 0.30",
+        "`paper_lstm`",
+        "not done, because",
+        "100 recorded landings",
+    ] {
+        assert!(page.contains(part), "no {part:?} in {page}");
+    }
+    for figure in page
+        .split("](")
+        .skip(1)
+        .filter_map(|rest| rest.split(')').next())
+    {
+        assert!(whole.join(figure).is_file(), "{figure}");
+    }
+    for (words, later) in KILLED_IN {
+        kill_in(&killed, words, later);
+    }
+    let output = DTD.run(&arguments(&killed));
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(
+        said(&output).contains("paper: labels: done already"),
+        "{}",
+        said(&output)
+    );
+    assert_eq!(figures(&killed), figures(&whole));
+    let other = DTD.run(&[&arguments(&killed)[..], &["--frame-rate", "1"]].concat());
+    assert_eq!(other.status.code(), Some(2), "{}", said(&other));
+    assert!(
+        said(&other).contains("another sweep or frame rate"),
+        "{}",
+        said(&other)
+    );
+}

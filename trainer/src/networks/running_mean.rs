@@ -1,0 +1,39 @@
+//! Means over the batches since the last entry of a convergence log.
+
+use serde::{Deserialize, Serialize};
+
+/// A mean that grows number by number.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct RunningMean {
+    sum: f64,
+    count: u64,
+}
+
+impl RunningMean {
+    /// Adds a number; one that is not finite is left out.
+    pub(crate) fn add(&mut self, number: f64) {
+        if number.is_finite() {
+            self.sum += number;
+            self.count += 1;
+        }
+    }
+
+    /// The mean so far, and the begin of the next one; `None` without numbers.
+    pub(crate) fn take(&mut self) -> Option<f64> {
+        let Self { sum, count } = std::mem::take(self);
+        (count > 0).then(|| sum / count as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_is_taken_once_and_of_finite_numbers() {
+        let mut mean = RunningMean::default();
+        [1.0, f64::NAN, 4.0].map(|number| mean.add(number));
+        assert_eq!(mean.take(), Some(2.5));
+        assert_eq!(mean.take(), None);
+    }
+}
