@@ -426,7 +426,7 @@ impl Running {
 
     fn last(&mut self) -> Value {
         let mut last = Value::Null;
-        while let Some(line) = self.lines.next() {
+        for line in self.lines.by_ref() {
             last = serde_json::from_str(&line.unwrap()).unwrap();
         }
         last

@@ -1,7 +1,7 @@
 //! A thread for each view: it opens the source, decodes, judges each image, and opens the source again when it is lost.
 //!
-//! The newest image waits for the search, and replaces one that was not taken: decoded, but not searched. A recording that is read as fast
-//! as possible waits instead.
+//! A few images wait for the search, and the newest replaces the oldest: that one was decoded, but is not searched. A recording that is
+//! read as fast as possible waits instead.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Sender;

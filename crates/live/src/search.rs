@@ -39,6 +39,8 @@ pub(crate) struct Search {
     pub(crate) lockstep: Arc<Lockstep>,
 }
 
+/// Longest wait of an image that is searched although there are newer ones, seconds: a search of a whole image delays some.
+const MOST_WAIT_S: f64 = 0.1;
 /// A wait for an image that is longer changes nothing.
 const WAIT: Duration = Duration::from_millis(500);
 
@@ -59,6 +61,8 @@ impl Search {
             };
             if self.shared.pace == Pace::AsFastAsPossible {
                 self.lockstep.reach(self.view, image.time_s);
+            } else if self.is_too_old(&image) {
+                continue;
             }
             match self.look(image, &mut pixels) {
                 Ok(None) => {}
@@ -77,6 +81,16 @@ impl Search {
         }
         self.lockstep.leave(self.view);
         let _ = self.messages.send(Message::Finished(self.view));
+    }
+
+    /// Drops an image that waited for long if there are newer ones.
+    fn is_too_old(&self, image: &FeedImage) -> bool {
+        let waited_s = self.shared.clock.now_s() - image.decoded_s;
+        let is_dropped = waited_s > MOST_WAIT_S && !self.slot.is_empty();
+        if is_dropped && image.can_be_measured {
+            self.shared.metrics.count(self.view, Fate::Overload);
+        }
+        is_dropped
     }
 
     /// Searches an image; `None` if it must not be measured.

@@ -1,16 +1,18 @@
-//! Hands images from one thread to another: the newest one first, or every one.
+//! Hands images from one thread to another: a few that wait, of which the oldest are dropped, or every one.
 
+use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A place for one thing.
+/// A place for a few things, one after another.
 pub(crate) struct Slot<T> {
     state: Mutex<State<T>>,
     changed: Condvar,
+    most: usize,
 }
 
 struct State<T> {
-    content: Option<T>,
+    waiting: VecDeque<T>,
     is_closed: bool,
 }
 
@@ -26,47 +28,57 @@ pub(crate) enum Taken<T> {
 }
 
 impl<T> Slot<T> {
-    pub(crate) fn new() -> Self {
+    /// A place for so many things.
+    pub(crate) fn of(most: usize) -> Self {
         Self {
             state: Mutex::new(State {
-                content: None,
+                waiting: VecDeque::new(),
                 is_closed: false,
             }),
             changed: Condvar::new(),
+            most,
         }
     }
 
-    /// Puts a thing here at once, and returns the one that waited in its place.
+    /// Puts a thing here at once, and returns the oldest one if there are too many.
     pub(crate) fn put(&self, content: T) -> Option<T> {
-        let before = self.lock().content.replace(content);
+        let mut state = self.lock();
+        state.waiting.push_back(content);
         self.changed.notify_all();
-        before
+        let is_full = state.waiting.len() > self.most;
+        is_full.then(|| state.waiting.pop_front()).flatten()
     }
 
-    /// Puts a thing here when the one before was taken. False: it was closed.
+    /// True if nothing waits here.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.lock().waiting.is_empty()
+    }
+
+    /// Puts a thing here when there is room. False: it was closed.
     pub(crate) fn put_after(&self, content: T) -> bool {
         let state = self.lock();
-        let is_occupied = |state: &mut State<T>| state.content.is_some() && !state.is_closed;
+        let is_occupied =
+            |state: &mut State<T>| state.waiting.len() >= self.most && !state.is_closed;
         let mut state = self
             .changed
             .wait_while(state, is_occupied)
             .unwrap_or_else(PoisonError::into_inner);
         if !state.is_closed {
-            state.content = Some(content);
+            state.waiting.push_back(content);
             self.changed.notify_all();
         }
         !state.is_closed
     }
 
-    /// Takes what is here, or waits for it.
+    /// Takes the oldest thing here, or waits for one.
     pub(crate) fn take(&self, most: Duration) -> Taken<T> {
         let state = self.lock();
-        let is_empty = |state: &mut State<T>| state.content.is_none() && !state.is_closed;
+        let is_empty = |state: &mut State<T>| state.waiting.is_empty() && !state.is_closed;
         let (mut state, _) = self
             .changed
             .wait_timeout_while(state, most, is_empty)
             .unwrap_or_else(PoisonError::into_inner);
-        match state.content.take() {
+        match state.waiting.pop_front() {
             Some(content) => {
                 self.changed.notify_all();
                 Taken::Content(content)
@@ -96,17 +108,21 @@ mod tests {
     const LONG: Duration = Duration::from_secs(60);
 
     #[test]
-    fn the_newest_replaces_what_nobody_took() {
-        let slot = Slot::new();
-        assert_eq!(slot.put(1), None);
-        assert_eq!(slot.put(2), Some(1));
+    fn the_newest_replaces_the_oldest_that_nobody_took() {
+        let slot = Slot::of(2);
+        assert_eq!(
+            [slot.put(1), slot.put(2), slot.put(3)],
+            [None, None, Some(1)]
+        );
         assert_eq!(slot.take(LONG), Taken::Content(2));
+        assert_eq!(slot.take(LONG), Taken::Content(3));
+        assert!(slot.is_empty());
         assert_eq!(slot.take(Duration::ZERO), Taken::Nothing);
     }
 
     #[test]
     fn one_after_another_loses_none_and_what_is_here_outlives_the_end() {
-        let slot = Slot::new();
+        let slot = Slot::of(1);
         thread::scope(|scope| {
             scope.spawn(|| {
                 for number in 0..100 {

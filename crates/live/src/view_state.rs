@@ -170,8 +170,13 @@ impl ViewWatch {
             run.is_some_and(|(since_s, count)| count >= FEWEST && last_s - since_s >= least_s)
         };
         let silent_s = now_s - last_s;
-        let period_s = self.period_s().unwrap_or(0.0);
-        if silent_s > DOWN_S.max(DOWN_PERIODS * period_s) {
+        let period_s = self.period_s();
+        // Of a single image nobody knows when the next is due.
+        let late_s = match period_s {
+            Some(period_s) => LATE_S.max(LATE_PERIODS * period_s),
+            None => DOWN_S,
+        };
+        if silent_s > DOWN_S.max(DOWN_PERIODS * period_s.unwrap_or(0.0)) {
             ViewState::Down
         } else if lasts(self.dark, DARK_S) {
             ViewState::Dark
@@ -181,7 +186,7 @@ impl ViewWatch {
             ViewState::Damaged
         } else if self.is_frozen || lasts(self.repeats, FROZEN_S) {
             ViewState::Frozen
-        } else if silent_s.max(self.age_s) > LATE_S.max(LATE_PERIODS * period_s) {
+        } else if silent_s.max(self.age_s) > late_s {
             ViewState::Late
         } else {
             ViewState::Up

@@ -13,6 +13,9 @@ use crate::options::Options;
 use crate::search::Search;
 use crate::slot::Slot;
 
+/// Images of a view that wait for its search.
+const MOST_WAITING: usize = 4;
+
 /// A view of the run.
 pub(crate) struct View {
     pub(crate) name: String,
@@ -50,7 +53,7 @@ impl Views {
                 continue;
             };
             let camera = options.run.camera(view);
-            let slot = Arc::new(Slot::new());
+            let slot = Arc::new(Slot::of(MOST_WAITING));
             let feed = Feed {
                 view,
                 name: name.clone(),
