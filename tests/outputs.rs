@@ -11,7 +11,7 @@ use testkit::command::{Dtd, said, text};
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 /// Every verb that writes to a place of the user's choice. `OUT` stands for that place.
-const VERBS: [&[&str]; 19] = [
+const VERBS: [&[&str]; 20] = [
     &["generate", "demo.toml", "--out", "OUT"],
     &["generate", "demo.toml", "--out", "file://OUT"],
     &[
