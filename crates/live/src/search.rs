@@ -64,19 +64,19 @@ impl Search {
             } else if self.is_too_old(&image) {
                 continue;
             }
-            match self.look(image, &mut pixels) {
-                Ok(None) => {}
-                Ok(Some(searched)) => {
-                    let message = Message::Searched(self.view, Box::new(searched));
-                    if self.messages.send(message).is_err() {
-                        break;
-                    }
+            let time_s = image.time_s;
+            let message = match self.look(image, &mut pixels) {
+                Ok(Some(searched)) => Message::Searched(self.view, Box::new(searched)),
+                Ok(None) if self.shared.pace == Pace::AsFastAsPossible => {
+                    Message::Skipped(self.view, time_s)
                 }
-                Err(error) => {
-                    // Whoever reads it has ended if it fails.
-                    let _ = self.messages.send(Message::Failed(error.into()));
-                    break;
-                }
+                Ok(None) => continue,
+                Err(error) => Message::Failed(error.into()),
+            };
+            let is_over = matches!(message, Message::Failed(_));
+            // Whoever reads it has ended if it fails.
+            if self.messages.send(message).is_err() || is_over {
+                break;
             }
         }
         self.lockstep.leave(self.view);
@@ -99,6 +99,9 @@ impl Search {
         image: FeedImage,
         pixels: &mut Pixels,
     ) -> labeller::Result<Option<Searched>> {
+        if !image.can_be_searched {
+            return Ok(None);
+        }
         let metrics = &self.shared.metrics;
         let begun_s = self.shared.clock.now_s();
         metrics.time(Stage::Wait, begun_s - image.decoded_s);

@@ -63,6 +63,7 @@ impl Views {
                 status: status.clone(),
                 messages: send.clone(),
                 shared: shared.clone(),
+                last_time_s: None,
             };
             threads.push(spawn(format!("feed {name}"), move || feed.run())?);
             if !searches {
