@@ -41,6 +41,8 @@ pub(crate) struct Search {
 
 /// A wait for an image that is longer changes nothing.
 const WAIT: Duration = Duration::from_millis(500);
+/// Images in a row whose search may fail before there is no point in going on.
+const MOST_FAILURES: u32 = 30;
 
 impl Search {
     /// Runs until the feed ends or the program is stopped.
@@ -51,6 +53,7 @@ impl Search {
             part: Vec::new(),
             previous: None,
         };
+        let mut failures = 0;
         while !self.shared.is_stopped() {
             let image = match self.slot.take(WAIT) {
                 Taken::Content(image) => image,
@@ -60,13 +63,19 @@ impl Search {
             if self.shared.pace == Pace::AsFastAsPossible {
                 self.lockstep.reach(self.view, image.time_s);
             }
-            match self.look(image, &mut pixels) {
+            let looked = self.look(image, &mut pixels);
+            failures = failures_after(&looked, failures);
+            match looked {
                 Ok(None) => {}
                 Ok(Some(searched)) => {
                     let message = Message::Searched(self.view, Box::new(searched));
                     if self.messages.send(message).is_err() {
                         break;
                     }
+                }
+                Err(error) if failures < MOST_FAILURES => {
+                    tracing::warn!("an image of view {} was not searched: {error}", self.name);
+                    self.shared.metrics.count(self.view, Fate::Damaged);
                 }
                 Err(error) => {
                     // Whoever reads it has ended if it fails.
@@ -114,6 +123,15 @@ impl Search {
             searched_s,
             looked,
         }))
+    }
+}
+
+/// Failures in a row after a search; all that are allowed at once if the detector is at fault rather than the image.
+fn failures_after<T>(looked: &labeller::Result<T>, before: u32) -> u32 {
+    match looked {
+        Ok(_) => 0,
+        Err(error) if error.is_bad_input() => MOST_FAILURES,
+        Err(_) => before + 1,
     }
 }
 
@@ -168,5 +186,31 @@ impl Image for NewImage<'_> {
         let is_alike = |before: &&DecodedImage| before.size_px() == self.image.size_px();
         let before = previous.filter(is_alike).and_then(DecodedImage::luma);
         [before, self.image.luma()]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_image_costs_itself_and_failures_without_end_the_view() {
+        let option = || labeller::Error::Option {
+            name: "rows",
+            found: "1:0".into(),
+            expected: "0:1".into(),
+        };
+        let of_image = || labeller::Error::Scenario {
+            id: "left".into(),
+            message: "its pixels cannot be converted".into(),
+        };
+        let after = |failures| failures_after::<()>(&Err(of_image()), failures);
+        assert_eq!(after(0), 1);
+        assert_eq!(failures_after(&Ok(()), MOST_FAILURES - 1), 0);
+        assert_eq!(
+            (0..MOST_FAILURES).fold(0, |failures, _| after(failures)),
+            MOST_FAILURES
+        );
+        assert_eq!(failures_after::<()>(&Err(option()), 0), MOST_FAILURES);
     }
 }
