@@ -40,7 +40,7 @@ const LAST_LINES: Duration = Duration::from_millis(500);
 /// Runs until all recordings end or the caller stops it. `ready` gets the address of the metrics.
 ///
 /// # Errors
-/// The views are not those of the run, a source can never be used, or an output cannot be opened.
+/// The views are not those of the run, a source can never be used, or an output cannot be opened or takes no more lines.
 pub fn estimate(
     options: Options,
     output: Box<dyn Write + Send>,
@@ -64,7 +64,8 @@ pub fn estimate(
         options.offsets_s(),
     );
     let shared = Arc::new(shared);
-    let lines = Lines::to(output, metrics.clone())?;
+    let is_timed = shared.pace != Pace::AsFastAsPossible;
+    let lines = Lines::to(output, metrics.clone(), is_timed)?;
     let views = Views::start(&options, &shared, true)?;
     ready(address);
     let sources = views.all.iter();
@@ -106,8 +107,7 @@ pub fn estimate(
         });
     }
     let cause = conductor.work(is_stopped);
-    conductor.finish(cause?);
-    Ok(())
+    conductor.finish(cause?)
 }
 
 /// A tick: its time, and when its images were taken and received.
@@ -174,7 +174,7 @@ impl Conductor {
                 return Ok("recordings");
             }
             // Without lines and without metrics nobody would learn anything.
-            if self.lines.failure().is_some() && !self.serves_metrics {
+            if !self.lines.has_reader()? && !self.serves_metrics {
                 return Ok("reader");
             }
         }
@@ -401,7 +401,7 @@ impl Conductor {
             .answers
             .of(found, time_s, utc, (now_s - taken_s).max(0.0))
         {
-            self.metrics.answered(now_s);
+            self.metrics.answered(answer.state, now_s);
             self.lines.put(&Line::Answer(Box::new(answer)));
         }
     }
@@ -444,7 +444,7 @@ impl Conductor {
         }
     }
 
-    fn finish(self, cause: &'static str) {
+    fn finish(self, cause: &'static str) -> Result<()> {
         let images = self.views.all.iter().enumerate();
         let images = images.map(|(view, of_view)| {
             let searched = self.metrics.images(view, Fate::Searched);
@@ -458,7 +458,7 @@ impl Conductor {
             images,
         });
         self.views.stop(STOP);
-        self.lines.finish(LAST_LINES);
+        self.lines.finish(LAST_LINES)
     }
 }
 
