@@ -1,8 +1,8 @@
 //! The time of each image: its sender's wall clock if there is one that can be right, else its timestamps placed by their arrivals, else
 //! its arrival.
 //!
-//! Timestamps of a camera run evenly but begin anywhere. The image that needed the shortest time to arrive places them; a camera whose clock
-//! runs differently is followed, up to 200 ppm. Images that come late stay late: only a clock whose readings jump is placed again.
+//! Timestamps of a camera run evenly but begin anywhere. The image that needed the shortest time to arrive places them; a camera whose
+//! clock runs differently is followed, up to 200 ppm. Images that come late stay late: only a clock whose readings jump is placed again.
 
 use std::ops::RangeInclusive;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};

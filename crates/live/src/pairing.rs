@@ -1,7 +1,7 @@
 //! Images of several views that belong together: each with the nearest of the others, at most about half a frame away.
 //!
-//! The earliest image decides. It waits for a view that may still deliver a nearer one, until that one is overdue by [`MOST_WAIT_S`]. Clocks
-//! may differ by seconds (`--offset`): images of one time then come one after the other, so the lag of each view is followed.
+//! The earliest image decides. It waits for a view that may still deliver a nearer one, until that one is overdue by [`MOST_WAIT_S`].
+//! Clocks may differ by seconds (`--offset`): images of one time then come one after the other, so the lag of each view is followed.
 
 use std::collections::VecDeque;
 
