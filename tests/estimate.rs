@@ -290,6 +290,21 @@ fn what_can_never_work_is_refused_with_what_to_do() {
             &["--view", &left, "--view", &right, "--offset", "tower=1"],
             "no such view",
         ),
+        (
+            &["--view", &left, "--view", &right, "--offset", "left=1e300"],
+            "expected -3600 to 3600",
+        ),
+        (
+            &[
+                "--view",
+                &left,
+                "--view",
+                &right,
+                "--password-file",
+                "tower=missing",
+            ],
+            "its views are left, right",
+        ),
     ];
     for (arguments, expected) in cases {
         let output = DTD
@@ -305,6 +320,23 @@ fn what_can_never_work_is_refused_with_what_to_do() {
         );
         assert!(!String::from_utf8_lossy(&output.stdout).contains("dtd_m"));
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_output_that_is_full_is_a_failure() {
+    let workshop = Workshop::shared();
+    let scenario = &workshop.scenarios()[0];
+    let source = format!("corpus:{}/{scenario}", text(&workshop.corpus()));
+    let output = workshop
+        .command([&source, &source])
+        .arg("--as-fast-as-possible")
+        .stdout(fs::File::create("/dev/full").unwrap())
+        .output()
+        .unwrap();
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("No space"), "{said}");
 }
 
 #[test]

@@ -116,9 +116,20 @@ fn passwords(args: &EstimateArgs, views: &[String]) -> Result<BTreeMap<String, S
         }
     }
     for (view, path) in by_view("--password-file", &args.password_files)? {
+        check_password_view(&view, views)?;
         all.insert(view, first_line(&path)?);
     }
     Ok(all)
+}
+
+fn check_password_view(view: &String, views: &[String]) -> Result<(), Failure> {
+    if views.contains(view) {
+        return Ok(());
+    }
+    Err(Failure::bad_input_message(format!(
+        "--password-file {view}: the run has no such view; its views are {}",
+        views.join(", ")
+    )))
 }
 
 /// The variable for a view's password: `DTD_PASSWORD_LEFT`.
@@ -155,6 +166,13 @@ mod tests {
     fn the_variable_of_a_view_has_its_name_in_capitals() {
         assert_eq!(variable_of("left"), "DTD_PASSWORD_LEFT");
         assert_eq!(variable_of("tower-2 north"), "DTD_PASSWORD_TOWER_2_NORTH");
+    }
+
+    #[test]
+    fn a_password_for_a_view_that_the_run_does_not_have_is_refused() {
+        let views = ["left".to_owned(), "right".to_owned()];
+        assert!(check_password_view(&views[1], &views).is_ok());
+        assert!(check_password_view(&"rihgt".to_owned(), &views).is_err());
     }
 
     #[test]

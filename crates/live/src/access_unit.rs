@@ -17,12 +17,16 @@ const START_CODE: [u8; 4] = [0, 0, 0, 1];
 const PROVEN: u32 = 30;
 /// Images without the rule after it was wrong while it was used.
 const PENALTY: u32 = 3_000;
+/// Bytes of the largest image that is joined: a sender whose timestamps stand still must not fill the memory.
+const MOST_BYTES: usize = 16 << 20;
 
 /// A coded image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct AccessUnit {
     pub(crate) pts: i64,
     pub(crate) data: Vec<u8>,
+    /// It was larger than the limit, and its rest is missing.
+    pub(crate) is_cut: bool,
 }
 
 /// The image that is being joined, and what is known of the ones before.
@@ -30,6 +34,7 @@ pub(crate) struct AccessUnits {
     codec: UnitCodec,
     pts: Option<i64>,
     data: Vec<u8>,
+    is_cut: bool,
     pieces: u32,
     slices: u32,
     /// Number of pieces after which the rule ended this image.
@@ -49,6 +54,7 @@ impl AccessUnits {
             codec,
             pts: None,
             data: Vec::new(),
+            is_cut: false,
             pieces: 0,
             slices: 0,
             ended_after: None,
@@ -62,9 +68,12 @@ impl AccessUnits {
     /// Takes a piece, and returns the images that are complete: one that ends before it, and one that ends with it.
     pub(crate) fn take(&mut self, pts: i64, piece: &[u8]) -> [Option<AccessUnit>; 2] {
         let before = (self.pts != Some(pts)).then(|| self.next(pts)).flatten();
-        self.pieces += 1;
-        self.slices += u32::from(self.begins_slice(piece));
-        self.data.extend_from_slice(piece);
+        self.pieces = self.pieces.saturating_add(1);
+        self.slices = (self.slices).saturating_add(u32::from(self.begins_slice(piece)));
+        self.is_cut |= self.data.len() + piece.len() > MOST_BYTES;
+        if !self.is_cut {
+            self.data.extend_from_slice(piece);
+        }
         let largest = &mut self.largest[usize::from(piece.starts_with(&START_CODE))];
         *largest = piece.len().max(*largest);
         let seems_whole =
@@ -99,7 +108,8 @@ impl AccessUnits {
     fn hand_over(&mut self, pts: i64) -> Option<AccessUnit> {
         self.was_handed_over = true;
         let data = std::mem::take(&mut self.data);
-        (!data.is_empty()).then_some(AccessUnit { pts, data })
+        let is_cut = std::mem::take(&mut self.is_cut);
+        (!data.is_empty()).then_some(AccessUnit { pts, data, is_cut })
     }
 
     /// True if a piece begins a unit with coded pixels.
@@ -174,6 +184,21 @@ mod tests {
         let after = image(&mut units, 42, &[1400, 1395, 300]);
         assert_eq!(after.len(), 1);
         assert_eq!((after[0].0, after[0].1.pts), (0, 41));
+    }
+
+    #[test]
+    fn timestamps_that_stand_still_fill_no_memory_and_the_image_is_cut() {
+        let mut units = AccessUnits::new(UnitCodec::H264);
+        let piece = vec![7; 1 << 20];
+        units.take(1, &unit(5, 20));
+        for _ in 0..40 {
+            assert_eq!(units.take(1, &piece), [None, None]);
+            assert!(units.data.len() <= MOST_BYTES);
+        }
+        let [cut, _] = units.take(2, &unit(5, 20));
+        assert!(cut.unwrap().is_cut);
+        let [whole, _] = units.take(3, &unit(5, 20));
+        assert!(!whole.unwrap().is_cut);
     }
 
     #[test]

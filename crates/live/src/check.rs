@@ -67,6 +67,10 @@ pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<Fou
     while all.iter().flatten().any(is_open) && Instant::now() < until && !is_stopped() {
         let (view, report) = match views.messages.recv_timeout(WAIT) {
             Ok(Message::Report(view, report)) => (view, report),
+            Ok(Message::Failed(error)) => {
+                refused = Some(error);
+                break;
+            }
             Ok(_) | Err(RecvTimeoutError::Timeout) => continue,
             Err(RecvTimeoutError::Disconnected) => break,
         };

@@ -40,7 +40,7 @@ const LAST_LINES: Duration = Duration::from_millis(500);
 /// Runs until all recordings end or the caller stops it. `ready` gets the address of the metrics.
 ///
 /// # Errors
-/// The views are not those of the run, a source can never be used, or an output cannot be opened.
+/// The views are not those of the run, a source can never be used, or an output cannot be opened or takes no more lines.
 pub fn estimate(
     options: Options,
     output: Box<dyn Write + Send>,
@@ -64,7 +64,8 @@ pub fn estimate(
         options.offsets_s(),
     );
     let shared = Arc::new(shared);
-    let lines = Lines::to(output, metrics.clone())?;
+    let is_timed = shared.pace != Pace::AsFastAsPossible;
+    let lines = Lines::to(output, metrics.clone(), is_timed)?;
     let views = Views::start(&options, &shared, true)?;
     ready(address);
     let sources = views.all.iter();
@@ -86,6 +87,8 @@ pub fn estimate(
         news: vec![ViewNews::default(); count],
         has_finished: views.all.iter().map(|view| view.source.is_none()).collect(),
         last_s: None,
+        seen: None,
+        received_s: 0.0,
         predicted_s: 0.0,
         overload: (0.0, vec![0; count], 0),
         serves_metrics: address.is_some(),
@@ -104,8 +107,15 @@ pub fn estimate(
         });
     }
     let cause = conductor.work(is_stopped);
-    conductor.finish(cause?);
-    Ok(())
+    conductor.finish(cause?)
+}
+
+/// A tick: its time, and when its images were taken and received.
+#[derive(Debug, Clone, Copy)]
+struct LastTick {
+    time_s: f64,
+    taken_s: f64,
+    received_s: f64,
 }
 
 struct Conductor {
@@ -114,7 +124,8 @@ struct Conductor {
     shared: Arc<Shared>,
     metrics: Arc<Metrics>,
     lines: Lines,
-    pairing: Pairing<Box<Searched>>,
+    /// Images that must not be measured have no content.
+    pairing: Pairing<Option<Box<Searched>>>,
     motions: Vec<TrackMotion>,
     /// The caller gave offsets.
     clocks_given: bool,
@@ -125,6 +136,10 @@ struct Conductor {
     has_finished: Vec<bool>,
     /// Time of the last tick.
     last_s: Option<f64>,
+    /// The last tick with images.
+    seen: Option<LastTick>,
+    /// When the last image came, seconds since the start.
+    received_s: f64,
     /// When aircraft were predicted without images, seconds since the start.
     predicted_s: f64,
     /// When overload was last reported, and how much there was until then.
@@ -159,7 +174,7 @@ impl Conductor {
                 return Ok("recordings");
             }
             // Without lines and without metrics nobody would learn anything.
-            if self.lines.failure().is_some() && !self.serves_metrics {
+            if !self.lines.has_reader()? && !self.serves_metrics {
                 return Ok("reader");
             }
         }
@@ -172,7 +187,13 @@ impl Conductor {
                 let seen = seen.map(|found| (found.track, &found.pixel_box));
                 self.motions[view].take(searched.time_s, seen);
                 let now_s = self.shared.clock.now_s();
-                self.pairing.put(view, searched.time_s, now_s, searched);
+                self.received_s = now_s;
+                let time_s = searched.time_s;
+                self.pairing.put(view, time_s, now_s, Some(searched));
+            }
+            Message::Skipped(view, time_s) => {
+                let now_s = self.shared.clock.now_s();
+                self.pairing.put(view, time_s, now_s, None);
             }
             Message::Failed(error) => return Err(error),
             Message::Finished(view) => self.has_finished[view] = true,
@@ -225,7 +246,13 @@ impl Conductor {
     }
 
     /// Asks the estimator about the images of one time.
-    fn tick(&mut self, joined: Joined<Box<Searched>>) {
+    fn tick(&mut self, joined: Joined<Option<Box<Searched>>>) {
+        let images = joined.images.into_iter();
+        let images = images.map(|image| image.and_then(|(time_s, seen)| Some((time_s, seen?))));
+        let joined = Joined {
+            time_s: joined.time_s,
+            images: images.collect(),
+        };
         if self.last_s.is_some_and(|last_s| joined.time_s <= last_s) {
             return;
         }
@@ -242,7 +269,7 @@ impl Conductor {
         };
         let images = || joined.images.iter().flatten().map(|(_, searched)| searched);
         let oldest_s = images().map(|searched| searched.taken_s);
-        let taken_s = oldest_s.fold(f64::INFINITY, f64::min);
+        let taken_s = oldest_s.fold(self.shared.clock.now_s(), f64::min);
         let latest = |of: fn(&Searched) -> f64| {
             images()
                 .map(|searched| of(searched))
@@ -252,10 +279,17 @@ impl Conductor {
             latest(|searched| searched.arrival_s),
             latest(|searched| searched.searched_s),
         );
+        self.seen = Some(LastTick {
+            time_s: joined.time_s,
+            taken_s,
+            received_s: self.received_s,
+        });
         self.answer(&tick, joined.time_s, taken_s);
         let now_s = self.shared.clock.now_s();
-        self.metrics.time(Stage::Join, now_s - searched_s);
-        self.metrics.time(Stage::Total, now_s - arrival_s);
+        if images().next().is_some() {
+            self.metrics.time(Stage::Join, now_s - searched_s);
+            self.metrics.time(Stage::Total, now_s - arrival_s);
+        }
     }
 
     /// The boxes of a view, moved to the time of the tick.
@@ -317,8 +351,8 @@ impl Conductor {
             None => return,
             Some(News::Unknown) => (None, None),
             Some(News::Add(found)) => {
-                let offset_s = self.shared.offset_s(view) + found.seconds;
-                self.shared.set_offset_s(view, offset_s);
+                let offset_s = self.shared.measured_s(view) + found.seconds;
+                self.shared.set_measured_s(view, offset_s);
                 (Some(offset_s), Some(found.sd_s))
             }
         };
@@ -331,17 +365,20 @@ impl Conductor {
         });
     }
 
-    /// Predicts the aircraft while no images come.
+    /// Predicts the aircraft while no images come, with the lag that the last ones had, so that the next ones are later.
     fn predict(&mut self) {
         let now_s = self.shared.clock.now_s();
-        let Some(last_s) = self.last_s else {
+        let (Some(seen), Some(last_s)) = (self.seen, self.last_s) else {
             return;
         };
-        let Some(now_time_s) = self.time_s(now_s) else {
+        let is_timed = self.shared.pace != Pace::AsFastAsPossible;
+        let silent_s = now_s - seen.received_s.max(self.received_s);
+        if !is_timed || silent_s < SILENCE_S || now_s < self.predicted_s + SILENCE_S {
             return;
-        };
-        let time_s = now_time_s - SILENCE_S;
-        if time_s <= last_s + SILENCE_S || now_s < self.predicted_s + SILENCE_S {
+        }
+        let since_s = now_s - seen.received_s;
+        let time_s = seen.time_s + since_s;
+        if time_s <= last_s {
             return;
         }
         self.predicted_s = now_s;
@@ -351,15 +388,20 @@ impl Conductor {
             time_ns: nanoseconds(time_s),
             views: views.collect(),
         };
-        self.answer(&tick, time_s, now_s - SILENCE_S);
+        self.answer(&tick, time_s, seen.taken_s + since_s);
     }
 
     fn answer(&mut self, tick: &SeenTick, time_s: f64, taken_s: f64) {
         let found = self.run.take(tick);
         let now_s = self.shared.clock.now_s();
-        let utc = (self.shared.pace == Pace::Cameras).then(|| self.shared.clock.utc(taken_s));
-        for answer in self.answers.of(found, time_s, utc, now_s - taken_s) {
-            self.metrics.answered(now_s);
+        let is_of_cameras = self.shared.pace == Pace::Cameras;
+        let utc = || self.shared.clock.utc(self.shared.since_start_s(time_s));
+        let utc = is_of_cameras.then(utc);
+        for answer in self
+            .answers
+            .of(found, time_s, utc, (now_s - taken_s).max(0.0))
+        {
+            self.metrics.answered(answer.state, now_s);
             self.lines.put(&Line::Answer(Box::new(answer)));
         }
     }
@@ -402,7 +444,7 @@ impl Conductor {
         }
     }
 
-    fn finish(self, cause: &'static str) {
+    fn finish(self, cause: &'static str) -> Result<()> {
         let images = self.views.all.iter().enumerate();
         let images = images.map(|(view, of_view)| {
             let searched = self.metrics.images(view, Fate::Searched);
@@ -416,7 +458,7 @@ impl Conductor {
             images,
         });
         self.views.stop(STOP);
-        self.lines.finish(LAST_LINES);
+        self.lines.finish(LAST_LINES)
     }
 }
 

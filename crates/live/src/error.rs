@@ -45,6 +45,17 @@ pub enum Error {
         /// The system's error.
         r#source: std::io::Error,
     },
+    /// The output takes no more lines, although somebody reads it.
+    #[error("lines cannot be written to the output: {0}; make room there and start again")]
+    Output(std::io::Error),
+    /// A thread ended by a fault of this program.
+    #[error(
+        "the thread \"{thread}\" failed, and the message before this one says where; please report it"
+    )]
+    Panicked {
+        /// Name of the thread.
+        thread: String,
+    },
     /// A thread cannot be started.
     #[error("a thread cannot be started: {0}")]
     Thread(std::io::Error),
@@ -61,7 +72,7 @@ impl Error {
             Self::Dataset(error) => error.is_bad_content(),
             Self::Search(error) => error.is_bad_input(),
             Self::Run(_) => true,
-            Self::Thread(_) => false,
+            Self::Output(_) | Self::Panicked { .. } | Self::Thread(_) => false,
         }
     }
 }

@@ -32,7 +32,7 @@ pub(crate) struct FeedImage {
     pub(crate) image: DecodedImage,
     /// When it was taken, in the time of answers, seconds.
     pub(crate) time_s: f64,
-    /// The same, seconds since the start of the program.
+    /// For its age: no later than it was taken, seconds since the start of the program.
     pub(crate) taken_s: f64,
     /// When its last packet arrived, and when it was decoded.
     pub(crate) arrival_s: f64,
@@ -41,6 +41,8 @@ pub(crate) struct FeedImage {
     pub(crate) clock: ClockSource,
     /// False while the camera looks elsewhere or its images repeat: the search only sees whether that is over.
     pub(crate) can_be_measured: bool,
+    /// False for black and damaged images, which only keep their place in a recording.
+    pub(crate) can_be_searched: bool,
 }
 
 /// Message from a thread of a view to the conductor.
@@ -49,6 +51,8 @@ pub(crate) enum Message {
     Report(usize, Report),
     /// A searched image of a view.
     Searched(usize, Box<Searched>),
+    /// An image of a recording that must not be measured, at this time.
+    Skipped(usize, f64),
     /// The search of a view failed, for good.
     Failed(Error),
     /// The search of a view has ended.
@@ -94,8 +98,11 @@ pub(crate) struct Shared {
     zero_s: OnceLock<f64>,
     /// Start of recordings that are played: seconds since the start minus seconds of the recording.
     recordings_s: OnceLock<f64>,
-    /// Added to the times of each view's images: the bits of seconds.
-    offsets_s: Vec<AtomicU64>,
+    /// Seconds that are added to the times of each view's images.
+    given_s: Vec<f64>,
+    /// The same as they were measured, while the clock of the view or of the first one runs free: the bits of seconds.
+    measured_s: Vec<AtomicU64>,
+    runs_free: Vec<AtomicBool>,
 }
 
 impl Shared {
@@ -106,11 +113,11 @@ impl Shared {
         metrics: Arc<Metrics>,
         offsets_s: impl IntoIterator<Item = f64>,
     ) -> Self {
-        let offsets = offsets_s.into_iter();
+        let given_s: Vec<f64> = offsets_s.into_iter().collect();
         Self {
-            offsets_s: offsets
-                .map(|offset_s| AtomicU64::new(offset_s.to_bits()))
-                .collect(),
+            measured_s: given_s.iter().map(|_| AtomicU64::new(0)).collect(),
+            runs_free: given_s.iter().map(|_| AtomicBool::new(false)).collect(),
+            given_s,
             clock,
             pace,
             stop,
@@ -120,13 +127,29 @@ impl Shared {
         }
     }
 
-    /// Seconds that are added to the times of a view's images.
+    /// Seconds that are added to the times of a view's images now.
     pub(crate) fn offset_s(&self, view: usize) -> f64 {
-        f64::from_bits(self.offsets_s[view].load(Ordering::Relaxed))
+        let is_free = [0, view].map(|view| self.runs_free[view].load(Ordering::Relaxed));
+        let measured_s = if is_free.contains(&true) {
+            self.measured_s(view)
+        } else {
+            0.0
+        };
+        self.given_s[view] + measured_s
     }
 
-    pub(crate) fn set_offset_s(&self, view: usize, offset_s: f64) {
-        self.offsets_s[view].store(offset_s.to_bits(), Ordering::Relaxed);
+    /// The offset of a view's clock as it was measured.
+    pub(crate) fn measured_s(&self, view: usize) -> f64 {
+        f64::from_bits(self.measured_s[view].load(Ordering::Relaxed))
+    }
+
+    pub(crate) fn set_measured_s(&self, view: usize, offset_s: f64) {
+        self.measured_s[view].store(offset_s.to_bits(), Ordering::Relaxed);
+    }
+
+    /// A time of answers in seconds since the start of the program, for cameras.
+    pub(crate) fn since_start_s(&self, time_s: f64) -> f64 {
+        time_s + self.zero_s.get().copied().unwrap_or(0.0)
     }
 
     pub(crate) fn is_stopped(&self) -> bool {
@@ -176,11 +199,13 @@ pub(crate) struct Feed {
     pub(crate) status: Arc<ViewStatus>,
     pub(crate) messages: Sender<Message>,
     pub(crate) shared: Arc<Shared>,
+    /// Time of the last image, also of a connection before.
+    pub(crate) last_time_s: Option<f64>,
 }
 
 impl Feed {
     /// Runs until the recording ends, the source turns out to be useless, or the program is stopped.
-    pub(crate) fn run(self) {
+    pub(crate) fn run(mut self) {
         let mut delay_ms = FIRST_DELAY_MS;
         while !self.shared.is_stopped() {
             let opened_s = self.shared.clock.now_s();
@@ -191,6 +216,11 @@ impl Feed {
                 Err(OpenFault::Useless(why)) if !was_useful => Report::Useless(why),
                 Ok(End::Finished) if self.source.is_recorded() => Report::Ended,
                 Ok(End::Stopped) => break,
+                // It would begin again, and fail at the same place.
+                Ok(End::Lost(why)) if self.source.is_recorded() => {
+                    self.report(Report::Lost(why));
+                    Report::Ended
+                }
                 Ok(End::Finished) => Report::Lost("the sender ended it".into()),
                 Ok(End::Lost(why)) | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => {
                     Report::Lost(why)
@@ -218,7 +248,7 @@ impl Feed {
     }
 
     /// Opens the source and hands over its images until they end.
-    fn once(&self) -> Result<End, OpenFault> {
+    fn once(&mut self) -> Result<End, OpenFault> {
         let patience = Patience::new(self.shared.clock, self.shared.stop.clone());
         let mut input = Input::open(&self.source, &self.name, patience)?;
         self.report(Report::Opened {
@@ -234,8 +264,8 @@ impl Feed {
         }
     }
 
-    fn take(&self, image: InputImage, connection: &mut Connection) -> Result<(), OpenFault> {
-        let shared = &*self.shared;
+    fn take(&mut self, image: InputImage, connection: &mut Connection) -> Result<(), OpenFault> {
+        let shared = self.shared.clone();
         let size_px = image.image.size_px();
         let Some((stamp, time_s)) = self.stamp(&image, connection) else {
             shared.metrics.count(self.view, Fate::Disordered);
@@ -259,7 +289,7 @@ impl Feed {
             },
             time_s: match shared.pace {
                 Pace::AsFastAsPossible => time_s,
-                _ => stamp.time_s,
+                _ => stamp.oldest_s,
             },
             is_damaged: image.is_damaged || is_other_size,
             look: connection.looks.next(image.image.luma()),
@@ -278,19 +308,22 @@ impl Feed {
                 Fate::of(state)
             };
             shared.metrics.count(self.view, fate);
-            // The search goes on looking at a camera that moved, to see when it is back.
-            if state != ViewState::Moved && state != ViewState::Frozen || is_other_size {
-                return Ok(());
-            }
+        }
+        // The search goes on looking at a camera that moved or repeats images, to see when that is over.
+        let shows_scene = !matches!(state, ViewState::Dark | ViewState::Damaged);
+        let can_be_searched = shows_scene && !is_other_size;
+        if !can_be_searched && shared.pace != Pace::AsFastAsPossible {
+            return Ok(());
         }
         let image = FeedImage {
             image: image.image,
             time_s,
-            taken_s: stamp.time_s,
+            taken_s: stamp.oldest_s.min(arrival_s),
             arrival_s,
             decoded_s,
             clock: stamp.clock,
             can_be_measured: state.can_be_measured(),
+            can_be_searched,
         };
         if shared.pace == Pace::AsFastAsPossible {
             self.slot.put_after(image);
@@ -302,48 +335,41 @@ impl Feed {
         Ok(())
     }
 
-    /// When an image was taken, and its time in answers; `None` if it is not after the one before.
-    fn stamp(&self, image: &InputImage, connection: &mut Connection) -> Option<(Stamp, f64)> {
-        let shared = &*self.shared;
-        let offset_s = shared.offset_s(self.view);
+    /// Time of an image, and the same as of answers; `None` if it is not after the one before.
+    fn stamp(&mut self, image: &InputImage, connection: &mut Connection) -> Option<(Stamp, f64)> {
+        let shared = self.shared.clone();
         let recorded_s = image.recorded_s.or(image.timestamp_s);
         let recorded_s = recorded_s.filter(|_| self.source.is_recorded());
+        let of_recording = |time_s: f64| Stamp {
+            time_s,
+            clock: ClockSource::Recording,
+            oldest_s: time_s,
+        };
         let stamp = match (recorded_s, shared.pace) {
-            (Some(_), Pace::AsFastAsPossible) => Stamp {
-                time_s: image.arrival_s,
-                clock: ClockSource::Recording,
-            },
+            (Some(_), Pace::AsFastAsPossible) => of_recording(image.arrival_s),
             (Some(recorded_s), _) => {
                 let now_s = shared.clock.now_s();
                 let start_s = *shared.recordings_s.get_or_init(|| now_s - recorded_s);
                 shared.sleep_until(start_s + recorded_s);
-                Stamp {
-                    time_s: start_s + recorded_s + offset_s,
-                    clock: ClockSource::Recording,
-                }
+                of_recording(start_s + recorded_s)
             }
-            (None, _) => {
-                let stamp = connection.stamper.stamp(Clues {
-                    arrival_s: image.arrival_s,
-                    timestamp_s: image.timestamp_s,
-                    sender_s: image.sender_s,
-                });
-                Stamp {
-                    time_s: stamp.time_s + offset_s,
-                    ..stamp
-                }
-            }
+            (None, _) => connection.stamper.stamp(Clues {
+                arrival_s: image.arrival_s,
+                timestamp_s: image.timestamp_s,
+                sender_s: image.sender_s,
+            }),
         };
-        let time_s = match (recorded_s, shared.pace) {
-            (Some(recorded_s), Pace::RealTime | Pace::AsFastAsPossible) => recorded_s + offset_s,
-            _ => stamp.time_s - shared.zero_s.get_or_init(|| stamp.time_s),
-        };
-        let is_after = connection.last_time_s.is_none_or(|last_s| time_s > last_s);
-        connection.last_time_s = Some(
-            connection
-                .last_time_s
-                .map_or(time_s, |last| last.max(time_s)),
-        );
+        shared.runs_free[self.view].store(stamp.clock.runs_free(), Ordering::Relaxed);
+        let offset_s = shared.offset_s(self.view);
+        let time_s = offset_s
+            + match (recorded_s, shared.pace) {
+                (Some(recorded_s), Pace::RealTime | Pace::AsFastAsPossible) => recorded_s,
+                _ => stamp.time_s - shared.zero_s.get_or_init(|| stamp.time_s),
+            };
+        let is_after = self.last_time_s.is_none_or(|last_s| time_s > last_s);
+        if is_after {
+            self.last_time_s = Some(time_s);
+        }
         is_after.then_some((stamp, time_s))
     }
 
@@ -366,5 +392,4 @@ struct Connection {
     stamper: Stamper,
     looks: Looks,
     had_image: bool,
-    last_time_s: Option<f64>,
 }

@@ -33,8 +33,6 @@ pub(crate) enum News {
 #[derive(Debug)]
 pub(crate) struct FreeClocks {
     views: Vec<FreeClock>,
-    /// When two views last saw an aircraft.
-    sighted_s: f64,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -42,13 +40,14 @@ struct FreeClock {
     offset: ClockOffset,
     is_known: bool,
     is_told: bool,
+    /// When this view and the first one last saw an aircraft.
+    sighted_s: f64,
 }
 
 impl FreeClocks {
     pub(crate) fn of(views: usize) -> Self {
         Self {
             views: vec![FreeClock::default(); views],
-            sighted_s: f64::NEG_INFINITY,
         }
     }
 
@@ -65,10 +64,10 @@ impl FreeClocks {
         cameras: [&Camera; 2],
         sighting: Option<Sighting>,
     ) -> Option<News> {
-        let is_quiet = time_s > self.sighted_s + QUIET_S;
         let clock = &mut self.views[view];
+        let is_quiet = time_s > clock.sighted_s + QUIET_S;
         if let Some(seen) = sighting {
-            self.sighted_s = time_s;
+            clock.sighted_s = time_s;
             let (places_px, motion_px_s) = (seen.places_px, seen.motion_px_s);
             clock.offset.take(time_s, cameras, places_px, motion_px_s);
         }

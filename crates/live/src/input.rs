@@ -4,7 +4,7 @@
 //! ([`Patience`]). Streams of H.264 and H.265 are read without FFmpeg's parser, which holds each image until the next begins
 //! ([`AccessUnits`]). Decoders run in the calling thread and delay no image.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -118,8 +118,7 @@ pub(crate) struct Input {
     last_pts: Option<i64>,
     usual_step: Option<f64>,
     all_sent: bool,
-    /// Times of a scenario's images that were not reached yet.
-    recorded_s: Option<VecDeque<f64>>,
+    recorded: Option<RecordedTimes>,
 }
 
 impl Input {
@@ -175,7 +174,7 @@ impl Input {
             last_pts: None,
             usual_step: None,
             all_sent: false,
-            recorded_s: place.recorded_s,
+            recorded: place.recorded,
         })
     }
 
@@ -197,6 +196,7 @@ impl Input {
                 Err(_) => self.is_damaged = true,
             }
             if let Some(unit) = self.complete.pop_front() {
+                self.is_damaged |= unit.is_cut;
                 let sender_s = self.sender_s(unit.pts);
                 let mut packet = Packet::copy(&unit.data);
                 packet.set_pts(Some(unit.pts));
@@ -218,14 +218,15 @@ impl Input {
             None => None,
         }
         .unwrap_or((pts, self.patience.clock.now_s(), None));
+        let timestamp_s = pts.map(|pts| pts as f64 * self.seconds_per_unit);
         let has_errors = coded.is_corrupt() || coded.has_decode_errors();
         self.is_damaged = has_errors || self.is_damaged && !coded.is_key();
         InputImage {
-            timestamp_s: pts.map(|pts| pts as f64 * self.seconds_per_unit),
+            timestamp_s,
             image: DecodedImage::of(coded),
             arrival_s,
             sender_s,
-            recorded_s: self.recorded_s.as_mut().and_then(VecDeque::pop_front),
+            recorded_s: (self.recorded.as_ref()).and_then(|recorded| recorded.time_s(timestamp_s?)),
             is_damaged: self.is_damaged,
         }
     }
@@ -293,13 +294,42 @@ impl Input {
     }
 }
 
+/// Times of a scenario's images, by their timestamps in the video: an image that cannot be decoded shifts no other.
+struct RecordedTimes {
+    /// Seconds by microseconds.
+    by_timestamp: BTreeMap<i64, f64>,
+}
+
+impl RecordedTimes {
+    /// From timestamps in the video and times of the recording, seconds.
+    fn of(images: impl Iterator<Item = (f64, f64)>) -> Self {
+        Self {
+            by_timestamp: images
+                .map(|(timestamp_s, time_s)| (microseconds(timestamp_s), time_s))
+                .collect(),
+        }
+    }
+
+    /// The time of the image with this timestamp; tables and videos have different units, so that one may be rounded otherwise.
+    fn time_s(&self, timestamp_s: f64) -> Option<f64> {
+        let here = microseconds(timestamp_s);
+        let mut found = self.by_timestamp.range(here - 1..=here + 1);
+        found.next().map(|(_, time_s)| *time_s)
+    }
+}
+
+fn microseconds(seconds: f64) -> i64 {
+    // Far from the ends, so that a neighbour exists.
+    (seconds * 1e6).round().clamp(-1e18, 1e18) as i64
+}
+
 /// FFmpeg's name of a source, and what is known of it.
 struct Place {
     name: String,
     options: Vec<(&'static str, String)>,
     is_stream: bool,
     can_lose: bool,
-    recorded_s: Option<VecDeque<f64>>,
+    recorded: Option<RecordedTimes>,
 }
 
 impl Place {
@@ -312,7 +342,7 @@ impl Place {
                 options: vec![("protocol_whitelist", "file".into())],
                 is_stream: false,
                 can_lose: false,
-                recorded_s: None,
+                recorded: None,
             })
         };
         match source {
@@ -321,10 +351,19 @@ impl Place {
                 let scenario = Corpus::open(corpus).and_then(|corpus| corpus.scenario(id).open());
                 let scenario = scenario.map_err(useless)?;
                 let frames = scenario.frames().map_err(useless)?;
-                let rows = frames.rows.iter();
+                let rate = scenario.record().map_err(useless)?.frame_rate;
                 let path = scenario.video_path(view).map_err(useless)?;
+                let column = frames.views.iter().position(|known| known == view);
+                let column = column.ok_or_else(|| {
+                    OpenFault::Useless(format!("its table of images has no view {view}"))
+                })?;
+                // Timestamps of tables count in fractions of the frame rate.
+                let images = frames.rows.iter().map(|row| {
+                    let timestamp_s = row.views[column].pts as f64 / f64::from(rate.numerator);
+                    (timestamp_s, SimTime(row.time_ns).seconds())
+                });
                 Ok(Self {
-                    recorded_s: Some(rows.map(|row| SimTime(row.time_ns).seconds()).collect()),
+                    recorded: Some(RecordedTimes::of(images)),
                     ..file(&path)?
                 })
             }
@@ -337,7 +376,7 @@ impl Place {
                     options,
                     is_stream: true,
                     can_lose: transport == Transport::Udp,
-                    recorded_s: None,
+                    recorded: None,
                 })
             }
             Source::Description(path) => {
@@ -349,7 +388,7 @@ impl Place {
                     options,
                     is_stream: true,
                     can_lose: true,
-                    recorded_s: None,
+                    recorded: None,
                 })
             }
             Source::Device(path) => Ok(Self {
@@ -358,7 +397,7 @@ impl Place {
                 options: Vec::new(),
                 is_stream: false,
                 can_lose: false,
-                recorded_s: None,
+                recorded: None,
             }),
         }
     }
@@ -425,4 +464,23 @@ fn sender_utc_s(packet: &Packet) -> Option<f64> {
         .find(|data| data.kind() == side_data::Type::PRFT)?;
     let bytes = times.data().first_chunk::<8>()?;
     Some(i64::from_ne_bytes(*bytes) as f64 * 1e-6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_that_was_not_decoded_shifts_no_time_of_another() {
+        let rate = 30_000.0 / 1_001.0;
+        let images = (0..100).map(|tick| f64::from(tick) / rate);
+        let recorded = RecordedTimes::of(images.map(|at_s| (at_s, 500.0 + at_s)));
+        for tick in (0..100).filter(|tick| tick % 7 != 3) {
+            // In the unit of a container.
+            let units = (f64::from(tick) / rate * 120_000.0).round();
+            let time_s = recorded.time_s(units / 120_000.0).unwrap();
+            assert!((time_s - 500.0 - f64::from(tick) / rate).abs() < 1e-9);
+        }
+        assert_eq!(recorded.time_s(0.01), None);
+    }
 }

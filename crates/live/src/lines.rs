@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
@@ -15,6 +15,9 @@ use crate::view_state::ViewState;
 
 /// Lines that wait for a reader; then the oldest is dropped.
 const MOST_WAITING: usize = 2_000;
+/// Images of a fresh answer are at most so old when it is written, and those of any answer that is not dropped, seconds; as in `answers`.
+const MOST_FRESH_S: f64 = 0.3;
+const MOST_COASTING_S: f64 = 5.0;
 
 /// Freshness of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -119,7 +122,7 @@ pub enum Event {
     End {
         /// Time, as of answers.
         time_s: f64,
-        /// `recordings` or `signal`.
+        /// `recordings`, `signal`, or `reader` if nobody reads the lines any more.
         cause: &'static str,
         /// Searched and other images by view.
         images: Vec<(String, u64, u64)>,
@@ -139,58 +142,74 @@ pub enum Line {
 /// Output of lines.
 pub(crate) struct Lines {
     queue: Arc<Queue>,
-    metrics: Arc<Metrics>,
 }
 
-#[derive(Default)]
 struct Queue {
     state: Mutex<State>,
     changed: Condvar,
+    metrics: Arc<Metrics>,
+    /// Time passes: answers grow older while they wait.
+    is_timed: bool,
 }
 
 #[derive(Default)]
 struct State {
-    waiting: VecDeque<String>,
+    waiting: VecDeque<(Line, Instant)>,
     is_closed: bool,
     /// The writer took a line and has not written it yet.
     is_writing: bool,
-    failure: Option<io::ErrorKind>,
+    failure: Option<io::Error>,
 }
 
 impl Lines {
-    /// Writes lines to an output.
-    pub(crate) fn to(output: Box<dyn Write + Send>, metrics: Arc<Metrics>) -> Result<Self> {
-        let queue = Arc::<Queue>::default();
+    /// Writes lines to an output. `is_timed`: answers grow older while they wait for a reader.
+    pub(crate) fn to(
+        output: Box<dyn Write + Send>,
+        metrics: Arc<Metrics>,
+        is_timed: bool,
+    ) -> Result<Self> {
+        let queue = Arc::new(Queue {
+            state: Mutex::default(),
+            changed: Condvar::new(),
+            metrics,
+            is_timed,
+        });
         let of_thread = queue.clone();
         thread::Builder::new()
             .name("lines".into())
             .spawn(move || of_thread.write_to(output))
             .map_err(Error::Thread)?;
-        Ok(Self { queue, metrics })
+        Ok(Self { queue })
     }
 
     /// Puts a line in the queue, at once.
     pub(crate) fn put(&self, line: &Line) {
-        // Numbers and texts of our own always serialise.
-        let Ok(text) = serde_json::to_string(line) else {
-            return;
-        };
         let mut state = self.queue.lock();
         if state.waiting.len() >= MOST_WAITING {
             state.waiting.pop_front();
-            self.metrics.count_dropped_line();
+            self.queue.metrics.count_dropped_line();
         }
-        state.waiting.push_back(text);
+        state.waiting.push_back((line.clone(), Instant::now()));
         self.queue.changed.notify_all();
     }
 
-    /// Cause of an output that takes no more lines.
-    pub(crate) fn failure(&self) -> Option<io::ErrorKind> {
-        self.queue.lock().failure
+    /// False once nobody reads the lines any more.
+    ///
+    /// # Errors
+    /// The output takes no more lines for another reason.
+    pub(crate) fn has_reader(&self) -> Result<bool> {
+        match &self.queue.lock().failure {
+            None => Ok(true),
+            Some(failure) if failure.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+            Some(failure) => Err(Error::Output(copy_of(failure))),
+        }
     }
 
     /// Waits until all lines are written, but not longer than this.
-    pub(crate) fn finish(self, most: Duration) {
+    ///
+    /// # Errors
+    /// The output takes no more lines, although somebody reads it.
+    pub(crate) fn finish(self, most: Duration) -> Result<()> {
         let mut state = self.queue.lock();
         state.is_closed = true;
         self.queue.changed.notify_all();
@@ -198,6 +217,7 @@ impl Lines {
             state.failure.is_none() && (state.is_writing || !state.waiting.is_empty())
         };
         drop(self.queue.changed.wait_timeout_while(state, most, is_busy));
+        self.has_reader().map(drop)
     }
 }
 
@@ -206,16 +226,30 @@ impl Queue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn write(&self, output: &mut dyn Write, line: Line, waited: Duration) -> io::Result<()> {
+        let waited_s = if self.is_timed {
+            waited.as_secs_f64()
+        } else {
+            0.0
+        };
+        let Some(line) = aged(line, waited_s) else {
+            self.metrics.count_dropped_line();
+            return Ok(());
+        };
+        let text = serde_json::to_string(&line)?;
+        writeln!(output, "{text}").and_then(|()| output.flush())
+    }
+
     fn write_to(&self, mut output: Box<dyn Write + Send>) {
         let mut state = self.lock();
         loop {
-            if let Some(line) = state.waiting.pop_front() {
+            if let Some((line, since)) = state.waiting.pop_front() {
                 state.is_writing = true;
                 drop(state);
-                let written = writeln!(output, "{line}").and_then(|()| output.flush());
+                let written = self.write(&mut *output, line, since.elapsed());
                 state = self.lock();
                 state.is_writing = false;
-                state.failure = written.err().map(|error| error.kind());
+                state.failure = written.err();
                 self.changed.notify_all();
                 if state.failure.is_some() {
                     return;
@@ -227,6 +261,31 @@ impl Queue {
                 state = waited.unwrap_or_else(PoisonError::into_inner);
             }
         }
+    }
+}
+
+/// A line that waited for its reader: an answer is as old as it is now, and `None` if nobody should act on it any more.
+fn aged(line: Line, waited_s: f64) -> Option<Line> {
+    let Line::Answer(mut answer) = line else {
+        return Some(line);
+    };
+    answer.age_s += waited_s;
+    match answer.state {
+        // It withdraws the ones before.
+        AnswerState::Lost => {}
+        _ if waited_s > MOST_COASTING_S => return None,
+        AnswerState::Fresh if waited_s > 0.0 && answer.age_s > MOST_FRESH_S => {
+            answer.state = AnswerState::Coasting;
+        }
+        AnswerState::Fresh | AnswerState::Coasting => {}
+    }
+    Some(Line::Answer(answer))
+}
+
+fn copy_of(error: &io::Error) -> io::Error {
+    match error.raw_os_error() {
+        Some(number) => io::Error::from_raw_os_error(number),
+        None => error.kind().into(),
     }
 }
 
@@ -265,13 +324,13 @@ mod tests {
         let metrics = Arc::new(Metrics::new(String::new(), &[]));
         let (_go, wait) = channel();
         let (texts, _read) = channel();
-        let lines = Lines::to(Box::new(Slow(wait, texts)), metrics.clone()).unwrap();
+        let lines = Lines::to(Box::new(Slow(wait, texts)), metrics.clone(), true).unwrap();
         for number in 0..MOST_WAITING as u32 + 10 {
             lines.put(&offset(number));
         }
         // The writer holds one.
         assert!((9..=10).contains(&metrics.dropped_lines()));
-        lines.finish(Duration::from_millis(10));
+        lines.finish(Duration::from_millis(10)).unwrap();
     }
 
     #[test]
@@ -279,13 +338,74 @@ mod tests {
         let metrics = Arc::new(Metrics::new(String::new(), &[]));
         let (go, wait) = channel();
         let (texts, _read) = channel();
-        let lines = Lines::to(Box::new(Slow(wait, texts)), metrics).unwrap();
+        let lines = Lines::to(Box::new(Slow(wait, texts)), metrics, true).unwrap();
         drop(go);
         lines.put(&offset(1));
-        while lines.failure().is_none() {
+        while lines.has_reader().unwrap() {
             thread::yield_now();
         }
-        assert_eq!(lines.failure(), Some(io::ErrorKind::BrokenPipe));
+        lines.finish(Duration::from_secs(60)).unwrap();
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_an_error_at_once_and_at_the_end() {
+        let metrics = Arc::new(Metrics::new(String::new(), &[]));
+        let full = std::fs::File::create("/dev/full").unwrap();
+        let lines = Lines::to(Box::new(full), metrics, true).unwrap();
+        lines.put(&offset(1));
+        let error = loop {
+            match lines.has_reader() {
+                Ok(has_reader) => assert!(has_reader, "somebody could read it"),
+                Err(error) => break error,
+            }
+            thread::yield_now();
+        };
+        assert!(!error.is_bad_input() && error.to_string().contains("No space"));
+        lines.finish(Duration::from_secs(60)).unwrap_err();
+    }
+
+    fn answer(age_s: f64, state: AnswerState) -> Answer {
+        Answer {
+            time_s: 10.0,
+            time_utc: None,
+            track: 1,
+            phase: "arrival",
+            dtd_m: Some(9_000.0),
+            dtd_sd_m: None,
+            dtd_from_m: None,
+            dtd_to_m: None,
+            ground_speed_mps: None,
+            time_to_touchdown_s: None,
+            latitude_deg: None,
+            longitude_deg: None,
+            height_m: None,
+            position_sd_m: None,
+            views: vec!["left".into()],
+            age_s,
+            state,
+        }
+    }
+
+    #[test]
+    fn an_answer_that_waited_is_as_old_as_it_is_now_and_not_fresh_for_ever() {
+        let after = |age_s, state, waited_s| {
+            let line = aged(Line::Answer(Box::new(answer(age_s, state))), waited_s)?;
+            let Line::Answer(answer) = line else {
+                panic!("{line:?}")
+            };
+            Some((answer.state, (answer.age_s * 1e3).round() as i64))
+        };
+        let (fresh, coasting) = (AnswerState::Fresh, AnswerState::Coasting);
+        assert_eq!(after(0.05, fresh, 0.1), Some((fresh, 150)));
+        assert_eq!(after(0.05, fresh, 0.3), Some((coasting, 350)));
+        assert_eq!(after(0.05, fresh, 5.1), None);
+        assert_eq!(after(0.05, coasting, 5.1), None);
+        let lost = AnswerState::Lost;
+        assert_eq!(after(0.05, lost, 60.0), Some((lost, 60_050)));
+        // Read as fast as possible, no answer is old.
+        assert_eq!(after(9.0, fresh, 0.0), Some((fresh, 9_000)));
+        assert!(aged(offset(1), 60.0).is_some());
     }
 
     #[test]

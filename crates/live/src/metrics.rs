@@ -3,6 +3,7 @@
 use std::fmt::{self, Write};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
+use crate::lines::AnswerState;
 use crate::view_state::ViewState;
 
 /// Fate of a decoded image.
@@ -100,8 +101,8 @@ pub(crate) struct Metrics {
     views: Vec<OfView>,
     latencies: [Histogram; Stage::ALL.len()],
     answers: AtomicU64,
-    /// Milliseconds since the start of the program; 0: none yet.
-    last_answer_ms: AtomicU64,
+    /// When the last fresh answer was made, milliseconds since the start of the program; 0: none yet.
+    last_fresh_ms: AtomicU64,
     dropped_lines: AtomicU64,
 }
 
@@ -134,7 +135,7 @@ impl Metrics {
             views: views.iter().map(of_view).collect(),
             latencies: Default::default(),
             answers: AtomicU64::new(0),
-            last_answer_ms: AtomicU64::new(0),
+            last_fresh_ms: AtomicU64::new(0),
             dropped_lines: AtomicU64::new(0),
         }
     }
@@ -175,10 +176,13 @@ impl Metrics {
         (of_stage.sum_us).fetch_add((seconds * 1e6) as u64, Ordering::Relaxed);
     }
 
-    pub(crate) fn answered(&self, now_s: f64) {
+    /// An answer was made; only fresh ones count for the age of the last one.
+    pub(crate) fn answered(&self, state: AnswerState, now_s: f64) {
         self.answers.fetch_add(1, Ordering::Relaxed);
-        self.last_answer_ms
-            .store((now_s * 1e3) as u64, Ordering::Relaxed);
+        if state == AnswerState::Fresh {
+            self.last_fresh_ms
+                .store((now_s * 1e3) as u64, Ordering::Relaxed);
+        }
     }
 
     pub(crate) fn count_dropped_line(&self) {
@@ -243,7 +247,7 @@ impl Metrics {
             "dtd_answers_total {}",
             self.answers.load(Ordering::Relaxed)
         )?;
-        let last_ms = self.last_answer_ms.load(Ordering::Relaxed);
+        let last_ms = self.last_fresh_ms.load(Ordering::Relaxed);
         if last_ms > 0 {
             let age_s = now_s - last_ms as f64 * 1e-3;
             writeln!(to, "# TYPE dtd_last_answer_age_seconds gauge")?;
@@ -295,7 +299,9 @@ mod tests {
         metrics.count(1, Fate::Overload);
         metrics.set_state(0, ViewState::Frozen);
         metrics.time(Stage::Total, 0.0123);
-        metrics.answered(1.0);
+        metrics.answered(AnswerState::Fresh, 1.0);
+        metrics.answered(AnswerState::Coasting, 1.3);
+        metrics.answered(AnswerState::Lost, 1.4);
         let text = metrics.text(1.5);
         for line in [
             "dtd_run_info{blake3=\"abc\"} 1",

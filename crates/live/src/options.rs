@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 use crate::feed::Pace;
 use crate::source::Source;
 
+/// Offsets of clocks are smaller, seconds.
+const MOST_OFFSET_S: f64 = 3_600.0;
+
 /// Options of a live estimation.
 pub struct Options {
     /// The run.
@@ -67,12 +70,7 @@ impl Options {
                 "no view has a source; give at least one of {listed}"
             )));
         }
-        let mut offsets = self.offsets_s.iter();
-        if let Some((view, _)) = offsets.find(|(_, offset_s)| !offset_s.is_finite()) {
-            return Err(Error::Views(format!(
-                "--offset {view}: expected a number of seconds"
-            )));
-        }
+        check_offsets(&self.offsets_s)?;
         let camera = self.sources.values().find(|source| !source.is_recorded());
         match camera {
             Some(camera) if self.as_fast_as_possible => Err(Error::Views(format!(
@@ -97,6 +95,32 @@ impl Options {
             Pace::RealTime
         } else {
             Pace::Cameras
+        }
+    }
+}
+
+/// Rejects offsets that are no numbers, or are too large.
+fn check_offsets(offsets_s: &BTreeMap<String, f64>) -> Result<()> {
+    let is_bad = |offset_s: &f64| !(-MOST_OFFSET_S..=MOST_OFFSET_S).contains(offset_s);
+    match offsets_s.iter().find(|(_, offset_s)| is_bad(offset_s)) {
+        None => Ok(()),
+        Some((view, offset_s)) => Err(Error::Views(format!(
+            "--offset {view} is {offset_s} s, expected -{MOST_OFFSET_S} to {MOST_OFFSET_S}; for a larger one set the clock of the camera"
+        ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_offset_of_more_than_an_hour_is_refused_with_the_limits() {
+        let of = |offset_s: f64| check_offsets(&[("left".to_owned(), offset_s)].into());
+        assert!(of(0.12).is_ok() && of(-3_600.0).is_ok());
+        for offset_s in [1e300, -3_601.0, f64::NAN, f64::INFINITY] {
+            let error = of(offset_s).unwrap_err();
+            assert!(error.is_bad_input() && error.to_string().contains("-3600 to 3600"));
         }
     }
 }

@@ -1,11 +1,14 @@
 //! Images of several views that belong together: each with the nearest of the others, at most about half a frame away.
 //!
-//! The earliest image decides. It waits for a view that may still deliver a nearer one, but no longer than [`MOST_WAIT_S`].
+//! The earliest image decides. It waits for a view that may still deliver a nearer one, until that one is overdue by [`MOST_WAIT_S`].
+//! Clocks may differ by seconds (`--offset`): images of one time then come one after the other, so the lag of each view is followed.
 
 use std::collections::VecDeque;
 
-/// Seconds that an image waits for the other views. Recordings wait until they end.
+/// Seconds by which an image of another view may be overdue. Recordings wait until they end.
 const MOST_WAIT_S: f64 = 0.1;
+/// No image is held for longer, seconds.
+const MOST_HELD_S: f64 = 5.0;
 /// Images belong together if they are not further apart than this part of the usual time between images.
 const PART_OF_PERIOD: f64 = 0.55;
 /// Part by which a new interval changes the usual time.
@@ -37,6 +40,8 @@ struct Lane<T> {
     is_live: bool,
     last_s: Option<f64>,
     period_s: Option<f64>,
+    /// Seconds from the time of an image to its coming: grows at once, and shrinks slowly.
+    lag_s: Option<f64>,
 }
 
 #[derive(Debug)]
@@ -53,6 +58,7 @@ impl<T> Pairing<T> {
             is_live: true,
             last_s: None,
             period_s: None,
+            lag_s: None,
         };
         Self {
             lanes: (0..views).map(lane).collect(),
@@ -69,13 +75,18 @@ impl<T> Pairing<T> {
     /// Takes an image of a view that came at `now_s`.
     pub(crate) fn put(&mut self, view: usize, time_s: f64, now_s: f64, content: T) {
         let lane = &mut self.lanes[view];
-        if let Some(last_s) = lane.last_s.replace(time_s) {
-            let between_s = time_s - last_s;
+        let between_s = lane.last_s.replace(time_s).map(|last_s| time_s - last_s);
+        if let Some(between_s) = between_s.filter(|between_s| *between_s > 0.0) {
             let period_s = lane.period_s.get_or_insert(between_s);
             // After a gap the old one still holds.
             let between_s = between_s.min(2.0 * *period_s);
             *period_s += LEARNED_PART * (between_s - *period_s);
         }
+        let lag_s = now_s - time_s;
+        lane.lag_s = Some(match lane.lag_s {
+            Some(known_s) if known_s > lag_s => known_s + LEARNED_PART * (lag_s - known_s),
+            _ => lag_s,
+        });
         lane.waiting.push_back(Waiting {
             time_s,
             came_s: now_s,
@@ -93,7 +104,12 @@ impl<T> Pairing<T> {
             let heads = heads.filter_map(|(view, lane)| Some((view, lane.waiting.front()?)));
             let (first, head) = heads.min_by(|a, b| a.1.time_s.total_cmp(&b.1.time_s))?;
             let (time_s, came_s) = (head.time_s, head.came_s);
-            let is_due = !self.waits_forever && now_s - came_s >= MOST_WAIT_S;
+            let live = self.lanes.iter().filter(|lane| lane.is_live);
+            let lag_s = live
+                .filter_map(|lane| lane.lag_s)
+                .fold(came_s - time_s, f64::max);
+            let due_s = (time_s + lag_s + MOST_WAIT_S).min(came_s + MOST_HELD_S);
+            let is_due = !self.waits_forever && now_s >= due_s;
             let must_wait = |lane: &Lane<T>| lane.is_live && lane.waiting.is_empty();
             if !is_due && self.lanes.iter().any(must_wait) {
                 return None;
@@ -162,6 +178,27 @@ mod tests {
                 let found = i64::from(right) - i64::from(left);
                 assert_eq!(found, difference, "{offset_s}");
             }
+        }
+    }
+
+    #[test]
+    fn clocks_that_differ_are_joined_by_their_times() {
+        for offset_s in [0.12, -0.12, 0.5, -0.5] {
+            let mut pairing = Pairing::new(2, false);
+            let mut joined = 0;
+            for number in 0..90_u32 {
+                // Both come at once.
+                let now_s = f64::from(number) * PERIOD_S + 0.02;
+                pairing.put(0, now_s - 0.02, now_s, number);
+                pairing.put(1, now_s - 0.02 + offset_s, now_s, number);
+                while let Some(found) = pairing.next(now_s) {
+                    if let [Some((left_s, _)), Some((right_s, _))] = found.images[..] {
+                        assert!((left_s - right_s).abs() <= 0.5 * PERIOD_S + 1e-9);
+                        joined += 1;
+                    }
+                }
+            }
+            assert!(joined >= 60, "{offset_s}: {joined}");
         }
     }
 

@@ -43,6 +43,8 @@ pub(crate) struct Search {
 const MOST_WAIT_S: f64 = 0.1;
 /// A wait for an image that is longer changes nothing.
 const WAIT: Duration = Duration::from_millis(500);
+/// Images in a row whose search may fail before there is no point in going on.
+const MOST_FAILURES: u32 = 30;
 
 impl Search {
     /// Runs until the feed ends or the program is stopped.
@@ -53,6 +55,7 @@ impl Search {
             part: Vec::new(),
             previous: None,
         };
+        let mut failures = 0;
         while !self.shared.is_stopped() {
             let image = match self.slot.take(WAIT) {
                 Taken::Content(image) => image,
@@ -64,19 +67,27 @@ impl Search {
             } else if self.is_too_old(&image) {
                 continue;
             }
-            match self.look(image, &mut pixels) {
-                Ok(None) => {}
-                Ok(Some(searched)) => {
-                    let message = Message::Searched(self.view, Box::new(searched));
-                    if self.messages.send(message).is_err() {
-                        break;
+            let time_s = image.time_s;
+            let looked = self.look(image, &mut pixels);
+            failures = failures_after(&looked, failures);
+            let message = match looked {
+                Ok(Some(searched)) => Message::Searched(self.view, Box::new(searched)),
+                Err(error) if failures >= MOST_FAILURES => Message::Failed(error.into()),
+                skipped => {
+                    if let Err(error) = skipped {
+                        tracing::warn!("an image of view {} was not searched: {error}", self.name);
+                        self.shared.metrics.count(self.view, Fate::Damaged);
                     }
+                    if self.shared.pace != Pace::AsFastAsPossible {
+                        continue;
+                    }
+                    Message::Skipped(self.view, time_s)
                 }
-                Err(error) => {
-                    // Whoever reads it has ended if it fails.
-                    let _ = self.messages.send(Message::Failed(error.into()));
-                    break;
-                }
+            };
+            let is_over = matches!(message, Message::Failed(_));
+            // Whoever reads it has ended if it fails.
+            if self.messages.send(message).is_err() || is_over {
+                break;
             }
         }
         self.lockstep.leave(self.view);
@@ -99,6 +110,9 @@ impl Search {
         image: FeedImage,
         pixels: &mut Pixels,
     ) -> labeller::Result<Option<Searched>> {
+        if !image.can_be_searched {
+            return Ok(None);
+        }
         let metrics = &self.shared.metrics;
         let begun_s = self.shared.clock.now_s();
         metrics.time(Stage::Wait, begun_s - image.decoded_s);
@@ -128,6 +142,15 @@ impl Search {
             searched_s,
             looked,
         }))
+    }
+}
+
+/// Failures in a row after a search; all that are allowed at once if the detector is at fault rather than the image.
+fn failures_after<T>(looked: &labeller::Result<T>, before: u32) -> u32 {
+    match looked {
+        Ok(_) => 0,
+        Err(error) if error.is_bad_input() => MOST_FAILURES,
+        Err(_) => before + 1,
     }
 }
 
@@ -182,5 +205,31 @@ impl Image for NewImage<'_> {
         let is_alike = |before: &&DecodedImage| before.size_px() == self.image.size_px();
         let before = previous.filter(is_alike).and_then(DecodedImage::luma);
         [before, self.image.luma()]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_image_costs_itself_and_failures_without_end_the_view() {
+        let option = || labeller::Error::Option {
+            name: "rows",
+            found: "1:0".into(),
+            expected: "0:1".into(),
+        };
+        let of_image = || labeller::Error::Scenario {
+            id: "left".into(),
+            message: "its pixels cannot be converted".into(),
+        };
+        let after = |failures| failures_after::<()>(&Err(of_image()), failures);
+        assert_eq!(after(0), 1);
+        assert_eq!(failures_after(&Ok(()), MOST_FAILURES - 1), 0);
+        assert_eq!(
+            (0..MOST_FAILURES).fold(0, |failures, _| after(failures)),
+            MOST_FAILURES
+        );
+        assert_eq!(failures_after::<()>(&Err(option()), 0), MOST_FAILURES);
     }
 }

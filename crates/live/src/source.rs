@@ -79,8 +79,11 @@ impl Stream {
     /// The address for FFmpeg, with the password. It must not be logged.
     pub(crate) fn secret_address(&self) -> String {
         let mut address = self.address.clone();
+        // `set_password` leaves `%` as it is, and FFmpeg would decode what follows.
+        let password = self.password.as_ref();
+        let password = password.map(|password| password.replace('%', "%25"));
         // Fails only for addresses without a host, which are rejected.
-        let _ = address.set_password(self.password.as_deref());
+        let _ = address.set_password(password.as_deref());
         address.into()
     }
 
@@ -99,7 +102,11 @@ impl Stream {
                 "it names no host; expected rtsp://HOST/PATH".into(),
             ));
         }
-        if address.password().is_some() {
+        let mut names = address.query_pairs().map(|(name, _)| name);
+        let in_query = names.any(|name| is_password_name(&name));
+        let in_path = (address.path().rsplit_once('='))
+            .is_some_and(|(before, _)| before.split('=').any(is_password_name));
+        if address.password().is_some() || in_query || in_path {
             return Err(refused(
                 "all users of this computer can read the password in a command; set DTD_PASSWORD_VIEW (e.g. DTD_PASSWORD_LEFT) or give \
                  --password-file VIEW=FILE, and leave it out here"
@@ -154,7 +161,10 @@ impl FromStr for Source {
                 id: id.into(),
             });
         }
-        if text.contains("://") {
+        let scheme = text.split_once(':').map(|(scheme, _)| scheme);
+        let is_slashless =
+            scheme.is_some_and(|scheme| ["rtsp", "rtsps"].contains(&&*scheme.to_ascii_lowercase()));
+        if is_slashless || text.contains("://") {
             return Err(Error::Source {
                 source: shown(text),
                 why: "expected rtsp://, a video file, an SDP file, /dev/videoN or corpus:CORPUS/SCENARIO".into(),
@@ -170,12 +180,50 @@ impl FromStr for Source {
     }
 }
 
-/// An address without its secrets: whatever stands before the host.
+/// True if a value with this name is a password: `password`, `loginpwd`, `user=admin_passwd`.
+fn is_password_name(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    let last_word = name.rsplit(|letter: char| !letter.is_ascii_alphanumeric());
+    let is_short = |word: &str| ["pass", "pw"].contains(&word);
+    ["password", "passwd", "pwd"]
+        .iter()
+        .any(|end| name.ends_with(end))
+        || last_word.take(1).any(is_short)
+}
+
+/// A text that is no address, or is refused as one, without its possible secrets: what stands before the host, after `=`, `?` and `#`.
 fn shown(text: &str) -> String {
-    match (text.split_once("://"), text.rsplit_once('@')) {
-        (Some((scheme, _)), Some((_, host))) => format!("{scheme}://***@{host}"),
-        _ => text.into(),
-    }
+    let Some((scheme, rest)) = text.split_once(':') else {
+        return text.into();
+    };
+    let slashes = if rest.starts_with("//") { "//" } else { "" };
+    let rest = &rest[slashes.len()..];
+    let head = rest.split(['?', '#']).next().unwrap_or_default();
+    let end = if head.len() < rest.len() { "?***" } else { "" };
+    let place = match (head.rsplit_once('@'), rest.contains('@')) {
+        (Some((_, place)), _) => format!("***@{place}"),
+        (None, true) => "***".into(),
+        (None, false) => head.into(),
+    };
+    let place = match place.split_once('=') {
+        Some((name, _)) => format!("{name}=***"),
+        None => place,
+    };
+    format!("{scheme}:{slashes}{place}{end}")
+}
+
+/// An address without the values of its parameters, which may be secrets.
+fn without_values(address: &Url) -> Url {
+    let mut shown = address.clone();
+    shown.set_fragment(None);
+    let parts = address.query_pairs().map(|(name, value)| match &*value {
+        // It may be a token that has no name.
+        "" => "***".into(),
+        _ => format!("{name}=***"),
+    });
+    let query: Vec<String> = parts.collect();
+    shown.set_query((!query.is_empty()).then(|| query.join("&")).as_deref());
+    shown
 }
 
 impl fmt::Display for Source {
@@ -184,7 +232,7 @@ impl fmt::Display for Source {
             Self::File(path) | Self::Description(path) | Self::Device(path) => {
                 path.display().fmt(f)
             }
-            Self::Stream(stream) => stream.address.fmt(f),
+            Self::Stream(stream) => without_values(&stream.address).fmt(f),
             Self::Scenario { corpus, id } => write!(f, "corpus:{}/{id}", corpus.display()),
         }
     }
@@ -198,7 +246,7 @@ impl fmt::Debug for Source {
 
 impl fmt::Debug for Stream {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.address.fmt(f)
+        without_values(&self.address).fmt(f)
     }
 }
 
@@ -217,21 +265,71 @@ mod tests {
             id: "0001-a".into(),
         };
         assert_eq!(of("corpus:my/corpus/0001-a"), scenario);
-        for text in ["corpus:0001-a", "http://camera/left", "rtsp:///left"] {
+        for text in [
+            "corpus:0001-a",
+            "http://camera/left",
+            "rtsp:///left",
+            "rtsp:/camera/left",
+        ] {
             assert!(text.parse::<Source>().is_err(), "{text}");
         }
     }
 
     #[test]
     fn a_password_in_an_address_is_refused_and_not_repeated() {
-        let error = "rtsp://me:secret@camera/left"
-            .parse::<Source>()
-            .unwrap_err();
-        let said = error.to_string();
-        assert!(
-            !said.contains("secret") && said.contains("DTD_PASSWORD_LEFT"),
-            "{said}"
-        );
+        for text in [
+            "rtsp://me:secret@camera/left",
+            "rtsp://camera/left?user=me&password=secret",
+            "rtsp://camera/left?user=me&Pwd=secret&channel=1",
+            "rtsp://camera/left?user=me&p%61ss=secret",
+            "rtsp://camera/user=me_password=secret_channel=1.sdp",
+        ] {
+            let said = text.parse::<Source>().unwrap_err().to_string();
+            assert!(
+                !said.contains("secret") && said.contains("DTD_PASSWORD_LEFT"),
+                "{said}"
+            );
+        }
+    }
+
+    #[test]
+    fn no_refusal_repeats_a_secret() {
+        for text in [
+            "rtsp:/me:secret@camera/left",
+            "rtsp:me:secret@camera/left",
+            "RTSP://me:secret@camera/left",
+            "http://me:secret@camera/left",
+            "rtsp://me:se?secret@camera/left",
+            "rtsp://me:se#secret@camera/left",
+            "http://camera/left?token=secret",
+            "http://camera/token=secret",
+        ] {
+            let said = text.parse::<Source>().unwrap_err().to_string();
+            assert!(!said.contains("secret"), "{said}");
+        }
+    }
+
+    #[test]
+    fn the_values_of_parameters_are_not_shown() {
+        for text in [
+            "rtsp://camera/left?token=secret&channel=2",
+            "rtsp://camera/left?secret",
+            "rtsp://camera/left#secret",
+        ] {
+            let source: Source = text.parse().unwrap();
+            for said in [source.to_string(), format!("{source:?}")] {
+                assert!(!said.contains("secret"), "{said}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_password_with_a_percent_sign_is_what_the_server_decodes() {
+        let source: Source = "rtsp://me@camera/left".parse().unwrap();
+        let Source::Stream(stream) = source.with_password(Some("a%41".into())) else {
+            panic!("it is a stream")
+        };
+        assert_eq!(stream.secret_address(), "rtsp://me:a%2541@camera/left");
     }
 
     #[test]
@@ -240,7 +338,7 @@ mod tests {
             .parse()
             .unwrap();
         let source = source.with_password(Some("p@ss/word".into()));
-        assert_eq!(source.to_string(), "rtsp://me@camera/left?channel=2");
+        assert_eq!(source.to_string(), "rtsp://me@camera/left?channel=***");
         assert_eq!(format!("{source:?}"), source.to_string());
         let Source::Stream(stream) = source else {
             panic!("it is a stream")

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -63,8 +63,10 @@ impl Views {
                 status: status.clone(),
                 messages: send.clone(),
                 shared: shared.clone(),
+                last_time_s: None,
             };
-            threads.push(spawn(format!("feed {name}"), move || feed.run())?);
+            let thread = format!("feed {name}");
+            threads.push(spawn(thread, send.clone(), move || feed.run())?);
             if !searches {
                 continue;
             }
@@ -78,7 +80,8 @@ impl Views {
                 shared: shared.clone(),
                 lockstep: lockstep.clone(),
             };
-            threads.push(spawn(format!("search {name}"), move || search.run())?);
+            let thread = format!("search {name}");
+            threads.push(spawn(thread, send.clone(), move || search.run())?);
         }
         Ok(Self {
             all,
@@ -98,7 +101,50 @@ impl Views {
     }
 }
 
-fn spawn(name: String, work: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>> {
-    let thread = thread::Builder::new().name(name);
-    thread.spawn(work).map_err(Error::Thread)
+/// Starts a thread whose panic is told to the conductor: otherwise the view would stay as it was.
+fn spawn(
+    name: String,
+    messages: Sender<Message>,
+    work: impl FnOnce() + Send + 'static,
+) -> Result<JoinHandle<()>> {
+    let thread = thread::Builder::new().name(name.clone());
+    let guard = PanicGuard { name, messages };
+    let guarded = move || {
+        let _guard = guard;
+        work();
+    };
+    thread.spawn(guarded).map_err(Error::Thread)
+}
+
+/// Reports the panic of its thread when it is dropped.
+struct PanicGuard {
+    name: String,
+    messages: Sender<Message>,
+}
+
+impl Drop for PanicGuard {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            let thread = std::mem::take(&mut self.name);
+            // Whoever reads it has ended if it fails.
+            let _ = (self.messages).send(Message::Failed(Error::Panicked { thread }));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_of_a_thread_is_told_and_its_regular_end_is_not() {
+        let (send, messages) = channel();
+        spawn("feed left".into(), send.clone(), || {}).unwrap();
+        spawn("search left".into(), send, || panic!("of the test")).unwrap();
+        let told: Vec<Message> = messages.iter().collect();
+        let [Message::Failed(error)] = &told[..] else {
+            panic!("{} messages", told.len())
+        };
+        assert!(!error.is_bad_input() && error.to_string().contains("search left"));
+    }
 }
