@@ -122,8 +122,8 @@ fn passwords(args: &EstimateArgs, views: &[String]) -> Result<BTreeMap<String, S
     Ok(all)
 }
 
-fn check_password_view(view: &String, views: &[String]) -> Result<(), Failure> {
-    if views.contains(view) {
+fn check_password_view(view: &str, views: &[String]) -> Result<(), Failure> {
+    if views.iter().any(|known| known == view) {
         return Ok(());
     }
     Err(Failure::bad_input_message(format!(
@@ -172,7 +172,7 @@ mod tests {
     fn a_password_for_a_view_that_the_run_does_not_have_is_refused() {
         let views = ["left".to_owned(), "right".to_owned()];
         assert!(check_password_view(&views[1], &views).is_ok());
-        assert!(check_password_view(&"rihgt".to_owned(), &views).is_err());
+        assert!(check_password_view("rihgt", &views).is_err());
     }
 
     #[test]
