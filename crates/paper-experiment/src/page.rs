@@ -216,14 +216,15 @@ fn ranges(results: &Results) -> String {
     let missing = if results.ranges.iter().any(|range| range.is_pretrained) {
         ""
     } else {
-        " No other detector was judged: `--pretrained-detector FILE` names one."
+        "\nNo other detector was judged: `--pretrained-detector FILE` names one."
     };
     format!(
         "## Detection range\n\n{}\n\n\
-         From flights that begin at {} NM, where ranges are cut off, in the weather {}; the paper's begin at 10 NM.{missing}",
+         Ranges are of the weather {}, and are cut off at {} NM, the farthest picture that shows the aircraft; the paper's flights begin\n\
+         at 10 NM.{missing}",
         table.markdown(),
-        number(farthest, 1),
-        weather.unwrap_or("-")
+        weather.unwrap_or("-"),
+        number(farthest, 1)
     )
 }
 

@@ -185,8 +185,9 @@ pub(super) fn check_content(
 
 /// No component of a black pixel is brighter: codecs and screens round.
 const BLACK: u8 = 1;
-/// At a higher visibility no fog fills a picture from edge to edge with one colour, metres.
-const FOG_FILLS_PICTURE_M: f64 = 5_000.0;
+/// At a higher visibility no fog fills a picture from edge to edge with one colour, metres. A camera of long focal length that looks over
+/// the ground, as the paper's do, sees nothing else at 5 NM.
+const FOG_FILLS_PICTURE_M: f64 = 10_000.0;
 
 /// The colour of an empty picture: black all over, or a single colour that fog does not explain. Almost free if two pixels near the
 /// start differ.

@@ -188,7 +188,7 @@ impl OrtDetector {
             class,
             origin: self.profile.origin(meaning.layout),
             window_px: size_px,
-            score_floor: self.profile.score_floor(score_floor),
+            score_floor,
         };
         self.run(run, size_px, |outputs| {
             boxes_in(outputs, boxes, &decoding, windows)
@@ -254,7 +254,12 @@ impl Detector for OrtDetector {
                     window.write_planes(picture, order, scale, planes);
                     self.profile.input.standardize(planes);
                 }
-                let boxes = self.boxes_in(in_run, some.len(), size_px, score_floor)?;
+                // Scores of shrunk aircraft are lower, and their second window decides.
+                let floor = match some[0].shrink {
+                    1 => self.profile.score_floor(score_floor),
+                    _ => score_floor,
+                };
+                let boxes = self.boxes_in(in_run, some.len(), size_px, floor)?;
                 for boxes in &boxes {
                     self.found.add(boxes, size_px);
                 }

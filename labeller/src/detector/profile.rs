@@ -112,7 +112,7 @@ pub struct ModelProfile {
     /// smallest aircraft.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_pass_shrink: Option<u32>,
-    /// Smallest score of a box that the model reports, 0 to 1; 0 by default.
+    /// Smallest score of a box that the model reports in a window that is not shrunk, 0 to 1; 0 by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub least_score: Option<f64>,
     /// The input.
