@@ -11,8 +11,7 @@ use crate::failure::{Ending, Failure};
 /// Runs the verb.
 pub(crate) fn run(args: &AirportArgs) -> Outcome {
     let AirportCommand::Import(args) = &args.command;
-    let found = import(&args.airport, &args.runway, &args.from)
-        .map_err(|error| Failure::bad_input(error))?;
+    let found = import(&args.airport, &args.runway, &args.from).map_err(Failure::bad_input)?;
     let is_agreed = args.accept || found.conflicts.is_empty();
     if args.json {
         print_json(&Printed {
