@@ -26,7 +26,7 @@ use arrival::FURTHEST_M;
 pub use arrival::NoArrival;
 pub use formats::TrackFileError;
 
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{Implausible, Recording, RecordingError};
 
 /// A track that became a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -170,6 +170,10 @@ fn write_checked(
     std::fs::write(staged.path(), text).map_err(failed)?;
     if let Err(error) = Recording::read(staged.path(), runway, FURTHEST_M, &[]) {
         let reason = match error {
+            RecordingError::Implausible {
+                fault: Implausible::NoApproach { how, .. },
+                ..
+            } => how,
             RecordingError::Implausible { fault, .. } => fault.to_string(),
             RecordingError::Flight { fault, .. } => fault.to_string(),
             other => other.to_string(),
