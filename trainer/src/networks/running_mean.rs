@@ -32,7 +32,9 @@ mod tests {
     #[test]
     fn a_mean_is_taken_once_and_of_finite_numbers() {
         let mut mean = RunningMean::default();
-        [1.0, f64::NAN, 4.0].map(|number| mean.add(number));
+        for number in [1.0, f64::NAN, 4.0] {
+            mean.add(number);
+        }
         assert_eq!(mean.take(), Some(2.5));
         assert_eq!(mean.take(), None);
     }
