@@ -197,8 +197,10 @@ pub(crate) enum Verb {
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
     /// Make the table of a runway for a sweep from published ones
+    #[command(after_help = help::AIRPORT_IMPORT)]
     Airport(AirportArgs),
     /// Make recordings for a sweep from tracks of real arrivals
+    #[command(after_help = help::TRACKS_IMPORT)]
     Tracks(TracksArgs),
     /// Install the plugin for poses and pictures into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]

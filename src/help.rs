@@ -13,8 +13,8 @@ const GROUPS: &[(&str, &[&str])] = &[
     (
         "Corpora",
         &[
-            "plan", "generate", "label", "detect", "verify", "view", "export", "push", "fetch",
-            "schema",
+            "airport", "tracks", "plan", "generate", "label", "detect", "verify", "view", "export",
+            "push", "fetch", "schema",
         ],
     ),
     (
@@ -182,11 +182,13 @@ Example:
 
 pub(crate) const AIRPORT_IMPORT: &str = "\
 Example:
-  dtd airport import EDDM 26L --from apt.dat earth_nav.dat runways.csv >> sweep.toml";
+  dtd airport import EDDM 26L --from apt.dat earth_nav.dat runways.csv \\
+      >> sweep.toml";
 
 pub(crate) const TRACKS_IMPORT: &str = "\
 Example:
-  dtd tracks import arrivals/*.csv --runway LFPG/09R --airports sweep.toml --out flights
+  dtd tracks import arrivals/*.csv --runway LFPG/09R --airports sweep.toml \\
+      --out flights
 
 Exit codes: 3 if a file or track was refused, 2 if all were.";
 
@@ -332,7 +334,7 @@ mod tests {
         ("start-from", "to start from instead of random"),
         ("sweep", "The sweep to "),
         ("timeout", "Longest wait for "),
-        ("view", "iew "),
+        ("view", "iew"),
     ];
 
     #[test]

@@ -202,7 +202,7 @@ fn mistakes(good: &Table) -> BTreeMap<&'static str, (Table, &'static str)> {
             "latitude and longitude swapped",
             (
                 good.clone().swapped("latitude_deg", "longitude_deg"),
-                "is out of range",
+                "swapped coordinates",
             ),
         ),
         (

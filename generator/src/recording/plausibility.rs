@@ -321,12 +321,19 @@ pub(super) fn elsewhere(states: &[FlightState], runway: &Runway) -> Option<Impla
     Some(Implausible::Unit {
         column: "latitude_deg and longitude_deg",
         looks_like,
-        why: format!(
-            "they are never within {:.0} km of {} {}, and would be then",
-            here_m / 1e3,
-            runway.airport,
-            runway.name
-        ),
+        why: if here_m.is_finite() {
+            format!(
+                "they are never within {:.0} km of {} {}, and would be then",
+                here_m / 1e3,
+                runway.airport,
+                runway.name
+            )
+        } else {
+            format!(
+                "they are no places on earth, and near {} {} then",
+                runway.airport, runway.name
+            )
+        },
         expected: "degrees on WGS-84, north and east positive",
     })
 }

@@ -16,7 +16,7 @@ pub(super) const TILE: Rgb<u8> = Rgb([250, 230, 60]);
 
 /// Colours a square of `width` pixels around a point; what is outside the picture is left out.
 fn dot(picture: &mut RgbImage, [x, y]: [f64; 2], width: u32, colour: Rgb<u8>) {
-    let first = |centre: f64| (centre - f64::from(width) / 2.0).round() as i64;
+    let first = |centre: f64| (centre - f64::from(width) / 2.0).ceil() as i64;
     for (dx, dy) in
         (0..i64::from(width)).flat_map(|dx| (0..i64::from(width)).map(move |dy| (dx, dy)))
     {
