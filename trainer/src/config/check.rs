@@ -230,7 +230,7 @@ mod tests {
             ),
             (
                 r#"{"estimator": {"log_every": 0}}"#,
-                ["estimator.log_every", "is 0", "at least 1"],
+                ["estimator.log_every", "is 0", "at least 3"],
             ),
             (
                 r#"{"estimator": {"patience": 0}}"#,
