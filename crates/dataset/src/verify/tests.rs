@@ -1244,7 +1244,7 @@ fn a_plan_that_does_not_name_its_sweep_is_a_fault_as_other_verbs_refuse_it() {
     assert_ne!(without, plan);
     fs::write(example.corpus.plan_path(), without).unwrap();
     let findings = example.findings();
-    let words = "plan.json: sweep_blake3 cannot be read: invalid type: null, expected a string; expected the BLAKE3 hash of sweep.toml";
+    let words = "plan.json: sweep_blake3 cannot be read: invalid type: null, expected a string; expected the BLAKE3 hash of corpus.toml";
     assert!(findings.contains(words), "{findings}");
     assert!(Plan::of_corpus(&example.corpus).is_err());
 }

@@ -276,7 +276,8 @@ mod tests {
         let (sent, received) = (picture(19), &first[19]);
         for colour in 0..3 {
             let off = mean(received, colour) - mean(&sent, colour);
-            assert!(off.abs() < 1.0, "{off} grey levels of colour {colour}");
+            // Limited range and subsampled colour round by a level each.
+            assert!(off.abs() < 2.0, "{off} grey levels of colour {colour}");
         }
     }
 }
