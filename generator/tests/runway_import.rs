@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::slice;
 
 use dataset::geometry::geodesy::LatLon;
 use generator::airports::{Imported, import, in_file};
@@ -124,8 +125,10 @@ fn what_is_missing_is_named() {
     let message = |airport: &str, runway: &str, files: &[PathBuf]| {
         import(airport, runway, files).unwrap_err().to_string()
     };
-    assert!(message("ZZZZ", "09", &[apt.clone()]).contains("they have runways 07, 25"));
-    assert!(message("YYYY", "07", &[apt.clone()]).contains("the airport is in none of them"));
+    assert!(message("ZZZZ", "09", slice::from_ref(&apt)).contains("they have runways 07, 25"));
+    assert!(
+        message("YYYY", "07", slice::from_ref(&apt)).contains("the airport is in none of them")
+    );
     assert!(message("ZZZZ", "07", &[apt]).contains("no elevation of ZZZZ 07"));
     let other = write(folder.path(), "apt.dat", "some text\n".into());
     assert!(message("ZZZZ", "07", &[other]).contains("is no table of runways"));
