@@ -5,12 +5,12 @@ mod import;
 mod sources;
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use dataset::files::outside_file::{self, FileKind};
 use dataset::geometry::runway::Runway;
-use dataset::numbers::limits::Check;
+use dataset::numbers::limits::{Check, FieldOutOfLimits};
 use serde::Deserialize;
 
 pub use import::{Conflict, ImportError, Imported, import};
@@ -35,33 +35,79 @@ pub fn bundled(airport: &str, runway: &str) -> Option<Runway> {
     table.complete(airport, runway, None).ok()
 }
 
+/// Reasons why a file does not define a runway.
+#[derive(Debug, thiserror::Error)]
+pub enum RunwayFileError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Unreadable(#[from] dataset::Error),
+    /// It is not TOML, or its tables are not those of airports.
+    #[error("{}: {cause}", path.display())]
+    NotATable {
+        /// The file.
+        path: PathBuf,
+        /// Place and reason.
+        cause: toml::de::Error,
+    },
+    /// The runway is not defined, or not completely.
+    #[error("{}: no {missing} in [airport.{airport}.runway.{runway}]", path.display())]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// The airport.
+        airport: String,
+        /// The runway.
+        runway: String,
+        /// The missing value, or `table`.
+        missing: &'static str,
+    },
+    /// A number that no runway has.
+    #[error("{}: {fault}", path.display())]
+    OutOfLimits {
+        /// The file.
+        path: PathBuf,
+        /// Key, value and range.
+        fault: FieldOutOfLimits,
+    },
+}
+
 /// A runway of a file with `[airport]` tables, such as a sweep or what [`import()`] makes; completed from the built-in one.
 ///
 /// # Errors
-/// The file cannot be read, or does not define the runway completely; the text names it.
-pub fn in_file(path: &Path, airport: &str, runway: &str) -> Result<Runway, String> {
-    let fault = |why: String| format!("{}: {why}", path.display());
-    let text = outside_file::read_text(path, FileKind::SWEEP).map_err(|error| error.to_string())?;
-    let all: toml::Table = toml::from_str(&text).map_err(|error| fault(error.to_string()))?;
+/// The file cannot be read, or does not define the runway completely.
+pub fn in_file(path: &Path, airport: &str, runway: &str) -> Result<Runway, RunwayFileError> {
+    let not_a_table = |cause| RunwayFileError::NotATable {
+        path: path.to_owned(),
+        cause,
+    };
+    let missing = |missing| RunwayFileError::Missing {
+        path: path.to_owned(),
+        airport: airport.to_owned(),
+        runway: runway.to_owned(),
+        missing,
+    };
+    let text = outside_file::read_text(path, FileKind::SWEEP)?;
+    let all: toml::Table = toml::from_str(&text).map_err(not_a_table)?;
     let tables = all
         .get("airport")
         .cloned()
-        .ok_or_else(|| fault("no [airport] table".into()))?;
-    let tables: BTreeMap<String, AirportTable> = tables
-        .try_into()
-        .map_err(|error: toml::de::Error| fault(error.to_string()))?;
+        .ok_or_else(|| missing("table"))?;
+    let tables: BTreeMap<String, AirportTable> = tables.try_into().map_err(not_a_table)?;
     let table = tables
         .get(airport)
         .and_then(|airport| airport.runway.get(runway))
-        .ok_or_else(|| fault(format!("no [airport.{airport}.runway.{runway}]")))?;
+        .ok_or_else(|| missing("table"))?;
     let known = bundled(airport, runway);
     let runway = table
         .complete(airport, runway, known.as_ref())
-        .map_err(|missing| fault(format!("{missing} of {airport} {runway} is missing")))?;
+        .map_err(missing)?;
     let mut check = Check::default();
     runway.check(&mut check);
     match check.first() {
-        Some(out_of_limits) => Err(fault(out_of_limits.to_string())),
+        Some(fault) => Err(RunwayFileError::OutOfLimits {
+            path: path.to_owned(),
+            fault,
+        }),
         None => Ok(runway),
     }
 }

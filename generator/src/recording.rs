@@ -18,6 +18,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::limits::FieldOutOfLimits;
 
 pub(crate) use files::matching_files;
+pub(crate) use plausibility::GO_AROUND_M;
 use plausibility::Seen;
 pub use plausibility::{Allowed, Implausible};
 use table::Row;

@@ -20,7 +20,7 @@ pub(crate) fn run(args: &TracksArgs) -> Outcome {
         ))
     })?;
     let runway = match &args.airports {
-        Some(file) => in_file(file, airport, name).map_err(Failure::bad_input_message)?,
+        Some(file) => in_file(file, airport, name).map_err(Failure::bad_input)?,
         None => bundled(airport, name).ok_or_else(|| {
             Failure::bad_input_message(format!(
                 "runway {name} of {airport} is not built in; make its table with `dtd airport import`, and name the file in --airports"

@@ -10,9 +10,9 @@ use crate::feed::Pace;
 use crate::lines::{Answer, AnswerState};
 
 /// No answer is fresh whose images are older, seconds.
-const MOST_FRESH_S: f64 = 0.3;
+pub(crate) const MOST_FRESH_S: f64 = 0.3;
 /// An aircraft is predicted for this long without images of it, seconds.
-const MOST_COASTING_S: f64 = 5.0;
+pub(crate) const MOST_COASTING_S: f64 = 5.0;
 
 /// Says what is known.
 pub(crate) struct Answers {

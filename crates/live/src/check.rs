@@ -38,7 +38,7 @@ pub struct Found {
 /// Opens all sources until each has shown an image.
 ///
 /// # Errors
-/// The views are not those of the run, or a source can never be used.
+/// The run has other views, or a source can never be used.
 pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<Found>> {
     options.check()?;
     let metrics = Arc::new(Metrics::new(

@@ -224,7 +224,7 @@ mod tests {
         }
         assert!(stamp(120, 100.0, 0.0) < 0.03, "forwards");
         assert!(stamp(121, -50.0, 0.0) < 0.03, "backwards");
-        // A backlog that stays is no jump either: its images are old.
+        // A steady backlog is not a jump either: its images are old.
         for image in 122..300 {
             assert!(stamp(image, -50.0, 1.5) < 0.05, "{image}");
         }

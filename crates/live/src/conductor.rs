@@ -40,7 +40,7 @@ const LAST_LINES: Duration = Duration::from_millis(500);
 /// Runs until all recordings end or the caller stops it. `ready` gets the address of the metrics.
 ///
 /// # Errors
-/// The views are not those of the run, a source can never be used, or an output cannot be opened or takes no more lines.
+/// The run has other views, a source can never be used, or an output cannot be opened or takes no more lines.
 pub fn estimate(
     options: Options,
     output: Box<dyn Write + Send>,
@@ -173,7 +173,7 @@ impl Conductor {
             if self.has_finished.iter().all(|finished| *finished) {
                 return Ok("recordings");
             }
-            // Without lines and without metrics nobody would learn anything.
+            // Without lines and metrics there is no output left.
             if !self.lines.has_reader()? && !self.serves_metrics {
                 return Ok("reader");
             }
@@ -417,7 +417,7 @@ impl Conductor {
         self.lines.put(&Line::Event(event(time_s)));
     }
 
-    /// Tells of images that were not searched, and of lines that nobody read, since the last time.
+    /// Reports the images that were not searched and the lines that were dropped since the last time.
     fn report_overload(&mut self) {
         let now_s = self.shared.clock.now_s();
         if now_s < self.overload.0 + OVERLOAD_S {

@@ -80,7 +80,7 @@ pub(crate) enum Report {
 /// Passing of time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pace {
-    /// There is a camera: times of images are those of clocks.
+    /// There is a camera: clocks give the times of images.
     Cameras,
     /// All sources are recordings, played in their own time.
     RealTime,
@@ -373,7 +373,7 @@ impl Feed {
         is_after.then_some((stamp, time_s))
     }
 
-    /// The first images of a source must be those of the run's camera. Later ones may change: then the view is damaged.
+    /// The first images of a source must have the size of the run's camera. If later ones have another, the view is damaged.
     fn check_first(&self, size_px: [u32; 2]) -> Result<(), OpenFault> {
         let [width, height] = size_px;
         let [known_width, known_height] = self.size_px;

@@ -256,7 +256,7 @@ impl Input {
             Err(_) if self.patience.is_stopped() => return Err(End::Stopped),
             Err(ffmpeg_next::Error::Eof) if !self.all_sent => {
                 self.all_sent = true;
-                // Its answer is that of the next `receive_frame`.
+                // The next `receive_frame` reports its answer.
                 let _ = self.decoder.send_eof();
             }
             Err(ffmpeg_next::Error::Exit) => {

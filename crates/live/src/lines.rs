@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
+use crate::answers::{MOST_COASTING_S, MOST_FRESH_S};
 use crate::clock::ClockSource;
 use crate::error::{Error, Result};
 use crate::metrics::Metrics;
@@ -15,9 +16,6 @@ use crate::view_state::ViewState;
 
 /// Lines that wait for a reader; then the oldest is dropped.
 const MOST_WAITING: usize = 2_000;
-/// Images of a fresh answer are at most so old when it is written, and those of any answer that is not dropped, seconds; as in `answers`.
-const MOST_FRESH_S: f64 = 0.3;
-const MOST_COASTING_S: f64 = 5.0;
 
 /// Freshness of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -46,7 +46,7 @@ const ROLLING_HEIGHT_M: f64 = 20.0;
 /// Distance from the centreline there.
 const OFFSET_AT_TARGET_M: f64 = 100.0;
 /// Height that ends a landing: the aircraft goes around.
-const GO_AROUND_M: f64 = 150.0;
+pub(crate) const GO_AROUND_M: f64 = 150.0;
 /// The corridor of an approach: distance from the centreline, and height as a multiple of the glide path's.
 const CORRIDOR_M: f64 = 500.0;
 const CORRIDOR: f64 = 0.6;

@@ -6,6 +6,7 @@ use dataset::numbers::spread::median;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use super::formats::Fix;
+use crate::recording::GO_AROUND_M;
 use crate::trajectory::last_approach;
 
 /// Fixes that an arrival needs at least, and the time that they cover, seconds. Some receivers report every eight seconds.
@@ -25,11 +26,9 @@ const GAPS_MATTER_M: (f64, f64) = (METERS_PER_NAUTICAL_MILE, 5.0 * METERS_PER_NA
 /// Distance from the centreline within the last two kilometres, metres.
 const OTHER_RUNWAY_M: f64 = 150.0;
 const FINAL_M: f64 = 2_000.0;
-/// An aircraft that climbs by this much after the target goes around, metres.
-const GO_AROUND_M: f64 = 150.0;
 /// Fixes are kept for so long after the target, seconds.
 const AFTER_TARGET_S: f64 = 60.0;
-/// The corridor of an approach, as for recordings.
+/// The corridor in which an arrival begins; narrower than the one that every recording has to keep.
 const CORRIDOR_M: f64 = 500.0;
 const CORRIDOR: f64 = 0.5;
 
@@ -69,7 +68,7 @@ pub enum NoArrival {
     Gap {
         /// Its length.
         gap_s: f64,
-        /// Where it begins.
+        /// Remaining distance at its beginning.
         to_go_m: f64,
     },
     /// It lands beside this runway.

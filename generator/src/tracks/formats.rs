@@ -14,7 +14,7 @@ const MPS_PER_KNOT: f64 = 1_852.0 / 3_600.0;
 /// Times above this are milliseconds since 1970.
 const MILLISECONDS: f64 = 1e11;
 
-/// What a receiver measured at a time.
+/// A report of a receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fix {
     /// Time of the position, seconds.

@@ -1,4 +1,4 @@
-//! Where in a flight the approach is: a recording may begin with a departure, a circuit or another approach.
+//! The part of a flight that is the approach: a recording may begin with a departure, a circuit or another approach.
 
 /// Indices of states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,8 +9,8 @@
 //! "Optical Resolution Through a Randomly Inhomogeneous Medium", JOSA 56, 1966). In time it either has the correlation `exp(-|t| / tau)`,
 //! or comes from turbulence that a crosswind carries along: then the power spectrum falls as f^(-2/3) up to a knee and as f^(-11/3) beyond
 //! (G. A. Tyler, "Bandwidth considerations for tracking through turbulence", JOSA A 11, 1994, for the centroid of an image). Tyler's
-//! asymptotes meet at 0.24 wind / aperture, those of the wavefront's tilt at 0.28; we round to 0.3. There is no outer scale: slow motion is
-//! as strong as it can be.
+//! asymptotes meet at 0.24 wind / aperture for the image and at 0.28 for the wavefront's tilt; we round to 0.3. There is no outer scale:
+//! slow motion is as strong as it can be.
 //!
 //! **Sway** moves the whole image. A mast in gusts is a resonator: its displacement has a peak at the natural frequency, as wide as its
 //! damping.

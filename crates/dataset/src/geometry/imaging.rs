@@ -1,7 +1,7 @@
 //! The differences between an ideal picture and a real one: lens, refraction and turbulence of the air, mast, sensor, the camera's encoder.
 //!
 //! All of it is off by default, because X-Plane has none of it. Lens and refraction move objects, so they belong to the calibration
-//! and every projection includes them. The others degrade the picture: calibration and ground-truth boxes stay those of still air and a
+//! and every projection includes them. The others degrade the picture: calibration and ground-truth boxes assume still air and a
 //! still mast.
 //!
 //! Only the stand-in can draw it; a simulator reports whether it can before a scenario is flown. The camera's encoder is ours, so its

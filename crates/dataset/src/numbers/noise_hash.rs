@@ -1,4 +1,4 @@
-//! Hashes of small integers, for noise that depends on nothing but its place: the same on every machine and thread.
+//! Hashes of small integers, for noise that depends only on its place: the same on every machine and thread.
 
 /// A well-mixed 32-bit hash of three numbers (finaliser of MurmurHash3).
 pub fn hash(a: u32, b: u32, c: u32) -> u32 {

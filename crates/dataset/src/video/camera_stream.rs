@@ -4,7 +4,7 @@
 //! buffer. Each picture is coded with x264 and decoded again at once; the corpus's encoder then takes it. One thread: the same pictures
 //! give the same bytes.
 //!
-//! The bit rate is that of a camera with 30 pictures per second. A corpus with fewer pictures gives each of them its share of such a
+//! The bit rate is for a camera with 30 pictures per second. A corpus with fewer pictures gives each of them its share of such a
 //! stream. They differ more from one another than a camera's would, so they come out worse.
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Decoded images that outlive the next step of their decoder: those of cameras, which one thread decodes and another one searches.
+//! Decoded images that outlive the next step of their decoder: one thread decodes the images of a camera, another one searches them.
 
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
 //! Places of the aircraft in images that turbulent air and a swaying mast move.
 //!
-//! True boxes are those of still air and a still mast. The calibration has the settings of both motions and their seed, and
+//! True boxes assume still air and a still mast. The calibration has the settings of both motions and their seed, and
 //! [`image_motion`](crate::geometry::image_motion) computes them, so that images are compared with the place where they have to show the
 //! aircraft, as strictly as images of a fixed camera.
 
