@@ -57,17 +57,15 @@ fn kill_in(out: &Path, stage: &str, later: Duration) {
     assert!(!stages.iter().any(is_done), "{stage}: killed too late");
 }
 
-/// The numbers in the row of the page's table 3 with this name.
+/// The numbers in the row of the page's table 3 with this name; dashes are left out.
 fn numbers(page: &str, name: &str) -> Vec<f64> {
     let row = page
         .lines()
         .find(|line| line.starts_with(&format!("| {name} | 0.")));
     let cells = row.unwrap_or_else(|| panic!("no row {name} in {page}"));
-    let words = cells
-        .split([' ', '|', '/'])
-        .skip(2)
-        .filter(|word| !word.is_empty());
-    let words = words.filter(|word| *word != name);
+    let cells = cells.trim_start_matches(&format!("| {name} |"));
+    let words = cells.split([' ', '|', '/', '(', ')']);
+    let words = words.filter(|word| !word.is_empty() && *word != "-");
     words
         .map(|word| {
             word.parse()
@@ -102,11 +100,8 @@ fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures()
         assert!(page.contains(part), "no {part:?} in {page}");
     }
     for condition in ["clear", "06:00"] {
-        assert_eq!(
-            numbers(&page, condition).len(),
-            10,
-            "two for each of five columns"
-        );
+        // MAPE and SD of two views and of at least one in five columns, without SD in a sixth; one estimator needs two views.
+        assert!(numbers(&page, condition).len() >= 20, "{page}");
     }
     for figure in page
         .split("](")
