@@ -61,12 +61,15 @@ def main():
     jobs.sort(key=lambda job: LONGEST.index(job[0]) if job[0] in LONGEST else len(LONGEST))
     jobs.append(("documentation", [*CARGO_TEST, "--doc"], "."))
     began, failed = time.monotonic(), []
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        running = {pool.submit(passes, *job): job for job in jobs}
-        for ended in as_completed(running):
-            if not ended.result():
-                failed.append(running[ended])
-    broken = [job for job in failed if not passes(*job)]
+    with tempfile.TemporaryDirectory() as shared:
+        # For corpora that several programs need (testkit::MadeOnce).
+        os.environ["DTD_TEST_SHARED"] = shared
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            running = {pool.submit(passes, *job): job for job in jobs}
+            for ended in as_completed(running):
+                if not ended.result():
+                    failed.append(running[ended])
+        broken = [job for job in failed if not passes(*job)]
     for job in failed:
         print(f"\n== {job[0]} {'FAILED twice' if job in broken else 'failed beside others and passed alone'}")
     print(f"\n{len(jobs)} test programs in {time.monotonic() - began:.0f} s, {len(broken)} failed")
