@@ -23,8 +23,22 @@ const KILLED_IN: [(&str, Duration); 4] = [
     ("ranges", Duration::from_millis(200)),
 ];
 
-fn arguments(out: &Path) -> [&str; 5] {
-    ["paper", "--scale", "small", "--out", out.to_str().unwrap()]
+/// With half as many images as the small scale has.
+fn arguments(out: &Path) -> [&str; 7] {
+    arguments_at("1/6", out)
+}
+
+fn arguments_at<'a>(frame_rate: &'a str, out: &'a Path) -> [&'a str; 7] {
+    let out = out.to_str().unwrap();
+    [
+        "paper",
+        "--scale",
+        "small",
+        "--frame-rate",
+        frame_rate,
+        "--out",
+        out,
+    ]
 }
 
 fn start(out: &Path) -> (Child, BufReader<ChildStderr>) {
@@ -121,7 +135,7 @@ fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures()
         said(&output)
     );
     assert_eq!(figures(&killed), figures(&whole));
-    let other = DTD.run(&[&arguments(&killed)[..], &["--frame-rate", "1"]].concat());
+    let other = DTD.run(&arguments_at("1", &killed));
     assert_eq!(other.status.code(), Some(2), "{}", said(&other));
     assert!(
         said(&other).contains("another sweep or frame rate"),
