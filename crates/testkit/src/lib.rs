@@ -25,6 +25,7 @@ pub mod short_flight;
 mod skip;
 pub mod sweep;
 pub mod synthetic;
+mod tiny_training;
 pub mod watch;
 
 pub use chromium::judge_in_chromium;
@@ -34,3 +35,4 @@ pub use repository::{
 };
 pub use runway::changi_02l;
 pub use skip::skipped;
+pub use tiny_training::TINY_TRAINING;
