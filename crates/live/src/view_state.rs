@@ -79,6 +79,8 @@ const LEAST_PART: f64 = 0.95;
 /// An image that changed by less than this part of the least usual change repeats the one before. An encoder goes on refining a picture
 /// that stands still: by up to 0.4 of the change that noise makes.
 const REPEATED_PART: f64 = 0.5;
+/// One of them changed by less than this part of it. Without one, the images have become quieter: of another encoder, or of the evening.
+const EQUAL_PART: f64 = 0.1;
 
 /// An image that was decoded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,6 +106,8 @@ pub(crate) struct ViewWatch {
     is_frozen: bool,
     /// Since when all images repeat, or are dark, and how many.
     repeats: Option<(f64, usize)>,
+    /// One of the repeating images is equal to the one before.
+    has_equal: bool,
     dark: Option<(f64, usize)>,
     /// When images came, and by how much they changed, without repeated ones.
     usual: VecDeque<(f64, f64)>,
@@ -143,13 +147,15 @@ impl ViewWatch {
         self.dark = is_dark.then(|| count(self.dark)).flatten();
         let change = look.and_then(|look| look.change_levels);
         let repeats = change.zip(self.usual_change());
-        if repeats.is_some_and(|(change, usual)| change <= REPEATED_PART * usual) {
-            self.repeats = count(self.repeats);
-        } else {
-            self.repeats = None;
-            if let Some(change) = change.filter(|_| !is_dark) {
-                self.usual.push_back((now_s, change));
+        match repeats.filter(|(change, usual)| *change <= REPEATED_PART * usual) {
+            Some((change, usual)) => {
+                self.repeats = count(self.repeats);
+                self.has_equal |= change <= EQUAL_PART * usual;
             }
+            None => (self.repeats, self.has_equal) = (None, false),
+        }
+        if let Some(change) = change.filter(|_| !is_dark && !self.has_equal) {
+            self.usual.push_back((now_s, change));
         }
         while self.usual.len() > FEWEST_USUAL
             && self
@@ -185,7 +191,7 @@ impl ViewWatch {
             ViewState::Moved
         } else if self.is_damaged {
             ViewState::Damaged
-        } else if self.is_frozen || lasts(self.repeats, FROZEN_S) {
+        } else if self.is_frozen || self.has_equal && lasts(self.repeats, FROZEN_S) {
             ViewState::Frozen
         } else if silent_s.max(self.age_s) > late_s {
             ViewState::Late
@@ -301,6 +307,17 @@ mod tests {
             assert!(state == expected || image == 52, "{image}: {state:?}");
         }
         assert_eq!(state, ViewState::Frozen);
+    }
+
+    #[test]
+    fn a_scene_that_becomes_quieter_is_not_frozen() {
+        let mut watch = ViewWatch::default();
+        feed(&mut watch, 0.0, 20.0, 1.7, false);
+        for tenth in 200..400 {
+            let from_s = f64::from(tenth) / 10.0;
+            let state = feed(&mut watch, from_s, from_s + 0.1, 0.7, false);
+            assert_eq!(state, ViewState::Up, "{from_s} s");
+        }
     }
 
     #[test]
