@@ -26,6 +26,7 @@ pub mod short_flight;
 mod skip;
 pub mod sweep;
 pub mod synthetic;
+mod tiny_training;
 pub mod watch;
 
 pub use chromium::judge_in_chromium;
@@ -36,3 +37,4 @@ pub use repository::{
 };
 pub use runway::changi_02l;
 pub use skip::skipped;
+pub use tiny_training::TINY_TRAINING;

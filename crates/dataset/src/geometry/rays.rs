@@ -1,8 +1,12 @@
 //! Lines of sight, and where they meet.
 
+mod vertical_lag;
+
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::geometry::camera::Camera;
+
+pub use vertical_lag::{Lag, Sighting, VerticalLag};
 
 /// A line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]
