@@ -7,11 +7,13 @@
 mod duration;
 mod estimate;
 mod expand;
+mod in_sight;
 mod split;
 
 pub use duration::{Durations, Pacing, WeatherCost};
 pub use estimate::{Estimate, MeasuredSize, room_bytes};
 pub use expand::{expand, is_seeded_by};
+pub use in_sight::hidden_aircraft;
 pub(crate) use split::assign_sides;
 
 #[cfg(test)]

@@ -2,8 +2,9 @@
 
 mod pacing;
 mod show;
+mod warnings;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
@@ -24,13 +25,15 @@ use super::output::print_json;
 use crate::args::PlanArgs;
 use crate::failure::{Ending, Failure};
 
+pub(crate) use warnings::warn;
+
 /// The README's name for a corpus: compared with by default.
 const DEFAULT_CORPUS: &str = "corpus";
 
 /// Runs the verb.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let (sweep, plan) = read_plan(&args.sweep)?;
-    warn_of_unused_weathers(&sweep, &plan);
+    warn(&sweep, &plan);
     let compared = match &args.against {
         Some(CorpusLocation::Store(url)) => Some(compare_with_store(&plan, url)?),
         Some(CorpusLocation::Folder(root)) => {
@@ -60,27 +63,6 @@ pub(crate) fn read_plan(path: &Path) -> Result<(Sweep, Plan), Failure> {
     let sweep = Sweep::read(path).map_err(Failure::bad_input)?;
     let plan = expand(&sweep);
     Ok((sweep, plan))
-}
-
-fn warn_of_unused_weathers(sweep: &Sweep, plan: &Plan) {
-    let used: BTreeSet<&str> = plan.scenarios.iter().map(|s| s.weather.as_str()).collect();
-    let text: toml::Table = toml::from_str(&sweep.text).unwrap_or_default();
-    // By default, the grid has all weathers.
-    let listed = text.get("grid").and_then(|grid| grid.get("weathers"));
-    let is_in_grid = |weather: &str| {
-        let listed = listed.and_then(toml::Value::as_array);
-        listed.is_none_or(|listed| listed.iter().any(|name| name.as_str() == Some(weather)))
-    };
-    for weather in sweep.weathers.keys() {
-        if !used.contains(weather.as_str()) {
-            let why = if is_in_grid(weather) {
-                "[[exclude]] omits every combination with it"
-            } else {
-                "name it in `weathers` of [grid]"
-            };
-            eprint_warning!("no scenario has the weather {weather:?}: {why}");
-        }
-    }
 }
 
 /// Held-out data stays held out: a new [split] does not move scenarios of an existing corpus.

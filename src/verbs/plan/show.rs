@@ -9,7 +9,7 @@ use generator::plan::Estimate;
 use indicatif::DecimalBytes;
 
 use super::{Compared, Report};
-use crate::verbs::output::{print_after, print_table};
+use crate::verbs::output::{count, print_after, print_table};
 
 /// Maximum number of rows: with more scenarios, conditions are shown instead.
 const MOST_ROWS: usize = 200;
@@ -125,11 +125,11 @@ impl Report<'_> {
         print_after(
             "flight      ",
             &format!(
-                "{}: {} ticks at {} a second, {} cameras, {} pictures",
+                "{}: {} ticks at {} a second, {}, {} pictures",
                 hours(estimate.flight_h),
                 estimate.ticks,
                 common.picture.frame_rate,
-                common.cameras.len(),
+                count(common.cameras.len(), "camera"),
                 estimate.pictures
             ),
         );
