@@ -2,8 +2,9 @@
 
 use dataset::geometry::camera::Camera;
 use glam::DVec2;
+use labeller::view_lag::TimeOffset;
 
-use crate::clock_offset::{ClockOffset, Offset};
+use crate::clock_offset::ClockOffset;
 
 /// An offset is used once its standard deviation is below this, seconds.
 const MOST_SD_S: f64 = 0.03;
@@ -26,7 +27,7 @@ pub(crate) enum News {
     /// Its offset is unknown.
     Unknown,
     /// These seconds are added to its times from now on, besides those that were added before.
-    Add(Offset),
+    Add(TimeOffset),
 }
 
 /// The clocks of all views but the first.
