@@ -460,6 +460,11 @@ pub(crate) struct DetectArgs {
     /// Detect again even if this model's detections exist
     #[arg(long)]
     pub(crate) force: bool,
+    /// Only register the views again, with the cameras that this run has fitted
+    ///
+    /// For a wrong calibration.json, of which `dtd train` warns. Existing boxes stay.
+    #[arg(long, value_name = "RUN", value_parser = folder(), conflicts_with = "force")]
+    pub(crate) registration_of: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

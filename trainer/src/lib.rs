@@ -52,6 +52,7 @@ pub use export::{
     Agreement, ExportedModel, ExportedRun, Probes, REGISTRATION_NUMBERS, TOLERANCE, export,
 };
 pub use run::choice::Choice;
+pub use run::fitted_cameras::fitted_cameras;
 pub use run::folder::RunFolder;
 pub use run::refitted_view::Refit;
 pub use samples::Moment;

@@ -2,6 +2,7 @@
 
 pub(crate) mod choice;
 pub(crate) mod estimator;
+pub(crate) mod fitted_cameras;
 pub(crate) mod folder;
 pub(crate) mod place;
 pub(crate) mod refitted_view;

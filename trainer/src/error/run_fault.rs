@@ -76,6 +76,11 @@ pub enum RunFault {
         "self_calibrated has another number of cameras than the {views} views of the run; train again"
     )]
     FittedCameras { views: usize },
+    /// A run without `self_calibrated`.
+    #[error(
+        "has fitted no cameras, because fewer than two views saw the aircraft often enough; name a run that was trained on more flights"
+    )]
+    NoFittedCameras,
     /// The filter is not of these fits.
     #[error(
         "flight_filter has not one error of positive size for each fit of inverse_range; train again"
