@@ -35,7 +35,7 @@ const LOWEST: (f64, f64) = (0.2, -30.0);
 const HIGHEST: (f64, f64) = (3.0, 300.0);
 
 /// A recording that begins later before the target, seconds, is a part of an approach.
-const SHORTEST_S: f64 = 20.0;
+const SHORTEST_S: f64 = 10.0;
 
 /// Kinds of flights that are no approach and may be flown nevertheless.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
