@@ -80,6 +80,8 @@ Examples:
   dtd detect corpus --shard 0/4          a quarter of the scenarios
   dtd detect corpus --mode full          every picture whole, at several times
                                          the cost (docs/tracks.md)
+  dtd detect corpus --registration-of run
+                                         for a wrong calibration.json
 
 Environment:
   ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it

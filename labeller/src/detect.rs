@@ -9,8 +9,10 @@
 
 mod best_box;
 mod cpu_time;
+mod fitted_cameras;
 mod image;
 mod job;
+mod lags;
 mod live_view;
 mod mode;
 mod pairs;
@@ -35,7 +37,7 @@ use dataset::corpus::claim::Claimed;
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::tables::health::{HealthState, ViewHealth};
+use dataset::tables::health::{HealthState, ViewHealth, late_views};
 use dataset::tables::pixel_box::TruthBox;
 use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
@@ -49,6 +51,7 @@ use crate::outcome::Failure;
 use crate::statistics::{DetectionCounts, TruthInSight};
 use crate::tiling::TilingSettings;
 pub use cpu_time::CpuTime;
+pub use fitted_cameras::FittedCameras;
 pub use image::Image;
 use job::{End, ScenarioJob, ViewJob};
 pub use live_view::{Looked, SeenBox, ViewSearch};
@@ -80,6 +83,8 @@ pub struct DetectOptions {
     pub only: Option<BTreeSet<String>>,
     /// Detect again even if this model's detections with these settings exist.
     pub force: bool,
+    /// Register the views of existing detections again with these cameras, and search nothing.
+    pub registration_of: Option<FittedCameras>,
 }
 
 impl Default for DetectOptions {
@@ -96,6 +101,7 @@ impl Default for DetectOptions {
             batch: 1,
             only: None,
             force: false,
+            registration_of: None,
         }
     }
 }
@@ -197,7 +203,7 @@ impl RegistrationCounts {
     }
 }
 
-/// A view of a scenario in which some ticks are frozen, moved or shaking.
+/// A view of a scenario that is late, or in which some ticks are frozen, moved or shaking.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Unhealthy {
     /// The scenario.
@@ -210,6 +216,8 @@ pub struct Unhealthy {
     pub moved: u64,
     /// Ticks in which it shakes.
     pub shaking: u64,
+    /// Time by which its images are late behind another view's, milliseconds; 0 if they are not.
+    pub late_ms: u64,
 }
 
 impl Unhealthy {
@@ -223,6 +231,7 @@ impl Unhealthy {
                 frozen: 0,
                 moved: 0,
                 shaking: 0,
+                late_ms: 0,
             });
             match row.state {
                 HealthState::Frozen => here.frozen += 1,
@@ -231,8 +240,13 @@ impl Unhealthy {
                 HealthState::Steady | HealthState::Unknown => {}
             }
         }
+        for (view, late_s) in late_views(rows) {
+            if let Some(here) = views.get_mut(view) {
+                here.late_ms = (late_s * 1e3).round() as u64;
+            }
+        }
         let all = views.into_values();
-        all.filter(|view| view.frozen + view.moved + view.shaking > 0)
+        all.filter(|view| view.frozen + view.moved + view.shaking + view.late_ms > 0)
             .collect()
     }
 }

@@ -28,10 +28,11 @@ mod track;
 mod tracking;
 mod truth_box;
 mod view_health;
+mod view_lag;
 
 pub use detect::{
-    CpuTime, DetectOptions, DetectOutcome, Findings, Mode, ModeSettings, RegistrationCounts,
-    Searcher, Unhealthy, detect_corpus,
+    CpuTime, DetectOptions, DetectOutcome, Findings, FittedCameras, Mode, ModeSettings,
+    RegistrationCounts, Searcher, Unhealthy, detect_corpus,
 };
 pub use detector::Device;
 pub use error::{Error, Result};

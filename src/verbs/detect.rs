@@ -13,14 +13,15 @@ use dataset::plan::Plan;
 use dataset::work::watch::Watch;
 use generator::shard::Shard;
 use labeller::{
-    DetectOptions, DetectOutcome, FalseBoxes, RegistrationCounts, TruthCounts, Unhealthy,
-    detect_corpus,
+    DetectOptions, DetectOutcome, FalseBoxes, FittedCameras, RegistrationCounts, TruthCounts,
+    Unhealthy, detect_corpus,
 };
+use trainer::RunFolder;
 
 use super::Outcome;
-use super::open_corpus::open_filled_corpus;
-use super::output::{Next, count, finish, print_json};
-use super::train::has_scenario_on;
+use super::open_corpus::{open_filled_corpus, repair};
+use super::output::{Next, count, failed, finish, print_json};
+use super::train::{failure_of, has_scenario_on};
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
 use crate::shipped::Detector;
@@ -48,6 +49,11 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
             modes: args.search.modes(args.mode),
             only,
             force: args.force,
+            registration_of: args
+                .registration_of
+                .as_deref()
+                .map(fitted_cameras)
+                .transpose()?,
             ..DetectOptions::default()
         },
     )?;
@@ -70,6 +76,15 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         Ending::Done
     } else {
         Ending::Losses
+    })
+}
+
+/// The cameras that a run has fitted.
+fn fitted_cameras(run: &Path) -> Result<FittedCameras, Failure> {
+    let (run_blake3, cameras) = trainer::fitted_cameras(&RunFolder::at(run)).map_err(failure_of)?;
+    Ok(FittedCameras {
+        run_blake3,
+        cameras,
     })
 }
 
@@ -160,6 +175,9 @@ pub(crate) fn detect(
             failure.id, failure.reason
         ));
     }
+    if !outcome.failed.is_empty() {
+        watch.warn(&repair(corpus.root()));
+    }
     for line in false_boxes_warning(corpus.root(), &outcome.false_boxes) {
         watch.warn(&line);
     }
@@ -183,9 +201,10 @@ fn print_summary(outcome: &DetectOutcome) {
         registered => format!(", {registered} searched before and measured now"),
     };
     println!(
-        "{} searched{registered}, {} unchanged",
+        "{} searched{registered}, {} unchanged{}",
         count(outcome.detected.len(), "scenario"),
         outcome.unchanged.len(),
+        failed(outcome.failed.len()),
     );
     if outcome.counts.pictures == 0 {
         return;
@@ -209,12 +228,12 @@ fn print_summary(outcome: &DetectOutcome) {
     warn_of_cameras(&outcome.unhealthy);
 }
 
-/// Warns of cameras that moved, shook or stood still, the worst views first.
+/// Warns of cameras that were late, moved, shook or stood still, the worst views first.
 fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     const NAMED: usize = 5;
-    let ticks = |view: &Unhealthy| view.frozen + view.moved + view.shaking;
+    let badness = |view: &Unhealthy| (view.late_ms, view.frozen + view.moved + view.shaking);
     let mut views: Vec<&Unhealthy> = unhealthy.iter().collect();
-    views.sort_by_key(|view| Reverse(ticks(view)));
+    views.sort_by_key(|view| Reverse(badness(view)));
     let named: Vec<String> = (views.iter().take(NAMED))
         .map(|view| {
             let counts = [
@@ -223,10 +242,10 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
                 (view.shaking, "shaking"),
             ];
             let counts = counts.iter().filter(|(ticks, _)| *ticks > 0);
-            let counts: Vec<_> = counts
-                .map(|(ticks, what)| format!("{ticks} {what}"))
-                .collect();
-            format!("{} {}: {}", view.scenario, view.view, counts.join(", "))
+            let counts = counts.map(|(ticks, what)| format!("{ticks} {what}"));
+            let late = (view.late_ms > 0).then(|| format!("{} ms late", view.late_ms));
+            let faults: Vec<_> = late.into_iter().chain(counts).collect();
+            format!("{} {}: {}", view.scenario, view.view, faults.join(", "))
         })
         .collect();
     if named.is_empty() {
@@ -237,7 +256,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
         more => format!("; and {more} more"),
     };
     eprint_warning!(
-        "detect: cameras of {} moved, shook or repeated images (ticks): {}{more}; health/ says when",
+        "detect: cameras of {} were late, moved, shook or repeated images (ticks): {}{more}; health/ says when",
         count(views.len(), "view"),
         named.join("; ")
     );

@@ -1,5 +1,5 @@
-//! Copies a corpus and makes the `calibration.json` of every scenario wrong:
-//! `cargo run --release -p trainer --example miscalibrated_corpus -- CORPUS COPY YAW_DEG PITCH_DEG ROLL_DEG FOCAL_PCT NORTH_M`.
+//! Copies a corpus and makes the `calibration.json` of every scenario wrong, for all views or for one:
+//! `cargo run --release -p trainer --example miscalibrated_corpus -- CORPUS COPY YAW_DEG PITCH_DEG ROLL_DEG FOCAL_PCT NORTH_M [VIEW]`.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -11,6 +11,7 @@ use testkit::miscalibrated::Miscalibration;
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (folders, numbers) = arguments.split_at(arguments.len().min(2));
+    let (numbers, view) = numbers.split_at(numbers.len().min(5));
     let numbers: Result<Vec<f64>, _> = numbers.iter().map(|number| number.parse()).collect();
     let ([from, to], Ok(numbers)) = (folders, numbers) else {
         return usage();
@@ -18,6 +19,7 @@ fn main() -> ExitCode {
     let [yaw_deg, pitch_deg, roll_deg, focal_pct, north_m] = numbers[..] else {
         return usage();
     };
+    let is_wrong = |id: &str| view.first().is_none_or(|view| view == id);
     copy_folder(Path::new(from), Path::new(to));
     let wrong = Miscalibration {
         yaw_deg,
@@ -26,7 +28,7 @@ fn main() -> ExitCode {
         focal_pct,
         north_m,
     };
-    let copied = Corpus::open(Path::new(to)).and_then(|corpus| wrong.apply(&corpus));
+    let copied = Corpus::open(Path::new(to)).and_then(|corpus| wrong.apply_to(&corpus, is_wrong));
     match copied {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -38,7 +40,7 @@ fn main() -> ExitCode {
 
 fn usage() -> ExitCode {
     eprintln!(
-        "usage: miscalibrated_corpus CORPUS COPY YAW_DEG PITCH_DEG ROLL_DEG FOCAL_PCT NORTH_M"
+        "usage: miscalibrated_corpus CORPUS COPY YAW_DEG PITCH_DEG ROLL_DEG FOCAL_PCT NORTH_M [VIEW]"
     );
     ExitCode::from(2)
 }

@@ -10,9 +10,11 @@ pub(crate) mod camera_adjustment;
 pub(crate) mod camera_health;
 pub(crate) mod flight_parts;
 pub(crate) mod json_differences;
+pub(crate) mod late_images;
 pub(crate) mod lateral_spread;
 pub(crate) mod leave_out;
 pub(crate) mod marked_scenarios;
+pub(crate) mod moved_rig;
 pub(crate) mod other_boxes;
 pub(crate) mod paired_views;
 pub(crate) mod rig;
@@ -40,11 +42,12 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::ViewHealth;
+use dataset::tables::health::{ViewHealth, late_views};
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::{CameraHealth, Corrections};
+use crate::samples::late_images::in_time;
 use crate::samples::other_boxes::{Candidate, Registered};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
@@ -420,11 +423,15 @@ impl Samples {
             let observations = frames.rows.iter().map(observe).collect();
             return Ok((summary, frames, observations));
         }
+        let late_s = late_views(&health);
+        let late_s = self.views.iter().map(|view| late_s.get(view.as_str()));
+        let late_s: Vec<f64> = late_s.map(|s| s.copied().unwrap_or_default()).collect();
         let health = CameraHealth::of(&self.views, &summary.cameras, health);
         let mut corrections = Corrections::default();
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))
             .collect();
+        let observations = in_time(observations, &late_s, &mut corrections);
         summary.corrections = corrections;
         Ok((summary, frames, observations))
     }

@@ -3,6 +3,7 @@
 pub mod frame_rate;
 pub mod least_squares;
 pub mod limits;
+pub mod motion;
 pub mod noise_hash;
 pub mod spread;
 pub mod units;

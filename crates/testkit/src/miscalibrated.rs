@@ -27,11 +27,18 @@ pub struct Miscalibration {
 impl Miscalibration {
     /// Makes the calibration of every scenario wrong by this, and seals the scenarios again. Videos, boxes and labels stay.
     pub fn apply(&self, corpus: &Corpus) -> Result<()> {
+        self.apply_to(corpus, |_| true)
+    }
+
+    /// The same for some of the views.
+    pub fn apply_to(&self, corpus: &Corpus, is_wrong: impl Fn(&str) -> bool) -> Result<()> {
         for folder in corpus.scenarios()? {
             let scenario = folder.open()?;
             let mut calibration = scenario.calibration()?;
-            for entry in calibration.cameras.values_mut() {
-                *entry = self.of(entry);
+            for (view, entry) in &mut calibration.cameras {
+                if is_wrong(view) {
+                    *entry = self.of(entry);
+                }
             }
             let config_hash = scenario.seal().config_hash.clone();
             calibration.write(&folder.calibration_path())?;

@@ -13,6 +13,8 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::geometry::camera::Camera;
 use dataset::work::watch::Watch;
 
+use super::fitted_cameras::FittedCameras;
+use super::lags::add_lags;
 use super::mode::ModeSettings;
 use super::pairs::Pairs;
 use super::pictures::ViewTicks;
@@ -39,8 +41,10 @@ pub(super) struct ScenarioJob {
     loaded: Mutex<Option<Arc<Detections>>>,
     /// With several views.
     pairs: Option<Pairs>,
-    /// By view.
+    /// By view, of `calibration.json`.
     cameras: Vec<Camera>,
+    /// Those that the views are registered with instead.
+    fitted: Option<FittedCameras>,
     /// Views that are not done yet.
     left: AtomicUsize,
     /// One slot per view; empty until it is done.
@@ -95,17 +99,23 @@ impl ScenarioJob {
         options: &DetectOptions,
     ) -> Result<Option<Self>> {
         let scenario = folder.open()?;
+        let fitted = options.registration_of.as_ref();
         let standing = if options.force {
             Standing::Missing
         } else {
-            DetectionRecord::standing(&scenario, model, &Searching::of(options))?
+            DetectionRecord::standing(&scenario, model, &Searching::of(options), fitted)?
         };
+        let record = scenario.record()?;
         let stored = match standing {
+            Standing::Missing if fitted.is_some() => {
+                let message = "has no detections of this model with these settings to register again; run `dtd detect` with the same \
+                               options first";
+                return Err(Error::scenario(&record.id, message));
+            }
             Standing::Missing => None,
             Standing::Unmeasured(record) => Some(record),
             Standing::Whole => return Ok(None),
         };
-        let record = scenario.record()?;
         let frames = scenario.frames()?;
         if frames.views != record.views {
             let (table, said) = (frames.views.join(", "), record.views.join(", "));
@@ -115,7 +125,10 @@ impl ScenarioJob {
             return Err(Error::scenario(&record.id, message));
         }
         let cameras = cameras_of(&scenario, &record)?;
-        let pairs = pairs_of(&record, &cameras);
+        let pairs = match fitted {
+            Some(fitted) => pairs_of(&record, &fitted.of_views(&record.id, &record.views)?),
+            None => pairs_of(&record, &cameras),
+        };
         let views = ViewTicks::of(&frames);
         Ok(Some(Self {
             scenario,
@@ -127,6 +140,7 @@ impl ScenarioJob {
             loaded: Mutex::new(None),
             pairs,
             cameras,
+            fitted: fitted.cloned(),
             left: AtomicUsize::new(views.len()),
             results: Mutex::new(views.iter().map(|_| None).collect()),
             finished: Mutex::new(None),
@@ -187,7 +201,10 @@ impl ScenarioJob {
             return Ok(true);
         }
         let now = self.scenario.folder().open()?;
-        let standing = DetectionRecord::standing(&now, &self.model, &self.searching())?;
+        let standing = {
+            let fitted = self.fitted.as_ref();
+            DetectionRecord::standing(&now, &self.model, &self.searching(), fitted)?
+        };
         Ok(match standing {
             Standing::Whole => false,
             Standing::Unmeasured(_) => self.only_registers(),
@@ -237,17 +254,28 @@ impl ScenarioJob {
         }
         let ViewFindings {
             detections,
-            health,
+            mut health,
             windows,
             cpu_s,
         } = ViewFindings::together(views);
         let registered =
             registered.map(|(reference, done)| (reference, done.without_boxes(&detections)));
+        if let Some((_, done)) = &registered {
+            let registrations = &done.registrations;
+            add_lags(
+                &self.views,
+                &self.cameras,
+                &detections,
+                registrations,
+                &mut health,
+            );
+        }
         let registration = registered
             .as_ref()
             .map(|(reference, done)| RegistrationRecord {
                 method: METHOD,
                 reference: (*reference).to_owned(),
+                cameras_of_run: self.fitted.as_ref().map(|fitted| fitted.run_blake3.clone()),
                 pairs: done.registrations.len() as u64,
                 answered: done
                     .registrations

@@ -9,6 +9,7 @@ use dataset::files::json_file::read_json;
 use serde::{Deserialize, Serialize};
 
 use super::cpu_time::CpuTime;
+use super::fitted_cameras::FittedCameras;
 use super::mode::ModeSettings;
 use super::{DetectOptions, Model};
 use crate::detector::ModelProfile;
@@ -88,6 +89,9 @@ pub(super) struct RegistrationRecord {
     pub method: u32,
     /// The view that the others are compared with.
     pub reference: String,
+    /// BLAKE3 hash of the run that has fitted the cameras; missing for those of `calibration.json`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cameras_of_run: Option<String>,
     /// Rows of the table.
     pub pairs: u64,
     /// Of these, those with a shift.
@@ -119,11 +123,13 @@ impl DetectionRecord {
         detections::record_path(folder, model)
     }
 
-    /// Progress of this model's work with these settings on the scenario's current videos.
+    /// Progress of this model's work with these settings on the scenario's current videos. `cameras`: those that the views must be
+    /// registered with; `None`: any.
     pub(super) fn standing(
         scenario: &OpenScenario,
         model: &Model,
         searching: &Searching,
+        cameras: Option<&FittedCameras>,
     ) -> Result<Standing> {
         if scenario.detections(&model.name()).is_err() {
             // Missing, of other videos or damaged: detecting again repairs all of these.
@@ -138,9 +144,13 @@ impl DetectionRecord {
         if !is_same {
             return Ok(Standing::Missing);
         }
-        let method = record.registration.as_ref().map(|made| made.method);
-        let is_registered =
-            method == Some(METHOD) && matches!(scenario.registrations(&model.name()), Ok(Some(_)));
+        let is_current = |made: &RegistrationRecord| {
+            let is_of =
+                |cameras: &FittedCameras| made.cameras_of_run.as_ref() == Some(&cameras.run_blake3);
+            made.method == METHOD && cameras.is_none_or(is_of)
+        };
+        let is_registered = record.registration.as_ref().is_some_and(is_current)
+            && matches!(scenario.registrations(&model.name()), Ok(Some(_)));
         let method = record.health.as_ref().map(|made| made.method);
         let is_watched = method == Some(view_health::METHOD)
             && matches!(scenario.health(&model.name()), Ok(Some(_)));

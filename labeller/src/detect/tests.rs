@@ -8,6 +8,7 @@ use dataset::corpus::detections::{
 
 use dataset::corpus::seal::seal_folder;
 use dataset::files::json_file::read_json;
+use dataset::geometry::camera::Camera;
 use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::{NoShift, Registration};
@@ -546,6 +547,56 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
     let after: DetectionRecord = read_json(&path, "record").unwrap();
     assert_eq!(after.seconds, record.seconds, "the detection took as long");
     assert_eq!(detect_without(&corpus).unchanged, ["0001-a"]);
+}
+
+#[test]
+fn views_are_registered_again_with_fitted_cameras_and_nothing_is_searched() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
+    let with = |cameras: BTreeMap<String, Camera>| {
+        let options = DetectOptions {
+            registration_of: Some(FittedCameras {
+                run_blake3: "ab".repeat(32),
+                cameras,
+            }),
+            ..two_workers()
+        };
+        detect_with(&corpus, &model(), &make, &options, &Silent).unwrap()
+    };
+    let folder = corpus.scenario("0001-a");
+    let calibration = folder.open().unwrap().calibration().unwrap();
+    let mut cameras: BTreeMap<String, Camera> = (calibration.cameras.iter())
+        .map(|(view, entry)| (view.clone(), entry.camera()))
+        .collect();
+    let reason = with(cameras.clone()).failed[0].reason.clone();
+    assert!(reason.contains("run `dtd detect`"), "{reason}");
+
+    detect(&corpus, &two_workers());
+    let (boxes, before) = (stored(&folder).unwrap(), registered(&folder));
+    cameras.get_mut("right").unwrap().focal_px *= 1.2;
+    assert_eq!(with(cameras.clone()).registered, ["0001-a"]);
+    assert_eq!(stored(&folder).unwrap(), boxes);
+    let after = registered(&folder);
+    assert_ne!(after, before);
+    assert_eq!(with(cameras.clone()).unchanged, ["0001-a"]);
+    assert_eq!(detect_without(&corpus).unchanged, ["0001-a"]);
+    assert_eq!(registered(&folder), after);
+
+    cameras.remove("right");
+    let other = DetectOptions {
+        registration_of: Some(FittedCameras {
+            run_blake3: "cd".repeat(32),
+            cameras,
+        }),
+        ..two_workers()
+    };
+    let outcome = detect_with(&corpus, &model(), &make, &other, &Silent).unwrap();
+    let reason = &outcome.failed[0].reason;
+    assert!(
+        reason.contains("no fitted camera of view right"),
+        "{reason}"
+    );
 }
 
 #[test]

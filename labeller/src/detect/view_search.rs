@@ -168,6 +168,7 @@ fn health_of(
         state,
         motion,
         state_live: Some(state_live),
+        lag: None,
     })
     .collect()
 }

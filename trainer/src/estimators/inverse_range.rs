@@ -17,6 +17,7 @@ mod measurement;
 mod new_camera;
 mod onnx;
 mod robust_fit;
+mod row_misfit;
 
 use std::collections::BTreeSet;
 
@@ -31,6 +32,7 @@ pub(crate) use measurement::{Measurement, scale_m};
 use robust_fit::{
     Rows, Scales, Solution, coordinates, dot, normalise, sensitivity_m, terms_of, write_terms,
 };
+use row_misfit::{RowRelation, row_misfit_px};
 
 /// Ticks per coefficient below which there is no fit.
 const TICKS_PER_COEFFICIENT: usize = 3;
@@ -50,6 +52,9 @@ const TICKS_OF_SEARCH: usize = 2_000;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct InverseRange {
     fits: Vec<Fit>,
+    /// Rows in one view by places in another; the distance does not depend on them.
+    #[serde(default)]
+    rows: Vec<RowRelation>,
 }
 
 /// Views whose places a formula is about.
@@ -86,7 +91,15 @@ struct Fit {
 impl InverseRange {
     /// Fits all sets of views that saw the aircraft together often enough on the training side, and each view alone.
     pub(crate) fn fit(views: usize, training: &[&Sample]) -> Self {
-        Self::fit_sets(sets_of_views(views, training), training)
+        Self {
+            rows: RowRelation::all(views, training),
+            ..Self::fit_sets(sets_of_views(views, training), training)
+        }
+    }
+
+    /// True if there is no fit: no set of views saw enough.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.fits.is_empty()
     }
 
     /// The first fit whose views all saw the aircraft.
@@ -110,7 +123,14 @@ impl InverseRange {
             .filter(|fit| !fit.set.views.contains(&view));
         Self {
             fits: others.cloned().collect(),
+            rows: self.rows_without(view),
         }
+    }
+
+    /// The relations of the other views.
+    fn rows_without(&self, view: usize) -> Vec<RowRelation> {
+        let others = self.rows.iter().filter(|row| !row.views.contains(&view));
+        others.cloned().collect()
     }
 
     fn fit_sets(sets: BTreeSet<Vec<usize>>, training: &[&Sample]) -> Self {
@@ -122,7 +142,10 @@ impl InverseRange {
         });
         let mut fits: Vec<Fit> = sets.filter_map(|set| Fit::of(set, training)).collect();
         fits.sort_by(|a, b| a.deviation.total_cmp(&b.deviation));
-        Self { fits }
+        Self {
+            fits,
+            rows: Vec::new(),
+        }
     }
 
     /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the first such has no distance for such
@@ -134,16 +157,18 @@ impl InverseRange {
 
     /// True if every fit refers to some of this many views and has as many numbers as they need.
     pub(crate) fn is_of(&self, views: usize) -> bool {
-        self.fits.iter().all(|fit| {
-            let set = &fit.set.views;
-            let coordinates = 2 * set.len();
-            set.last().is_some_and(|&last| last < views)
-                && set.windows(2).all(|pair| pair[0] < pair[1])
-                && fit.offset_px.len() == coordinates
-                && fit.scale_px.len() == coordinates
-                && fit.coefficients_per_m.len() == terms_of(coordinates)
-                && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
-        })
+        let is_row_of_views = |row: &RowRelation| row.views.iter().all(|&view| view < views);
+        self.rows.iter().all(is_row_of_views)
+            && self.fits.iter().all(|fit| {
+                let set = &fit.set.views;
+                let coordinates = 2 * set.len();
+                set.last().is_some_and(|&last| last < views)
+                    && set.windows(2).all(|pair| pair[0] < pair[1])
+                    && fit.offset_px.len() == coordinates
+                    && fit.scale_px.len() == coordinates
+                    && fit.coefficients_per_m.len() == terms_of(coordinates)
+                    && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
+            })
     }
 
     /// Means of places, pixels.
@@ -162,13 +187,20 @@ impl InverseRange {
 
     /// The other numbers of the formulas.
     pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
-        self.fits.iter().flat_map(|fit| {
+        let rows = self.rows.iter().flat_map(|row| row.coefficients_px);
+        let fits = self.fits.iter().flat_map(|fit| {
             let others = [fit.setback_m, fit.deviation];
             others
                 .into_iter()
                 .chain(fit.coefficients_per_m.iter().copied())
                 .chain(fit.covariance_per_m2.iter().copied())
-        })
+        });
+        fits.chain(rows)
+    }
+
+    /// How far the rows of registered views are from where they should be at a tick, pixels.
+    pub(crate) fn row_misfit_px(&self, observed: &Observation) -> Option<f64> {
+        row_misfit_px(&self.rows, observed)
     }
 }
 

@@ -33,12 +33,18 @@ pub(crate) struct Corrections {
     pub moved: usize,
     /// Boxes that do not count.
     pub withheld: usize,
+    /// Boxes of late images that were moved to the time of their tick.
+    pub late: usize,
+    /// Boxes of late images that do not count.
+    pub late_withheld: usize,
 }
 
 impl AddAssign for Corrections {
     fn add_assign(&mut self, other: Self) {
         self.moved += other.moved;
         self.withheld += other.withheld;
+        self.late += other.late;
+        self.late_withheld += other.late_withheld;
     }
 }
 
@@ -53,11 +59,17 @@ impl Corrections {
 
 impl fmt::Display for Corrections {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { moved, withheld } = self;
-        write!(
-            f,
-            "boxes of cameras that moved, shook or repeated images: {moved} corrected, {withheld} left out"
-        )
+        let of_cameras = (self.moved, self.withheld);
+        let of_late = (self.late, self.late_withheld);
+        let parts = [
+            (of_cameras, "cameras that moved, shook or repeated images"),
+            (of_late, "late images"),
+        ];
+        let parts = parts.iter().filter(|(counts, _)| *counts != (0, 0));
+        let parts = parts.map(|((corrected, left_out), whose)| {
+            format!("boxes of {whose}: {corrected} corrected, {left_out} left out")
+        });
+        f.write_str(&parts.collect::<Vec<_>>().join("; "))
     }
 }
 

@@ -420,6 +420,7 @@ fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<Cam
                 state,
                 motion,
                 state_live: Some(state),
+                lag: None,
             })
         });
         let health: Vec<_> = rows.collect();

@@ -809,6 +809,7 @@ fn damaged_and_foreign_health_and_two_states_of_a_picture_are_found() {
         state: HealthState::Steady,
         motion: None,
         state_live: None,
+        lag: None,
     };
     let watched = |rows: &[ViewHealth]| {
         let tables = NewTables {

@@ -10,6 +10,8 @@
 //! widths of the intervals are such that they hold 90 % ([`held_share`]) of the labels of flights that the fits did not see
 //! ([`labelled_flight`]).
 //!
+//! Intervals also grow where the rows of the views fit each other badly ([`misfit_scale`]).
+//!
 //! The measurements are distances, because the formula of a fit inverts exactly: the filter is linear.
 
 mod backward;
@@ -21,6 +23,7 @@ mod held_share;
 mod hypothesis;
 mod labelled_flight;
 mod matrix;
+mod misfit_scale;
 mod mixture;
 mod motion;
 
@@ -39,9 +42,9 @@ use correlated_error::CorrelatedError;
 use estimate::HalfWidths;
 pub(crate) use estimate::{Estimate, Estimated};
 use forward::{Filter, Tick, filter};
-use gaussian::Gaussian;
 use hypothesis::Model;
 use labelled_flight::LabelledFlight;
+use misfit_scale::{RecentMisfit, scales, usual_px};
 use motion::Motion;
 
 /// Model of motion and measurement errors, learned in training.
@@ -52,6 +55,9 @@ pub(crate) struct FlightFilter {
     errors: Vec<CorrelatedError>,
     /// Usual time between the ticks at which these were seen, seconds.
     tick_s: f64,
+    /// Usual misfit of rows, pixels: errors grow with it.
+    #[serde(default)]
+    row_misfit_px: Option<f64>,
     /// Half widths of the 90 % intervals of the filter ...
     filtered: HalfWidths,
     /// ... and of the smoother.
@@ -60,7 +66,10 @@ pub(crate) struct FlightFilter {
 
 /// The filter of one aircraft, tick by tick. Its memory does not grow with their number.
 #[derive(Clone)]
-pub(crate) struct OnlineFilter(Filter);
+pub(crate) struct OnlineFilter {
+    filter: Filter,
+    misfit: RecentMisfit,
+}
 
 /// Ticks that an estimate may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,6 +140,7 @@ impl FlightFilter {
             motion: Motion::fit(&labels),
             errors: errors.collect(),
             tick_s: usual_tick_s(flights).unwrap_or(1.0),
+            row_misfit_px: usual_px(flights.iter().map(|flight| flight.ticks.as_slice())),
             filtered: HalfWidths::NORMAL,
             smoothed: HalfWidths::NORMAL,
         };
@@ -172,19 +182,23 @@ impl FlightFilter {
     /// The filter of an aircraft that comes into sight.
     pub(crate) fn online(&self) -> OnlineFilter {
         let fits = (0..self.errors.len()).collect();
-        OnlineFilter(Filter::new(self.model(), fits))
+        OnlineFilter {
+            filter: Filter::new(self.model(), fits),
+            misfit: RecentMisfit::default(),
+        }
     }
 
     /// Its estimate at the next tick, as [`Self::predict`] has it by the past.
     pub(crate) fn next(
         &self,
-        filter: &mut OnlineFilter,
+        online: &mut OnlineFilter,
         fits: &InverseRange,
         observed: &Observation,
     ) -> Option<Estimate> {
         let tick = Tick::of(fits, observed);
-        let known = filter.0.take(self.model(), &tick)?;
-        self.filtered.estimate(&self.motion, &known)
+        let scale = online.misfit.scale_after(self.row_misfit_px, &tick);
+        let known = online.filter.take(self.model(), &tick)?;
+        self.filtered.estimate(&self.motion, &known, scale)
     }
 
     /// Standard deviation of a measurement, metres: of its part that changes slowly, with the time in which half of that is forgotten,
@@ -215,11 +229,12 @@ impl FlightFilter {
             Knowing::Past => (&self.filtered, filtered.known),
             Knowing::All => (&self.smoothed, smooth(model, ticks, &filtered.decisions)),
         };
-        let estimate = |known: &Gaussian| widths.estimate(&self.motion, known);
-        known
-            .iter()
-            .map(|known| known.as_ref().and_then(estimate))
-            .collect()
+        let scales = scales(self.row_misfit_px, ticks, knowing);
+        let estimates = known.iter().zip(scales).map(|(known, scale)| {
+            let known = known.as_ref()?;
+            widths.estimate(&self.motion, known, scale)
+        });
+        estimates.collect()
     }
 
     /// True if there is an error for each fit, and all numbers are plausible.
@@ -254,6 +269,7 @@ impl FlightFilter {
         .chain(errors)
         .chain(self.filtered.to_array())
         .chain(self.smoothed.to_array())
+        .chain(self.row_misfit_px)
     }
 }
 
@@ -281,6 +297,7 @@ impl Tick {
         Self {
             time_s: observed.time_ns as f64 * 1e-9,
             measurements: fits.measurements(observed),
+            row_misfit_px: fits.row_misfit_px(observed),
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::Fit;
 use super::InverseRange;
 use super::robust_fit::{NEAREST_M, precision};
+use super::row_misfit::RowRelation;
 use crate::samples::{Observation, Sample};
 
 /// The distance that one fit reads from the places at a tick. The formula of the inverse range is inverted exactly, so that no filter has
@@ -72,8 +73,10 @@ impl InverseRange {
             let refitted = Fit::at(fit.set.clone(), fit.setback_m, &rows, scales);
             refitted.unwrap_or_else(|| fit.clone())
         };
+        let views = self.rows.iter().flat_map(|row| row.views).max();
         Self {
             fits: self.fits.iter().map(refitted).collect(),
+            rows: views.map_or(Vec::new(), |last| RowRelation::all(last + 1, training)),
         }
     }
 }

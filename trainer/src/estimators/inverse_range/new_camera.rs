@@ -32,6 +32,9 @@ impl InverseRange {
             }
         };
         let fits = self.fits.iter().map(refitted).collect::<Option<_>>()?;
-        Some(Self { fits })
+        Some(Self {
+            fits,
+            rows: self.rows_without(view),
+        })
     }
 }

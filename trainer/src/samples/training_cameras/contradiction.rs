@@ -31,7 +31,8 @@ pub(super) fn contradictions_line(found: &[Contradiction]) -> String {
     let found: Vec<String> = found.iter().map(Contradiction::to_string).collect();
     format!(
         "calibration.json contradicts the boxes: by these, {}. Which boxes count does not depend on calibration.json, but `triangulation` and \
-         the registration of the views do",
+         the registration of the views do: `dtd detect CORPUS --registration-of RUN` repeats the registration with the cameras that this \
+         run fits; then train again",
         found.join("; ")
     )
 }

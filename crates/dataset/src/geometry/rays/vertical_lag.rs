@@ -9,12 +9,9 @@ use std::collections::VecDeque;
 
 use glam::DVec2;
 
-use super::Ray;
+use super::EpipolarLine;
 use crate::geometry::camera::Camera;
 
-/// Ranges of the points that define the line, metres.
-const NEAR_M: f64 = 2_000.0;
-const FAR_M: f64 = 30_000.0;
 /// Seconds between measurements: errors of neighbouring images are alike.
 const STEP_S: f64 = 0.95;
 /// Seconds before and after a measurement in which its motion is read off.
@@ -88,23 +85,18 @@ impl VerticalLag {
         if last_s.is_some_and(|last_s| time_s < last_s + STEP_S) {
             return;
         }
-        let ray = Ray::through(&self.cameras[0], places_px[0]);
-        let at = |range_m: f64| self.cameras[1].project(ray.origin_m + range_m * ray.direction);
-        let (Some(near), Some(far)) = (at(NEAR_M), at(FAR_M)) else {
+        let [first, second] = &self.cameras;
+        let Some(line) = EpipolarLine::of([first, second], places_px[0]) else {
             return;
         };
-        let Some(along) = (far - near).try_normalize() else {
-            return;
-        };
-        let across = along.perp() * along.x.signum();
         if self.seen.len() == MOST {
             self.seen.pop_front();
         }
         self.seen.push_back(Seen {
             time_s,
             place_px: places_px[1],
-            across,
-            off_px: across.dot(places_px[1] - far),
+            across: line.across,
+            off_px: line.off_px(places_px[1]),
             sd_px: SD_PX.hypot(SD_PART * sighting.width_px),
             added_s: sighting.added_s,
         });

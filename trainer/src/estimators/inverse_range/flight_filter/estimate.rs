@@ -68,12 +68,18 @@ impl HalfWidths {
         [self.distance, self.ground_speed, self.time_to_touchdown]
     }
 
-    /// The answer that follows from what is known of the motion. `None` if it is too vague, or no distance.
-    pub(super) fn estimate(&self, motion: &Motion, known: &Gaussian) -> Option<Estimate> {
+    /// The answer that follows from what is known of the motion; `scale`: factor of the standard deviation of the distance. `None` if it is
+    /// too vague, or no distance.
+    pub(super) fn estimate(
+        &self,
+        motion: &Motion,
+        known: &Gaussian,
+        scale: f64,
+    ) -> Option<Estimate> {
         let sd = |unknown: usize| known.covariance[(unknown, unknown)].sqrt();
         let distance_m = known.mean[0];
         let estimate = Estimate {
-            distance_m: estimated(distance_m, sd(0), self.distance),
+            distance_m: estimated(distance_m, scale * sd(0), self.distance),
             ground_speed_mps: estimated(
                 motion.mean_speed_mps + known.mean[1],
                 sd(1),

@@ -44,6 +44,8 @@ const LEAST_COUNT: f64 = 1e-3;
 pub(super) struct Tick {
     pub(super) time_s: f64,
     pub(super) measurements: Vec<Measurement>,
+    /// How far the rows of the views are from where they should be, pixels; `None` if no views are registered.
+    pub(super) row_misfit_px: Option<f64>,
 }
 
 impl Tick {

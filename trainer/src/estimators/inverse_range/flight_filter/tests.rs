@@ -45,6 +45,7 @@ fn truth() -> FlightFilter {
         motion: motion(),
         errors: errors(),
         tick_s: 2.0,
+        row_misfit_px: None,
         filtered: HalfWidths::NORMAL,
         smoothed: HalfWidths::NORMAL,
     }
@@ -115,6 +116,7 @@ fn fly_as(severity: f64, more_mps: f64, seed: u64, tick_s: f64) -> Flown {
         flown.labelled.ticks.push(Tick {
             time_s: flown.speeds_mps.len() as f64 * tick_s,
             measurements: measurements.collect(),
+            row_misfit_px: None,
         });
         flown.labelled.distances_m.push(distance_m);
         flown.speeds_mps.push(motion.mean_speed_mps + faster_mps);
@@ -342,6 +344,7 @@ fn uncertainty_grows_while_nothing_is_seen_until_there_is_no_answer() {
     ticks.push(Tick {
         time_s: ticks.last().unwrap().time_s + 600.0,
         measurements: Vec::new(),
+        row_misfit_px: None,
     });
     assert_eq!(truth().of_ticks(&ticks, Knowing::Past).last(), Some(&None));
     let blind = without(&flown, |tick, _| tick < 10);
@@ -417,7 +420,7 @@ fn a_false_beginning_is_left_although_the_view_that_made_it_agrees_with_it_now_a
 fn steps_of_any_length_add_up() {
     let known = {
         let variances = [100.0, 9.0, 0.04, 1.0, 0.02];
-        Gaussian::independent(vec![5_000.0, -3.0, 0.2, 0.7, 0.05], &variances)
+        gaussian::Gaussian::independent(vec![5_000.0, -3.0, 0.2, 0.7, 0.05], &variances)
     };
     let after = |seconds: f64| {
         let mut step = gaussian::Step::zero(5);

@@ -1,0 +1,84 @@
+//! The motion of something in an image at a time, from its places around that time.
+
+use glam::DVec2;
+
+use crate::numbers::least_squares::NormalEquations;
+
+/// Places that count: within these seconds, or else the nearest ones, so many ...
+const AROUND_S: f64 = 6.0;
+const FEWEST: usize = 5;
+/// ... but none that are farther away than this, seconds.
+const FARTHEST_S: f64 = 15.0;
+
+/// Slope at a time of the parabola that fits the places best, in their unit per second; `None` of too few. `places`: by time, seconds.
+pub fn motion_at(places: &[(f64, DVec2)], at_s: f64) -> Option<DVec2> {
+    let near = near(places, at_s)?;
+    let slope = |axis: usize| {
+        let mut normal = NormalEquations::new(3);
+        for (time_s, place) in near {
+            let after_s = time_s - at_s;
+            normal.add(&[1.0, after_s, after_s * after_s], place[axis], 1.0);
+        }
+        let [_, slope, _] = normal.solve_for()?;
+        Some(slope)
+    };
+    Some(DVec2::new(slope(0)?, slope(1)?))
+}
+
+/// The places around a time.
+fn near(places: &[(f64, DVec2)], at_s: f64) -> Option<&[(f64, DVec2)]> {
+    let from = |time_s: f64| places.partition_point(|(of_s, _)| *of_s < time_s);
+    let (mut first, mut end) = (from(at_s - AROUND_S), from(at_s + AROUND_S));
+    let away_s = |index: usize| {
+        let (of_s, _) = places.get(index)?;
+        Some((of_s - at_s).abs()).filter(|away_s| *away_s <= FARTHEST_S)
+    };
+    while end - first < FEWEST {
+        let before_s = first.checked_sub(1).and_then(away_s);
+        let after_s = away_s(end);
+        match (before_s, after_s) {
+            (Some(before_s), Some(after_s)) if before_s <= after_s => first -= 1,
+            (_, Some(_)) => end += 1,
+            (Some(_), None) => first -= 1,
+            (None, None) => return None,
+        }
+    }
+    Some(&places[first..end])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places(step_s: f64, ticks: u32) -> Vec<(f64, DVec2)> {
+        let place = |tick: u32| {
+            let time_s = step_s * f64::from(tick);
+            (
+                time_s,
+                DVec2::new(3.0 * time_s, 2.0 - 0.5 * time_s * time_s),
+            )
+        };
+        (0..ticks).map(place).collect()
+    }
+
+    #[test]
+    fn a_parabola_has_its_slope_at_any_rate_and_at_its_ends() {
+        for step_s in [0.1, 1.0, 2.0, 3.3] {
+            let places = places(step_s, 20);
+            for at_s in [0.0, 7.0 * step_s, 19.0 * step_s] {
+                let motion = motion_at(&places, at_s).unwrap();
+                assert!(
+                    (motion - DVec2::new(3.0, -at_s)).length() < 1e-6,
+                    "{motion}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn few_places_and_those_that_are_far_away_have_none() {
+        assert_eq!(motion_at(&places(1.0, 4), 2.0), None);
+        assert_eq!(motion_at(&places(1.0, 20), 40.0), None);
+        assert_eq!(motion_at(&[], 0.0), None);
+    }
+}

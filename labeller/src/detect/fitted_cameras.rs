@@ -1,0 +1,33 @@
+//! Cameras that a training has fitted, for the registration of the views instead of those of `calibration.json`.
+
+use std::collections::BTreeMap;
+
+use dataset::geometry::camera::Camera;
+
+use crate::error::{Error, Result};
+
+/// The cameras of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedCameras {
+    /// BLAKE3 hash of the run, which the record of the registrations names.
+    pub run_blake3: String,
+    /// By view.
+    pub cameras: BTreeMap<String, Camera>,
+}
+
+impl FittedCameras {
+    /// The cameras of a scenario's views.
+    pub(super) fn of_views(&self, scenario: &str, views: &[String]) -> Result<Vec<Camera>> {
+        let camera = |view: &String| {
+            self.cameras.get(view).copied().ok_or_else(|| {
+                let known: Vec<&str> = self.cameras.keys().map(String::as_str).collect();
+                let message = format!(
+                    "the run has no fitted camera of view {view}, only of {}; name a run that was trained with this view",
+                    known.join(", ")
+                );
+                Error::scenario(scenario, message)
+            })
+        };
+        views.iter().map(camera).collect()
+    }
+}

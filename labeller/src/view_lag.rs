@@ -1,0 +1,204 @@
+//! The lag of one camera's images behind another's, from where both see the same aircraft.
+//!
+//! At one time the aircraft is on a line of the second view that the first one's pixel defines (epipolar). Images that were taken at
+//! another time show it off that line by its motion across it. That motion is mostly vertical: nearly none on the glide path far out, two
+//! pixels a second in level flight and near the runway. So the distance from the line, as a linear function of that motion, has the lag as
+//! its slope. Along the line, a lag cannot be told from a displacement of the aircraft.
+//!
+//! The cameras need not be known well: wrong directions, rolls and focal lengths displace the line by a linear function of the places in
+//! both images, which is fitted with the lag.
+
+use dataset::geometry::camera::Camera;
+use dataset::geometry::rays::EpipolarLine;
+use dataset::numbers::spread::deviation_from_zero;
+use glam::DVec2;
+
+use crate::registration::Normal;
+
+/// Constant, and change with column and row in the first view and with the columns between the views; the lag.
+const UNKNOWNS: usize = 5;
+const OF_PLACES: std::ops::Range<usize> = 1..4;
+const LAG: usize = 4;
+/// Unit of the places in the fit, pixels, and the weight of slopes of zero: no camera is turned so far that it matters where there are
+/// sightings from all over an approach.
+const UNIT_PX: f64 = 1_000.0;
+const PRIOR_WEIGHT: f64 = 1e-6;
+/// Fewer sightings say nothing.
+const FEWEST: f64 = 40.0;
+/// No distance from the line has a smaller standard deviation, pixels.
+const LEAST_SD_PX: f64 = 0.1;
+/// Residuals of so many standard deviations have half the weight, in so many rounds.
+const CAUCHY: f64 = 2.5;
+const ROUNDS: usize = 20;
+
+/// An aircraft that two cameras see, in images whose times are the same as far as is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CommonSighting {
+    /// Factors of the unknowns.
+    row: [f64; UNKNOWNS],
+    /// Distance from the line in the second view.
+    off_px: f64,
+}
+
+impl CommonSighting {
+    /// Where both cameras see it, and by how much it moves in the second view in a second; `None` if no line is defined.
+    pub(crate) fn of(
+        cameras: [&Camera; 2],
+        places_px: [DVec2; 2],
+        motion_px_s: DVec2,
+    ) -> Option<Self> {
+        let [first, second] = places_px;
+        let line = EpipolarLine::of(cameras, first)?;
+        let (x, y) = (first.x / UNIT_PX, first.y / UNIT_PX);
+        let apart = (second.x - first.x) / UNIT_PX;
+        Some(Self {
+            row: [1.0, x, y, apart, line.across.dot(motion_px_s)],
+            off_px: line.off_px(second),
+        })
+    }
+}
+
+/// Time by which the second view shows a later aircraft than its times say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TimeOffset {
+    /// To be added to the times of the second view, seconds: negative for images that are late.
+    pub(crate) seconds: f64,
+    /// Its standard deviation if all sightings have independent errors, seconds.
+    pub(crate) sd_s: f64,
+}
+
+/// Sums over sightings, from which the offset follows.
+#[derive(Debug, Clone)]
+struct TimeOffsetFit {
+    normal: Normal<UNKNOWNS>,
+}
+
+impl Default for TimeOffsetFit {
+    fn default() -> Self {
+        let mut normal = Normal::new();
+        for unknown in OF_PLACES {
+            let mut row = [0.0; UNKNOWNS];
+            row[unknown] = 1.0;
+            normal.add(&row, 0.0, PRIOR_WEIGHT);
+        }
+        Self { normal }
+    }
+}
+
+impl TimeOffsetFit {
+    fn add_weighted(&mut self, sighting: &CommonSighting, weight: f64) {
+        self.normal.add(&sighting.row, sighting.off_px, weight);
+    }
+
+    fn with_sd(&self, unknowns: &[f64; UNKNOWNS], sd_px: f64) -> Option<TimeOffset> {
+        let variance = self.normal.inverse()?[LAG][LAG];
+        let offset = TimeOffset {
+            seconds: unknowns[LAG],
+            sd_s: sd_px.max(LEAST_SD_PX) * variance.sqrt(),
+        };
+        (offset.seconds.is_finite() && offset.sd_s.is_finite()).then_some(offset)
+    }
+}
+
+/// The offset that most sightings agree on; `None` of too few.
+pub(crate) fn robust_offset(sightings: &[CommonSighting]) -> Option<TimeOffset> {
+    if (sightings.len() as f64) < FEWEST {
+        return None;
+    }
+    let mut weights = vec![1.0; sightings.len()];
+    let mut offset = None;
+    for _ in 0..ROUNDS {
+        let mut fit = TimeOffsetFit::default();
+        for (sighting, weight) in sightings.iter().zip(&weights) {
+            fit.add_weighted(sighting, *weight);
+        }
+        let unknowns = fit.normal.solve()?;
+        let residual = |sighting: &CommonSighting| {
+            let terms = sighting.row.iter().zip(&unknowns);
+            sighting.off_px - terms.map(|(factor, unknown)| factor * unknown).sum::<f64>()
+        };
+        let sd_px = deviation_from_zero(sightings.iter().map(residual)).max(LEAST_SD_PX);
+        for (sighting, weight) in sightings.iter().zip(&mut weights) {
+            *weight = 1.0 / (1.0 + (residual(sighting) / (CAUCHY * sd_px)).powi(2));
+        }
+        offset = Some(fit.with_sd(&unknowns, sd_px)?);
+    }
+    offset
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::geometry::geodesy::Geodetic;
+    use glam::{DMat3, DVec3};
+    use testkit::changi_02l;
+    use testkit::rig::{VIEWS, placed};
+
+    use super::*;
+
+    const LEVEL_M: f64 = 900.0;
+    const SPEED_MPS: f64 = 75.0;
+
+    /// The aircraft a time after it is 24 km from the target: level, then on the glide path.
+    fn place_m(time_s: f64) -> DVec3 {
+        let runway = changi_02l();
+        let along_m = 24_000.0 - SPEED_MPS * time_s;
+        let height_m = LEVEL_M.min(along_m * 3_f64.to_radians().tan());
+        let altitude_m = runway.threshold.altitude_msl_m + height_m;
+        let at: Geodetic = runway
+            .point_on_approach(along_m, 0.0)
+            .at_altitude_m(altitude_m);
+        at.to_ecef()
+    }
+
+    /// An arrival whose second view has a clock that is slow by this much, by cameras that are rolled apart by some degrees.
+    fn sightings(offset_s: f64, roll_deg: f64) -> Vec<CommonSighting> {
+        let [left, right] = VIEWS.map(|view| Camera::from_pose(&placed(view), 1920, 1280));
+        let rolled = |camera: Camera, roll_deg: f64| Camera {
+            ecef_from_camera: camera.ecef_from_camera
+                * DMat3::from_rotation_z(roll_deg.to_radians()),
+            ..camera
+        };
+        let stated = [rolled(left, roll_deg), rolled(right, -roll_deg)];
+        let sighting = |tick: u32| {
+            let flown_s = f64::from(tick) / 2.0;
+            let seen = |later_s: f64| {
+                right
+                    .project(place_m(flown_s + offset_s + later_s))
+                    .unwrap()
+            };
+            let noise = |phase: f64| 0.14 * (f64::from(tick) * 12.9898 + phase).sin();
+            let there = seen(0.0) + DVec2::new(noise(0.3) + 1.5, noise(1.7) - 0.8);
+            let here = left.project(place_m(flown_s)).unwrap();
+            let motion = (seen(0.1) - seen(-0.1)) / 0.2;
+            CommonSighting::of([&stated[0], &stated[1]], [here, there], motion).unwrap()
+        };
+        (0..560).map(sighting).collect()
+    }
+
+    #[test]
+    fn an_arrival_with_a_level_segment_tells_the_offset_of_the_clocks_also_by_rolled_cameras() {
+        for (offset_s, roll_deg) in [(-0.3, 0.0), (0.0, 0.0), (0.5, 0.0), (0.5, 1.0)] {
+            let sightings = sightings(offset_s, roll_deg);
+            let found = robust_offset(&sightings).unwrap();
+            let error_s = found.seconds - offset_s;
+            assert!(error_s.abs() < 0.02, "{offset_s} {roll_deg}: {found:?}");
+            assert!(error_s.abs() < 3.0 * found.sd_s, "{offset_s}: {found:?}");
+            assert!(found.sd_s < 0.03, "{offset_s}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn sightings_of_something_else_hardly_change_the_robust_offset() {
+        let mut sightings = sightings(0.5, 0.0);
+        for sighting in sightings.iter_mut().step_by(7) {
+            sighting.off_px += 30.0;
+        }
+        let found = robust_offset(&sightings).unwrap();
+        assert!((found.seconds - 0.5).abs() < 0.03, "{found:?}");
+    }
+
+    #[test]
+    fn too_little_is_said_to_be_unknown() {
+        assert_eq!(robust_offset(&sightings(0.0, 0.0)[..39]), None);
+    }
+}

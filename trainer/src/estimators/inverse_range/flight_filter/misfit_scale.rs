@@ -1,0 +1,128 @@
+//! Errors scaled by what the images show: where rows of the views fit each other badly, distances are less certain
+//! ([`crate::estimators::inverse_range::row_misfit`]).
+
+use super::Knowing;
+use super::forward::Tick;
+
+/// Time after which a misfit counts for a third, seconds, and the time for which the usual one counts.
+const MEMORY_S: f64 = 20.0;
+const USUAL_S: f64 = 20.0;
+/// A tick counts for the time since the one before, and at most for this, seconds.
+const MOST_OF_TICK_S: f64 = 2.0;
+/// A larger misfit than so many usual ones is an outlier, which the filter treats.
+const LARGEST: f64 = 6.0;
+
+/// Misfits of the last ticks.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct RecentMisfit {
+    last_s: Option<f64>,
+    square_s: f64,
+    seconds: f64,
+}
+
+impl RecentMisfit {
+    /// Takes the next tick, in either direction of time.
+    fn take(&mut self, usual_px: f64, tick: &Tick) {
+        let since_s = self.last_s.map(|last_s| (tick.time_s - last_s).abs());
+        self.last_s = Some(tick.time_s);
+        let kept = (-since_s.unwrap_or(0.0) / MEMORY_S).exp();
+        self.square_s *= kept;
+        self.seconds *= kept;
+        if let Some(misfit_px) = tick.row_misfit_px {
+            let seconds = since_s.unwrap_or(MOST_OF_TICK_S).min(MOST_OF_TICK_S);
+            let ratio = (misfit_px / usual_px).min(LARGEST);
+            self.square_s += seconds * ratio * ratio;
+            self.seconds += seconds;
+        }
+    }
+
+    /// Factor of the standard deviation after a tick.
+    pub(super) fn scale_after(&mut self, usual_px: Option<f64>, tick: &Tick) -> f64 {
+        let Some(usual_px) = usual_px else { return 1.0 };
+        self.take(usual_px, tick);
+        scale(self.square_s, self.seconds)
+    }
+}
+
+/// The variance grows with the misfit.
+fn scale(square_s: f64, seconds: f64) -> f64 {
+    ((square_s + USUAL_S) / (seconds + USUAL_S)).powf(0.25)
+}
+
+/// Factors of the standard deviations of a flight, tick by tick.
+pub(super) fn scales(usual_px: Option<f64>, ticks: &[Tick], knowing: Knowing) -> Vec<f64> {
+    let mut past = RecentMisfit::default();
+    let causal: Vec<(f64, RecentMisfit)> = (ticks.iter())
+        .map(|tick| (past.scale_after(usual_px, tick), past))
+        .collect();
+    let (Knowing::All, Some(usual_px)) = (knowing, usual_px) else {
+        return causal.into_iter().map(|(scale, _)| scale).collect();
+    };
+    let mut future = RecentMisfit::default();
+    let mut scales: Vec<f64> = (ticks.iter().zip(&causal).rev())
+        .map(|(tick, (_, past))| {
+            let sums = (
+                past.square_s + future.square_s,
+                past.seconds + future.seconds,
+            );
+            future.take(usual_px, tick);
+            scale(sums.0, sums.1)
+        })
+        .collect();
+    scales.reverse();
+    scales
+}
+
+/// The usual misfit of some flights, root mean square, pixels; `None` without any.
+pub(super) fn usual_px<'a>(flights: impl Iterator<Item = &'a [Tick]>) -> Option<f64> {
+    let of_flight = |ticks: &[Tick]| {
+        let misfits = ticks.iter().filter_map(|tick| tick.row_misfit_px);
+        let mut misfits: Vec<f64> = misfits.collect();
+        misfits.sort_by(f64::total_cmp);
+        let largest = LARGEST * misfits.get(misfits.len() / 2)?;
+        let squares = misfits.iter().map(|px| px.min(largest).powi(2));
+        Some(squares.sum::<f64>() / misfits.len() as f64)
+    };
+    let squares: Vec<f64> = flights.filter_map(of_flight).collect();
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    // Not a number without any flight.
+    (mean > 0.0).then(|| mean.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flight(misfit_px: impl Fn(u32) -> Option<f64>) -> Vec<Tick> {
+        let tick = |tick: u32| Tick {
+            time_s: f64::from(tick),
+            measurements: Vec::new(),
+            row_misfit_px: misfit_px(tick),
+        };
+        (0..200).map(tick).collect()
+    }
+
+    #[test]
+    fn errors_grow_with_the_misfit_of_the_last_ticks_and_of_the_next_ones_if_these_are_known() {
+        let step = flight(|tick| Some(if tick < 100 { 0.05 } else { 0.2 }));
+        let usual = Some(0.05);
+        let past = scales(usual, &step, Knowing::Past);
+        let all = scales(usual, &step, Knowing::All);
+        assert!(past[..100].iter().all(|scale| (scale - 1.0).abs() < 1e-9));
+        assert!(all[98] > 1.2 && past[105] > 1.2);
+        assert!(past[199] > 1.6 && past[199] < 2.0, "{}", past[199]);
+        let silent = flight(|tick| (tick < 100).then_some(0.2));
+        let forgotten = scales(usual, &silent, Knowing::Past);
+        assert!(forgotten[99] > 1.6 && forgotten[199] < 1.05);
+        assert_eq!(scales(None, &step, Knowing::All), vec![1.0; 200]);
+    }
+
+    #[test]
+    fn the_usual_misfit_is_of_flights_alike_and_not_of_an_outlier() {
+        let one = flight(|tick| Some(if tick == 3 { 90.0 } else { 0.1 }));
+        let other = flight(|_| Some(0.1));
+        let usual_px = usual_px([one.as_slice(), &other].into_iter()).unwrap();
+        assert!((usual_px - 0.1).abs() < 0.01, "{usual_px}");
+        assert_eq!(super::usual_px([[].as_slice()].into_iter()), None);
+    }
+}

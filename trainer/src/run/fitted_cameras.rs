@@ -1,0 +1,24 @@
+//! The cameras that a training has fitted, for a registration of the views that does not depend on `calibration.json`.
+
+use std::collections::BTreeMap;
+
+use dataset::geometry::camera::Camera;
+
+use crate::error::{Error, Result, RunFault};
+use crate::run::folder::RunFolder;
+use crate::run::sealed::SealedRun;
+use crate::run::trained::TrainedRun;
+
+/// The cameras of `self_calibrated` by view, and the BLAKE3 hash of the run. Views that saw the aircraft too rarely are missing.
+///
+/// # Errors
+/// The run cannot be read, or has fitted no cameras.
+pub fn fitted_cameras(folder: &RunFolder) -> Result<(String, BTreeMap<String, Camera>)> {
+    let sealed = SealedRun::read(folder)?;
+    let run = TrainedRun::of(&sealed)?;
+    let fitted = (run.baselines.self_calibrated.as_ref())
+        .ok_or_else(|| Error::run(folder.root(), RunFault::NoFittedCameras))?;
+    let views = run.normalisation.views.into_iter().zip(fitted.cameras());
+    let cameras = views.filter_map(|(view, camera)| Some((view, camera?)));
+    Ok((sealed.blake3(), cameras.collect()))
+}

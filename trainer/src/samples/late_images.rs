@@ -1,0 +1,140 @@
+//! Images that are late, moved to the time of their tick.
+//!
+//! `dtd detect` measures by how much the images of a view are late ([`dataset::tables::health::late_views`]). What such a view shows at a
+//! tick is where the aircraft was before, so its box and its shift are moved on by the motion in this view during the lag. Where that
+//! motion is unknown, the view does not count.
+
+use std::collections::BTreeMap;
+
+use dataset::numbers::motion::motion_at;
+use glam::DVec2;
+
+use crate::samples::Observation;
+use crate::samples::camera_health::Corrections;
+use crate::samples::trusted_boxes::centre_and_size;
+
+/// Places of the boxes of each view and track, by time in seconds.
+type Tracks = BTreeMap<(usize, Option<u32>), Vec<(f64, DVec2)>>;
+
+/// The ticks of a scenario whose views are late by these seconds. Counts what changes.
+pub(crate) fn in_time(
+    observations: Vec<Observation>,
+    late_s: &[f64],
+    counts: &mut Corrections,
+) -> Vec<Observation> {
+    if late_s.iter().all(|late_s| *late_s == 0.0) {
+        return observations;
+    }
+    let mut tracks = Tracks::new();
+    for observed in &observations {
+        for (view, seen) in observed.boxes.iter().enumerate() {
+            if let Some(seen) = seen {
+                let track = (view, observed.tracks[view]);
+                let at = (seconds(observed), centre_and_size(seen).0);
+                tracks.entry(track).or_default().push(at);
+            }
+        }
+    }
+    let moved = |observed: Observation| {
+        let motion = |view: usize| {
+            let places = tracks.get(&(view, observed.tracks[view]))?;
+            Some(late_s[view] * motion_at(places, seconds(&observed))?)
+        };
+        let motions: Vec<Option<DVec2>> = (late_s.iter().enumerate())
+            .map(|(view, late_s)| {
+                if *late_s == 0.0 {
+                    Some(DVec2::ZERO)
+                } else {
+                    motion(view)
+                }
+            })
+            .collect();
+        for (view, seen) in observed.boxes.iter().enumerate() {
+            if late_s[view] == 0.0 || seen.is_none() {
+                continue;
+            }
+            match motions[view] {
+                Some(_) => counts.late += 1,
+                None => counts.late_withheld += 1,
+            }
+        }
+        observed.moved(|view, place_px| Some(place_px + motions[view]?))
+    };
+    observations.into_iter().map(moved).collect()
+}
+
+fn seconds(observed: &Observation) -> f64 {
+    observed.time_ns as f64 * 1e-9
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::tables::pixel_box::PixelBox;
+    use dataset::tables::registrations::Shift;
+
+    use super::*;
+    use crate::samples::sample::Sample;
+    use crate::samples::view_shift::ViewShift;
+
+    const LATE_S: f64 = 0.45;
+
+    /// Ticks of two views, the second of which shows the aircraft as it was before.
+    fn flight(late_s: f64) -> Vec<Observation> {
+        let box_at = |cx_px: f64| PixelBox {
+            cx_px,
+            cy_px: 600.0,
+            width_px: 40.0,
+            height_px: 14.0,
+        };
+        let tick = |tick: u32| {
+            let time_s = f64::from(tick);
+            let places = [300.0 + 4.0 * time_s, 500.0 + 20.0 * (time_s - late_s)];
+            let boxes = places.map(box_at);
+            let mut observed = Sample::of_boxes(1.0, boxes.map(Some).to_vec()).observed;
+            let shift = Shift {
+                x_px: places[0],
+                y_px: 600.0,
+                dx_px: places[1] - places[0],
+                dy_px: 0.0,
+                sd_x_px: 0.03,
+                sd_y_px: 0.04,
+                scale: 1.0,
+                gain: 1.0,
+                correlation: 0.9,
+            };
+            observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
+            observed.tick = tick;
+            observed.time_ns = i64::from(tick) * 1_000_000_000;
+            observed
+        };
+        (0..20).map(tick).collect()
+    }
+
+    #[test]
+    fn boxes_and_shifts_of_a_late_view_are_moved_to_where_it_would_have_seen_them() {
+        let mut counts = Corrections::default();
+        let moved = in_time(flight(LATE_S), &[0.0, LATE_S], &mut counts);
+        for (moved, expected) in moved.iter().zip(flight(0.0)) {
+            let at = |observed: &Observation| observed.boxes[1].unwrap().cx_px;
+            assert!((at(moved) - at(&expected)).abs() < 1e-6);
+            let shift = |observed: &Observation| observed.shifts[1].unwrap().shift_px;
+            assert!((shift(moved) - shift(&expected)).length() < 1e-6);
+            assert_eq!(moved.boxes[0], expected.boxes[0]);
+        }
+        assert_eq!((counts.late, counts.late_withheld), (20, 0));
+        assert_eq!(in_time(flight(0.0), &[0.0, 0.0], &mut counts), flight(0.0));
+    }
+
+    #[test]
+    fn a_late_view_does_not_count_where_its_motion_is_unknown() {
+        let mut counts = Corrections::default();
+        let few = flight(LATE_S).into_iter().take(3).collect();
+        let moved = in_time(few, &[0.0, LATE_S], &mut counts);
+        assert!(
+            moved
+                .iter()
+                .all(|tick| tick.boxes[1].is_none() && tick.boxes[0].is_some())
+        );
+        assert_eq!((counts.late, counts.late_withheld), (0, 3));
+    }
+}
