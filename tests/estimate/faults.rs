@@ -56,15 +56,15 @@ enum Step {
     Read(bool),
 }
 
-const FROZEN_S: [f64; 2] = [15.0, 18.0];
-const DARK_S: [f64; 2] = [20.0, 23.0];
+const FROZEN_S: [f64; 2] = [18.0, 21.0];
+const DARK_S: [f64; 2] = [23.0, 26.0];
 
 /// In order of time.
 const FAULTS: [Fault; 10] = [
     Fault {
         name: "a view that starts late",
         from_s: 0.0,
-        to_s: 4.0,
+        to_s: 6.5,
         views: &["right"],
         state: Some("down"),
         noticed_s: Some(0.0),
@@ -73,8 +73,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "a feed that is killed",
-        from_s: 9.0,
-        to_s: 11.0,
+        from_s: 12.0,
+        to_s: 14.0,
         views: &["left"],
         state: Some("down"),
         noticed_s: Some(0.3),
@@ -103,8 +103,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "a server that stops",
-        from_s: 26.0,
-        to_s: 28.0,
+        from_s: 29.0,
+        to_s: 31.0,
         views: &VIEWS,
         state: Some("down"),
         noticed_s: Some(0.5),
@@ -113,8 +113,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "1 % of lost packets",
-        from_s: 33.0,
-        to_s: 36.0,
+        from_s: 36.0,
+        to_s: 39.0,
         views: &["right"],
         state: Some("damaged"),
         noticed_s: None,
@@ -123,8 +123,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "20 % of lost packets",
-        from_s: 38.0,
-        to_s: 41.0,
+        from_s: 41.0,
+        to_s: 44.0,
         views: &["right"],
         state: Some("damaged"),
         noticed_s: Some(1.5),
@@ -133,8 +133,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "another size",
-        from_s: 46.0,
-        to_s: 48.0,
+        from_s: 49.0,
+        to_s: 51.0,
         views: &["left"],
         state: Some("damaged"),
         noticed_s: Some(1.5),
@@ -143,8 +143,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "another codec",
-        from_s: 53.0,
-        to_s: 53.5,
+        from_s: 56.0,
+        to_s: 56.5,
         views: &["right"],
         state: Some("down"),
         noticed_s: None,
@@ -153,8 +153,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "a busy machine",
-        from_s: 58.0,
-        to_s: 61.0,
+        from_s: 61.0,
+        to_s: 64.0,
         views: &[],
         state: None,
         noticed_s: None,
@@ -163,8 +163,8 @@ const FAULTS: [Fault; 10] = [
     },
 ];
 /// Then the reader stops for this time, and the program is killed.
-const UNREAD_S: [f64; 2] = [63.0, 67.0];
-const KILLED_S: f64 = 70.0;
+const UNREAD_S: [f64; 2] = [66.0, 70.0];
+const KILLED_S: f64 = 73.0;
 
 #[test]
 fn no_fault_makes_an_old_answer_fresh_and_each_is_overcome() {
@@ -283,13 +283,12 @@ impl Said {
         for view in VIEWS {
             let used_s = self.used_s(view);
             if !fault.views.contains(&view) {
-                // The first image of all comes a moment after the start.
-                let until_s = if from_s == 0.0 { BACK_S } else { to_s };
-                let mut before_s = if from_s == 0.0 { to_s } else { from_s };
+                // At the start, an aircraft is known after some seconds.
+                let mut before_s = if from_s == 0.0 { BACK_S } else { from_s };
                 let meanwhile = used_s
                     .iter()
-                    .filter(|at_s| (before_s..until_s).contains(*at_s));
-                for at_s in meanwhile.copied().chain([until_s]).collect::<Vec<_>>() {
+                    .filter(|at_s| (before_s..to_s).contains(*at_s));
+                for at_s in meanwhile.copied().chain([to_s]).collect::<Vec<_>>() {
                     assert!(
                         at_s - before_s <= GAP_S,
                         "{name}: no fresh answer from {view} from {before_s:.2} to {at_s:.2} s"

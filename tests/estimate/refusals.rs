@@ -128,7 +128,7 @@ fn what_can_never_work_is_refused_with_what_to_do() {
 }
 
 #[test]
-fn a_run_of_another_format_is_refused() {
+fn a_run_that_is_not_what_the_training_wrote_is_refused() {
     let workshop = Workshop::shared();
     let source = workshop.source();
     let other = workshop.folder.path().join("other-run");

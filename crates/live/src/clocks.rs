@@ -32,7 +32,7 @@ impl Clocks {
     pub(crate) fn of(options: &Options) -> Result<Self> {
         let file = options.keep_offsets.clone();
         let kept: Kept = match &file {
-            Some(path) if path.exists() => read_json(path, "kept offsets")?,
+            Some(path) if path.exists() => read_json(path, "file of kept offsets")?,
             _ => Kept::new(),
         };
         let run = &options.run;
