@@ -24,6 +24,9 @@ packages=(
 )
 bash scripts/setup-build.sh "${packages[@]}"
 
+# Python compiles a module when it is first imported; most never are.
+export PIP_NO_COMPILE=1
+
 stamp=.venv/requirements.installed
 if ! cat scripts/requirements.txt scripts/requirements-alone.txt | cmp -s - "$stamp"; then
     say "installing Python packages into .venv"

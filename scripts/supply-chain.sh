@@ -2,12 +2,13 @@
 # Checks all dependencies against deny.toml (licences, sources, bans), and against RustSec's database of known vulnerabilities, which
 # `cargo audit` uses as well: one tool for both.
 #
-# Builds cargo-deny if it is missing, without optimisation, which saves more build time than it costs here. The database is a git repository
-# on GitHub: if that cannot be reached, this says so and checks the rest; DTD_ADVISORIES=must makes it a failure.
+# Uses the cargo-deny that scripts/setup.sh installs, and builds one where there is none, which takes minutes. The database is a git
+# repository on GitHub: if that cannot be reached, this says so and checks the rest; DTD_ADVISORIES=must makes it a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 version=0.20.2
+PATH=$PWD/.venv/bin:$PATH
 database=https://github.com/RustSec/advisory-db
 
 if [ "$(cargo deny --version 2>/dev/null)" != "cargo-deny $version" ]; then

@@ -266,7 +266,7 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "mock|auto|HOST:PORT")]
     pub(crate) sim: Option<SimulatorTarget>,
     /// Count a restart of X-Plane after every N live flights, e.g. 45
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = from_one)]
     pub(crate) restart_every: Option<NonZeroU32>,
     /// Pictures per second that your X-Plane delivers, all views together
     ///
@@ -281,6 +281,12 @@ pub(crate) struct PlanArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// A whole number from 1.
+pub(crate) fn from_one(text: &str) -> Result<NonZeroU32, String> {
+    let number = text.parse();
+    number.map_err(|_| format!("expected a whole number from 1 to {}", u32::MAX))
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -353,7 +359,7 @@ pub(crate) struct GenerateArgs {
     #[arg(long, value_name = "COMMAND")]
     pub(crate) restart_simulator: Option<String>,
     /// Restart X-Plane after every N live flights, e.g. 45
-    #[arg(long, value_name = "N", requires = "restart_simulator")]
+    #[arg(long, value_name = "N", value_parser = from_one, requires = "restart_simulator")]
     pub(crate) restart_every: Option<NonZeroU32>,
     /// Print the result as JSON
     #[arg(long)]

@@ -24,9 +24,15 @@ pub(crate) struct EstimateArgs {
     /// View of the run to estimate without; may be repeated
     #[arg(long, value_name = "VIEW")]
     pub(crate) without: Vec<String>,
-    /// Seconds to add to the times of a view's images, e.g. right=+0.120
+    /// Seconds to add to the times of a view's images, e.g. right=+0.120, or auto
+    ///
+    /// Offsets of streams whose clocks run free are measured, from the aircraft that both views see. With `auto`, so are those of a video
+    /// file; otherwise all files are taken to begin at the same time.
     #[arg(long = "offset", value_name = "VIEW=SECONDS")]
-    pub(crate) offsets: Vec<OfView<f64>>,
+    pub(crate) offsets: Vec<OfView<GivenOffset>>,
+    /// Keep measured offsets in this file (JSON), and begin with those that it has
+    #[arg(long, value_name = "FILE")]
+    pub(crate) keep_offsets: Option<PathBuf>,
     /// File with the password of a view's server, on its first line
     #[arg(long = "password-file", value_name = "VIEW=FILE")]
     pub(crate) password_files: Vec<OfView<PathBuf>>,
@@ -54,6 +60,26 @@ pub(crate) struct EstimateArgs {
     /// Open every source, print what it is, and end
     #[arg(long)]
     pub(crate) check: bool,
+}
+
+/// The offset of a view's clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum GivenOffset {
+    Seconds(f64),
+    /// It is measured.
+    Auto,
+}
+
+impl FromStr for GivenOffset {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            seconds => (seconds.parse().map(Self::Seconds))
+                .map_err(|_| format!("{seconds} is no number; expected seconds, or auto")),
+        }
+    }
 }
 
 /// A value for a view, as VIEW=VALUE.

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clap::builder::TypedValueParser;
 use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
 use trainer::{MOST_APPROACHES, TrainingBackend};
 
@@ -91,7 +92,7 @@ pub(crate) struct PredictArgs {
     #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Table to write: a row per tick, a column per estimator
-    #[arg(long, value_name = "FILE.parquet", value_parser = Output::NewFile.parser())]
+    #[arg(long, value_name = "FILE.parquet", value_parser = Output::NewFile.parser().try_map(parquet))]
     pub(crate) out: PathBuf,
     /// Model whose detections to use, by its file name or hash
     ///
@@ -104,6 +105,16 @@ pub(crate) struct PredictArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Rejects names of other formats: the table is Parquet.
+fn parquet(path: PathBuf) -> Result<PathBuf, String> {
+    match path.extension().and_then(|ending| ending.to_str()) {
+        Some(ending) if !ending.eq_ignore_ascii_case("parquet") => Err(format!(
+            "its name ends in .{ending}, but the table is Parquet; choose a name that ends in .parquet"
+        )),
+        _ => Ok(path),
+    }
 }
 
 /// Scenarios to judge.

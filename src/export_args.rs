@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use dataset::corpus::splits::Side;
 use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 
-use crate::args::{WindowSize, folder};
+use crate::args::{WindowSize, folder, from_one};
 use crate::output_arg::Output;
 
 /// What to export, and where to.
@@ -29,10 +29,10 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "VIEW,..", value_delimiter = ',')]
     views: Vec<String>,
     /// Export every N-th tick, from the first
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = from_one)]
     every: NonZeroU32,
     /// Export N ticks a second, each the nearest to its time (lerobot)
-    #[arg(long, value_name = "N", conflicts_with = "every")]
+    #[arg(long, value_name = "N", value_parser = from_one, conflicts_with = "every")]
     rate: Option<NonZeroU32>,
     /// Side of the split to export [default: all]
     #[arg(long, value_enum)]

@@ -3,52 +3,41 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 
 use serde_json::Value;
 use testkit::command::{Dtd, json, said, text};
 use testkit::files::{contents, copy_folder};
-use testkit::{program_of_venv, repository};
+use testkit::{MadeOnce, program_of_venv, repository};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-/// A labelled corpus shared by all tests of one sweep. Recorded once per run of the tests.
-struct Shared(OnceLock<tempfile::TempDir>);
-
-impl Shared {
-    const fn new() -> Self {
-        Self(OnceLock::new())
-    }
-
-    fn corpus(&self, sweep: &str) -> PathBuf {
-        let folder = self.0.get_or_init(|| {
-            let folder = tempfile::tempdir().unwrap();
-            let corpus = folder.path().join("corpus");
-            let made = DTD.json(&["generate", sweep, "--out", text(&corpus), "--json"]);
-            assert_eq!(made["committed"].as_array().unwrap().len(), 6, "{made}");
-            assert_eq!(made["failed"], serde_json::json!([]));
-            let labelled = DTD.json(&["label", text(&corpus), "--json"]);
-            assert_eq!(
-                labelled["labelled"].as_array().unwrap().len(),
-                6,
-                "{labelled}"
-            );
-            folder
-        });
-        folder.path().join("corpus")
-    }
+/// A labelled corpus of a sweep with six scenarios.
+fn make(sweep: &str, folder: &Path) {
+    let corpus = folder.join("corpus");
+    let made = DTD.json(&["generate", sweep, "--out", text(&corpus), "--json"]);
+    assert_eq!(made["committed"].as_array().unwrap().len(), 6, "{made}");
+    assert_eq!(made["failed"], serde_json::json!([]));
+    let labelled = DTD.json(&["label", text(&corpus), "--json"]);
+    let count = labelled["labelled"].as_array().unwrap().len();
+    assert_eq!(count, 6, "{labelled}");
 }
 
 /// Six recorded flights in tiny pictures.
 fn recorded() -> PathBuf {
-    static CORPUS: Shared = Shared::new();
-    CORPUS.corpus("tests/data/recorded.toml")
+    static MADE: LazyLock<MadeOnce> = LazyLock::new(|| {
+        MadeOnce::made("recorded", |folder| {
+            make("tests/data/recorded.toml", folder)
+        })
+    });
+    MADE.path().join("corpus")
 }
 
 /// Six approaches in full resolution at a low frame rate.
 fn full_size() -> PathBuf {
-    static CORPUS: Shared = Shared::new();
-    CORPUS.corpus("tests/data/chain.toml")
+    static MADE: LazyLock<MadeOnce> =
+        LazyLock::new(|| MadeOnce::made("chain", |folder| make("tests/data/chain.toml", folder)));
+    MADE.path().join("corpus")
 }
 
 /// Runs a Python check on a corpus; returns its result.

@@ -138,7 +138,7 @@ impl Mutated {
         };
         if random.random_bool(0.15) {
             mutated.what = place::mutate(&path, &mutated.tiny.path("outside"), random);
-            // Without its seal a scenario is not complete and is ignored.
+            // Without its seal a scenario is left out, whatever its content is.
             if mutated.name.ends_with("DONE.json") && !path.is_file() {
                 mutated.guard = Guard::Free;
             }

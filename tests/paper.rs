@@ -23,8 +23,22 @@ const KILLED_IN: [(&str, Duration); 4] = [
     ("ranges", Duration::from_millis(200)),
 ];
 
-fn arguments(out: &Path) -> [&str; 5] {
-    ["paper", "--scale", "small", "--out", out.to_str().unwrap()]
+/// With half as many images as the small scale has.
+fn arguments(out: &Path) -> [&str; 7] {
+    arguments_at("1/6", out)
+}
+
+fn arguments_at<'a>(frame_rate: &'a str, out: &'a Path) -> [&'a str; 7] {
+    let out = out.to_str().unwrap();
+    [
+        "paper",
+        "--scale",
+        "small",
+        "--frame-rate",
+        frame_rate,
+        "--out",
+        out,
+    ]
 }
 
 fn start(out: &Path) -> (Child, BufReader<ChildStderr>) {
@@ -57,17 +71,15 @@ fn kill_in(out: &Path, stage: &str, later: Duration) {
     assert!(!stages.iter().any(is_done), "{stage}: killed too late");
 }
 
-/// The numbers in the row of the page's table 3 with this name.
+/// The numbers in the row of the page's table 3 with this name; dashes are left out.
 fn numbers(page: &str, name: &str) -> Vec<f64> {
     let row = page
         .lines()
         .find(|line| line.starts_with(&format!("| {name} | 0.")));
     let cells = row.unwrap_or_else(|| panic!("no row {name} in {page}"));
-    let words = cells
-        .split([' ', '|', '/'])
-        .skip(2)
-        .filter(|word| !word.is_empty());
-    let words = words.filter(|word| *word != name);
+    let cells = cells.trim_start_matches(&format!("| {name} |"));
+    let words = cells.split([' ', '|', '/', '(', ')']);
+    let words = words.filter(|word| !word.is_empty() && *word != "-");
     words
         .map(|word| {
             word.parse()
@@ -102,11 +114,8 @@ fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures()
         assert!(page.contains(part), "no {part:?} in {page}");
     }
     for condition in ["clear", "06:00"] {
-        assert_eq!(
-            numbers(&page, condition).len(),
-            10,
-            "two for each of five columns"
-        );
+        // MAPE and SD of two views and of at least one in five columns, without SD in a sixth; one estimator needs two views.
+        assert!(numbers(&page, condition).len() >= 20, "{page}");
     }
     for figure in page
         .split("](")
@@ -126,7 +135,7 @@ fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures()
         said(&output)
     );
     assert_eq!(figures(&killed), figures(&whole));
-    let other = DTD.run(&[&arguments(&killed)[..], &["--frame-rate", "1"]].concat());
+    let other = DTD.run(&arguments_at("1", &killed));
     assert_eq!(other.status.code(), Some(2), "{}", said(&other));
     assert!(
         said(&other).contains("another sweep or frame rate"),

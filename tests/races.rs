@@ -107,21 +107,20 @@ fn findings(tiny: &Tiny, corpus: &str) -> Value {
 fn is_true_ending(verb: &str, other: &str, output: &Output) -> bool {
     let adds_scenarios = ["generate", "fetch"].contains(&other);
     let words = said(output);
+    // The other one downloaded or recorded a scenario without labels or detections.
+    let met_new_one = ["train", "evaluate", "train-detector"].contains(&verb)
+        && adds_scenarios
+        && words.contains(&START.absent)
+        && (words.contains("dtd label") || words.contains("dtd detect"));
     match output.status.code() {
         Some(0) => true,
         // Another process holds it; the message says so.
         Some(75) => words.contains("error: "),
         // A scenario that the other one changed in the meantime differs from the store's, and its detections are newer.
-        Some(3) => {
-            verb == "fetch" && ["generate", "label", "detect", "push", "fetch"].contains(&other)
+        Some(3) if verb == "fetch" => {
+            ["generate", "label", "detect", "push", "fetch"].contains(&other)
         }
-        // The other one downloaded a scenario without labels or detections.
-        Some(2) => {
-            ["train", "evaluate", "train-detector"].contains(&verb)
-                && adds_scenarios
-                && words.contains(&START.absent)
-                && (words.contains("dtd label") || words.contains("dtd detect"))
-        }
+        Some(2 | 3) => met_new_one,
         _ => false,
     }
 }

@@ -121,7 +121,7 @@ const CASES: &[Case] = &[
     ("name = \"small\"", "name = \"\"", "\"\"", "name is empty", Schema),
     ("seed = 0", "seed = 0\nseed = 1", "seed = 1", "duplicate key", Schema),
     // Approach.
-    ("\"WSSS\"", "\"XXXX\"", "\"XXXX\"", "airport \"XXXX\" is not known; known are WSSS 02L", CommandOnly),
+    ("\"WSSS\"", "\"XXXX\"", "\"XXXX\"", "airport \"XXXX\" is not known; known are BIKF 19", CommandOnly),
     ("\"02L\"", "\"20C\"", "\"20C\"", "runway \"20C\" of WSSS is not known", CommandOnly),
     ("B737-800", "A380", "\"A380\"", "known are B737-800", Schema),
     ("rig = \"pair\"", "rig = \"trio\"", "\"trio\"", "defined are pair, seed, wide-baseline", CommandOnly),

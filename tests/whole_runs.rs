@@ -9,26 +9,13 @@ use std::time::{Duration, Instant};
 
 use dataset::corpus::seal;
 use tempfile::tempdir;
+use testkit::TINY_TRAINING;
 use testkit::command::{Dtd, said};
 use testkit::synthetic::SyntheticCorpus;
 
 const KILLS: u32 = 24;
 /// What `kill` sends.
 const SIGKILL: i32 = 9;
-const SETTINGS: &str = "
-[calibration]
-hidden = [16]
-features = 16
-head_hidden = [16]
-optimisation = { steps = 60, batch_size = 64, learning_rate = 0.003 }
-[estimator]
-lstm = [16]
-head_hidden = [16]
-optimisation = { steps = 60, batch_size = 64, learning_rate = 0.003 }
-[mono]
-optimisation = { steps = 60, batch_size = 64, learning_rate = 0.003 }
-";
-
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 struct Workshop {
@@ -45,7 +32,7 @@ impl Workshop {
             run: root.join("run"),
         };
         SyntheticCorpus::tiny().write(&made.corpus).unwrap();
-        fs::write(&made.settings, SETTINGS).unwrap();
+        fs::write(&made.settings, TINY_TRAINING).unwrap();
         made
     }
 

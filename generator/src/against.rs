@@ -222,10 +222,6 @@ enum Found {
 
 /// Looks at a folder as quickly as possible: it may be one of thousands.
 fn look(folder: &ScenarioFolder) -> dataset::Result<Found> {
-    let is_damage = |error: &dataset::Error| {
-        // Content that does not fit into memory may be sound.
-        error.is_bad_content() && !matches!(error, dataset::Error::Memory(_))
-    };
     let seal = match folder.seal() {
         Ok(Some(seal)) => seal,
         // Once more: a recording may have been finished between the two looks.
@@ -235,13 +231,13 @@ fn look(folder: &ScenarioFolder) -> dataset::Result<Found> {
             Err(error) => return Err(error),
         },
         Ok(None) => return Ok(Found::Nothing),
-        Err(error) if is_damage(&error) => return Ok(Found::Damaged(error.to_string())),
+        Err(error) if error.is_damage() => return Ok(Found::Damaged(error.to_string())),
         Err(error) => return Err(error),
     };
     match seal::faults_at_a_glance(folder.root()) {
         Ok(faults) if faults.is_empty() => Ok(Found::Sealed(seal)),
         Ok(faults) => Ok(Found::Damaged(faults.join("; "))),
-        Err(error) if is_damage(&error) => Ok(Found::Damaged(error.to_string())),
+        Err(error) if error.is_damage() => Ok(Found::Damaged(error.to_string())),
         Err(error) => Err(error),
     }
 }

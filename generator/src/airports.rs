@@ -35,6 +35,11 @@ pub fn bundled(airport: &str, runway: &str) -> Option<Runway> {
     table.complete(airport, runway, None).ok()
 }
 
+/// The time zone of a built-in airport.
+pub fn time_zone(airport: &str) -> Option<&'static str> {
+    BUNDLED.get(airport)?.time_zone.as_deref()
+}
+
 /// Reasons why a file does not define a runway.
 #[derive(Debug, thiserror::Error)]
 pub enum RunwayFileError {

@@ -75,6 +75,29 @@ impl Spread {
         }
     }
 
+    /// The same spread of higher values.
+    #[must_use]
+    pub fn higher_by(&self, more: f64) -> Self {
+        match self {
+            Self::Fixed(value) => Self::Fixed(value + more),
+            Self::Uniform { min, max } => Self::Uniform {
+                min: min + more,
+                max: max + more,
+            },
+            Self::Normal { mean, sd } => Self::Normal {
+                mean: mean + more,
+                sd: *sd,
+            },
+            Self::Truncated { mean, sd, min, max } => Self::Truncated {
+                mean: mean + more,
+                sd: *sd,
+                min: min + more,
+                max: max + more,
+            },
+            Self::OneOf(values) => Self::OneOf(values.iter().map(|value| value + more).collect()),
+        }
+    }
+
     /// The minimum and maximum that can be drawn.
     pub fn range(&self) -> (f64, f64) {
         match self {

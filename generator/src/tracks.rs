@@ -96,7 +96,7 @@ pub fn import_tracks(
             aircraft,
             reason,
         };
-        let tracks = match formats::read(file) {
+        let tracks = match formats::read(file, runway) {
             Ok(tracks) => tracks,
             Err(error) => {
                 outcome.refused.push(refused(None, error.to_string()));

@@ -259,6 +259,24 @@ fn mistakes(good: &Table) -> BTreeMap<&'static str, (Table, &'static str)> {
             "always on the ground",
             (good.clone().changed("on_ground", |_| 1.0), "on_ground"),
         ),
+        ("two rows", {
+            let mut table = good.clone();
+            let last = table.rows.len() - 1;
+            let passing =
+                (0..last).find(|&row| table.rows[row][table.place("latitude_deg")] > 1.3518);
+            let passing = passing.unwrap();
+            table.rows = table.rows[passing - 1..=passing].to_vec();
+            (table, "allow = [\"part\"]")
+        }),
+        ("half an approach", {
+            let mut table = good.clone();
+            let rows = table.rows.len();
+            table.rows.truncate(rows / 2);
+            (
+                table,
+                "m before the touchdown target of WSSS 02L; if this is meant, add `allow = [\"part\"]`",
+            )
+        }),
         ("time that stands still", (scaled("t_s", 0.0), "")),
         ("time that runs backwards", (scaled("t_s", -1.0), "")),
     ])
@@ -279,6 +297,35 @@ fn every_kind_of_mistake_is_rejected_with_its_reason() {
         }
     }
     assert!(accepted.is_empty(), "{}", accepted.join("\n"));
+}
+
+/// A flight that banks by up to ten degrees.
+const TURNING: &str = "04_storm_gusts";
+
+#[test]
+fn turns_tell_the_unit_and_the_sign_of_the_roll() {
+    let good = Table::of(TURNING);
+    let radians = good.clone().changed("roll_deg", f64::to_radians);
+    let message = read(&radians.text(","), &[]).unwrap_err();
+    assert!(
+        message.contains("roll_deg that look like radians"),
+        "{message}"
+    );
+    let left = good.clone().changed("roll_deg", |deg| -deg);
+    let message = read(&left.text(","), &[]).unwrap_err();
+    assert!(
+        message.contains("roll_deg that look like rolls to the left"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_pitch_that_never_changes_is_accepted() {
+    let good = Table::of(FLIGHTS[0]);
+    let made_up = good
+        .changed("pitch_deg", |_| 0.1)
+        .changed("roll_deg", |_| 0.0);
+    read(&made_up.text(","), &[]).unwrap();
 }
 
 #[test]

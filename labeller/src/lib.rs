@@ -28,7 +28,7 @@ mod track;
 mod tracking;
 mod truth_box;
 mod view_health;
-pub mod view_lag;
+mod view_lag;
 
 pub use detect::{
     CpuTime, DetectOptions, DetectOutcome, Findings, FittedCameras, Mode, ModeSettings,

@@ -9,15 +9,12 @@
 //! both images, which is fitted with the lag.
 
 use dataset::geometry::camera::Camera;
-use dataset::geometry::rays::Ray;
+use dataset::geometry::rays::EpipolarLine;
 use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
 
 use crate::registration::Normal;
 
-/// Ranges of the points that define the line, metres.
-const NEAR_M: f64 = 2_000.0;
-const FAR_M: f64 = 30_000.0;
 /// Constant, and change with column and row in the first view and with the columns between the views; the lag.
 const UNKNOWNS: usize = 5;
 const OF_PLACES: std::ops::Range<usize> = 1..4;
@@ -36,7 +33,7 @@ const ROUNDS: usize = 20;
 
 /// An aircraft that two cameras see, in images whose times are the same as far as is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CommonSighting {
+pub(crate) struct CommonSighting {
     /// Factors of the unknowns.
     row: [f64; UNKNOWNS],
     /// Distance from the line in the second view.
@@ -45,45 +42,35 @@ pub struct CommonSighting {
 
 impl CommonSighting {
     /// Where both cameras see it, and by how much it moves in the second view in a second; `None` if no line is defined.
-    pub fn of(cameras: [&Camera; 2], places_px: [DVec2; 2], motion_px_s: DVec2) -> Option<Self> {
-        let ray = Ray::through(cameras[0], places_px[0]);
-        let at = |range_m: f64| cameras[1].project(ray.origin_m + range_m * ray.direction);
-        let (near, far) = (at(NEAR_M)?, at(FAR_M)?);
-        let along = (far - near).try_normalize()?;
-        let across = along.perp() * along.x.signum();
+    pub(crate) fn of(
+        cameras: [&Camera; 2],
+        places_px: [DVec2; 2],
+        motion_px_s: DVec2,
+    ) -> Option<Self> {
         let [first, second] = places_px;
+        let line = EpipolarLine::of(cameras, first)?;
         let (x, y) = (first.x / UNIT_PX, first.y / UNIT_PX);
         let apart = (second.x - first.x) / UNIT_PX;
         Some(Self {
-            row: [1.0, x, y, apart, across.dot(motion_px_s)],
-            off_px: across.dot(second - far),
+            row: [1.0, x, y, apart, line.across.dot(motion_px_s)],
+            off_px: line.off_px(second),
         })
-    }
-
-    /// The same as if the second view's times were not changed by these seconds.
-    pub fn before(self, added_s: f64) -> Self {
-        Self {
-            off_px: self.off_px + added_s * self.row[LAG],
-            ..self
-        }
     }
 }
 
 /// Time by which the second view shows a later aircraft than its times say.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TimeOffset {
+pub(crate) struct TimeOffset {
     /// To be added to the times of the second view, seconds: negative for images that are late.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Its standard deviation if all sightings have independent errors, seconds.
-    pub sd_s: f64,
+    pub(crate) sd_s: f64,
 }
 
 /// Sums over sightings, from which the offset follows.
 #[derive(Debug, Clone)]
-pub struct TimeOffsetFit {
+struct TimeOffsetFit {
     normal: Normal<UNKNOWNS>,
-    squares: f64,
-    count: f64,
 }
 
 impl Default for TimeOffsetFit {
@@ -94,35 +81,13 @@ impl Default for TimeOffsetFit {
             row[unknown] = 1.0;
             normal.add(&row, 0.0, PRIOR_WEIGHT);
         }
-        Self {
-            normal,
-            squares: 0.0,
-            count: 0.0,
-        }
+        Self { normal }
     }
 }
 
 impl TimeOffsetFit {
-    /// Adds a sighting.
-    pub fn add(&mut self, sighting: &CommonSighting) {
-        self.add_weighted(sighting, 1.0);
-    }
-
     fn add_weighted(&mut self, sighting: &CommonSighting, weight: f64) {
         self.normal.add(&sighting.row, sighting.off_px, weight);
-        self.squares += weight * sighting.off_px.powi(2);
-        self.count += weight;
-    }
-
-    /// The offset, once it is known at all.
-    pub fn offset(&self) -> Option<TimeOffset> {
-        if self.count < FEWEST {
-            return None;
-        }
-        let unknowns = self.normal.solve()?;
-        let left = (self.squares - self.normal.explained(&unknowns)).max(0.0);
-        let sd_px = (left / (self.count - UNKNOWNS as f64)).sqrt();
-        self.with_sd(&unknowns, sd_px)
     }
 
     fn with_sd(&self, unknowns: &[f64; UNKNOWNS], sd_px: f64) -> Option<TimeOffset> {
@@ -210,22 +175,15 @@ mod tests {
         (0..560).map(sighting).collect()
     }
 
-    fn fitted(sightings: &[CommonSighting]) -> TimeOffset {
-        let mut fit = TimeOffsetFit::default();
-        sightings.iter().for_each(|sighting| fit.add(sighting));
-        fit.offset().unwrap()
-    }
-
     #[test]
     fn an_arrival_with_a_level_segment_tells_the_offset_of_the_clocks_also_by_rolled_cameras() {
         for (offset_s, roll_deg) in [(-0.3, 0.0), (0.0, 0.0), (0.5, 0.0), (0.5, 1.0)] {
             let sightings = sightings(offset_s, roll_deg);
-            for found in [fitted(&sightings), robust_offset(&sightings).unwrap()] {
-                let error_s = found.seconds - offset_s;
-                assert!(error_s.abs() < 0.02, "{offset_s} {roll_deg}: {found:?}");
-                assert!(error_s.abs() < 3.0 * found.sd_s, "{offset_s}: {found:?}");
-                assert!(found.sd_s < 0.03, "{offset_s}: {found:?}");
-            }
+            let found = robust_offset(&sightings).unwrap();
+            let error_s = found.seconds - offset_s;
+            assert!(error_s.abs() < 0.02, "{offset_s} {roll_deg}: {found:?}");
+            assert!(error_s.abs() < 3.0 * found.sd_s, "{offset_s}: {found:?}");
+            assert!(found.sd_s < 0.03, "{offset_s}: {found:?}");
         }
     }
 
@@ -240,17 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn an_offset_that_was_added_to_the_times_is_found_again_from_what_was_before() {
-        let before = fitted(&sightings(0.5, 0.0));
-        let added: Vec<_> = (sightings(0.1, 0.0).into_iter())
-            .map(|sighting| sighting.before(0.4))
-            .collect();
-        assert!((fitted(&added).seconds - before.seconds).abs() < 0.01);
-    }
-
-    #[test]
     fn too_little_is_said_to_be_unknown() {
-        assert_eq!(TimeOffsetFit::default().offset(), None);
         assert_eq!(robust_offset(&sightings(0.0, 0.0)[..39]), None);
     }
 }

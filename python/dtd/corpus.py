@@ -1,5 +1,6 @@
 """A corpus: its tables over all scenarios, its cameras, its pictures."""
 
+import warnings
 from collections.abc import Collection, Iterable, Iterator
 from fractions import Fraction
 from functools import cached_property
@@ -27,11 +28,14 @@ class Corpus:
         refuse_link(folders)
         if not folders.is_dir():
             raise CorpusError(f"{self.path} is no corpus: it has no folder scenarios/")
-        self._scenarios = {
-            folder.name: folder
-            for folder in sorted(folders.iterdir())
-            if folder.suffix != ".partial" and ((folder / "DONE.json").exists() or (folder / "DONE.json.new").exists())
-        }
+        self._scenarios: dict[str, Path] = {}
+        for folder in sorted(folders.iterdir()):
+            if folder.suffix == ".partial":
+                continue
+            if (folder / "DONE.json").exists() or (folder / "DONE.json.new").exists():
+                self._scenarios[folder.name] = folder
+            elif (folder / "scenario.json").exists():
+                warnings.warn(f"{folder} has no DONE.json and is left out; `dtd verify` lists all faults", stacklevel=2)
 
     def __repr__(self) -> str:
         return f"Corpus({str(self.path)!r}): {len(self._scenarios)} scenarios"

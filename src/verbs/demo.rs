@@ -18,7 +18,7 @@ use super::detect::{detect, in_sight, interrupted, refuse_other_models};
 use super::evaluate::{evaluate, print_metrics};
 use super::generate::{ending_of, generate, options};
 use super::label::{self, label};
-use super::output::{Next, finish, print_json};
+use super::output::{Next, count, finish, print_json};
 use super::train::train;
 use crate::args::DemoArgs;
 use crate::failure::{Ending, Failure};
@@ -37,6 +37,11 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     let sweep = Sweep::read(&sweep).map_err(Failure::bad_input)?;
     refuse_other_models(&model)?;
     let folder = OwnFolder::open(&args.out, args.fresh)?;
+    eprintln!(
+        "demo: records {} into {}, searches them and trains on them; Ctrl-C stops it, and the same command resumes",
+        count(sweep.len(), "scenario"),
+        folder.corpus().display()
+    );
     let options = options(SimulatorTarget::StandIn.into())?;
     let generated = generate(&sweep, &folder.corpus(), &options)?;
     match ending_of(&generated)? {

@@ -19,8 +19,8 @@ use labeller::{
 use trainer::RunFolder;
 
 use super::Outcome;
-use super::open_corpus::open_filled_corpus;
-use super::output::{Next, count, finish, print_json};
+use super::open_corpus::{open_filled_corpus, repair};
+use super::output::{Next, count, failed, finish, print_json};
 use super::train::{failure_of, has_scenario_on};
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
@@ -175,6 +175,9 @@ pub(crate) fn detect(
             failure.id, failure.reason
         ));
     }
+    if !outcome.failed.is_empty() {
+        watch.warn(&repair(corpus.root()));
+    }
     for line in false_boxes_warning(corpus.root(), &outcome.false_boxes) {
         watch.warn(&line);
     }
@@ -198,9 +201,10 @@ fn print_summary(outcome: &DetectOutcome) {
         registered => format!(", {registered} searched before and measured now"),
     };
     println!(
-        "{} searched{registered}, {} unchanged",
+        "{} searched{registered}, {} unchanged{}",
         count(outcome.detected.len(), "scenario"),
         outcome.unchanged.len(),
+        failed(outcome.failed.len()),
     );
     if outcome.counts.pictures == 0 {
         return;

@@ -1,6 +1,6 @@
 //! `dtd estimate`: distances from camera feeds, while they run.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::env;
 use std::io;
 use std::path::Path;
@@ -16,7 +16,7 @@ use super::Outcome;
 use super::detect::refuse_other_models;
 use super::output::print_json;
 use super::train::failure_of;
-use crate::estimate_args::{EstimateArgs, OfView};
+use crate::estimate_args::{EstimateArgs, GivenOffset, OfView};
 use crate::failure::{Ending, Failure};
 use crate::shipped::Detector;
 use crate::signals::CleanStop;
@@ -67,6 +67,17 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
     refuse_another_detector(&run, &searcher)?;
     let passwords = passwords(args, run.views())?;
     let sources = by_view("--view", &args.views)?;
+    let (mut offsets_s, mut measured) = (BTreeMap::new(), BTreeSet::new());
+    for (view, offset) in by_view("--offset", &args.offsets)? {
+        match offset {
+            GivenOffset::Seconds(seconds) => {
+                offsets_s.insert(view, seconds);
+            }
+            GivenOffset::Auto => {
+                measured.insert(view);
+            }
+        }
+    }
     let with_password = |(view, source): (String, Source)| {
         let password = passwords.get(&view).cloned();
         (view, source.with_password(password))
@@ -76,7 +87,9 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
         searcher,
         sources: sources.into_iter().map(with_password).collect(),
         without: args.without.clone(),
-        offsets_s: by_view("--offset", &args.offsets)?,
+        offsets_s,
+        measured,
+        keep_offsets: args.keep_offsets.clone(),
         as_fast_as_possible: args.as_fast_as_possible,
         metrics: args.metrics,
     })

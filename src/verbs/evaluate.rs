@@ -11,7 +11,7 @@ use trainer::{
 };
 
 use super::Outcome;
-use super::open_corpus::open_sound_corpus;
+use super::open_corpus::{leave_out_unsearched_by_run, open_sound_corpus};
 use super::output::{Next, count, finish, print_json, print_table};
 use super::train::failure_of;
 use crate::estimator_args::{EvaluateArgs, SideArg};
@@ -20,7 +20,7 @@ use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
-    let (corpus, ending) = open_sound_corpus("evaluate", &args.corpus)?;
+    let (mut corpus, mut ending) = open_sound_corpus("evaluate", &args.corpus)?;
     let side = match args.side {
         SideArg::Test => JudgedSide::Test,
         SideArg::All => JudgedSide::All,
@@ -28,6 +28,10 @@ pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
     let began = Instant::now();
     let results = match (&args.run, &args.predictions) {
         (Some(run), _) => {
+            let detections = args.detections.as_deref();
+            let searched = leave_out_unsearched_by_run("evaluate", corpus, run, detections)?;
+            corpus = searched.0;
+            ending = ending.and(searched.1);
             let config = EvaluationConfig {
                 side,
                 detections: args.detections.clone(),
@@ -84,7 +88,7 @@ pub(crate) fn evaluate(
 
 /// Prints the errors of each estimator of a table.
 fn print_table_metrics(metrics: &TableMetrics) {
-    print_estimators(&metrics.estimators);
+    print_estimators(&metrics.estimators, false);
     let flights = &metrics.split.test;
     let ticks = &metrics.ticks;
     let seen = ticks.seen.map_or(String::new(), |seen| {
@@ -105,20 +109,20 @@ fn print_table_metrics(metrics: &TableMetrics) {
 
 /// Prints the errors of each estimator of a run.
 pub(crate) fn print_metrics(metrics: &Metrics) {
-    print_estimators(&metrics.estimators);
+    print_estimators(&metrics.estimators, true);
     print_judged(metrics);
     print_stated_intervals(&metrics.estimators);
 }
 
-/// Prints the errors of each estimator.
-fn print_estimators(estimators: &BTreeMap<String, EstimatorMetrics>) {
+/// Prints the errors of each estimator. Those of a run have meanings; a table may have other ones of the same name.
+fn print_estimators(estimators: &BTreeMap<String, EstimatorMetrics>, is_run: bool) {
     let rows: Vec<Vec<String>> = estimators
         .iter()
         .map(|(name, figures)| {
             let (all, dual) = (&figures.overall.all, figures.overall.dual.as_ref());
             vec![
                 match name.as_str() {
-                    "triangulation" => format!("{name} (oracle: true cameras)"),
+                    "triangulation" if is_run => format!("{name} (oracle: true cameras)"),
                     _ if name.starts_with("no_vision_") => format!("{name} (yardstick)"),
                     _ => name.clone(),
                 },

@@ -12,7 +12,10 @@ pub(crate) fn run(args: &ExamplesArgs) -> Outcome {
     for path in &written {
         println!("{}", path.display());
     }
-    eprintln!("examples: {} written", count(written.len(), "file"));
+    eprintln!(
+        "examples: {} written; those that were there stay as they are",
+        count(written.len(), "file")
+    );
     Next::verb("plan", &args.folder.join("scenarios.toml")).show();
     Ok(Ending::Done)
 }

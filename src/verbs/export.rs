@@ -10,7 +10,7 @@ use super::Outcome;
 use super::open_corpus::{open_sound_corpus, refuse_empty};
 use super::output::{Next, count, finish, print_json};
 use crate::export_args::{Asked, ExportArgs};
-use crate::failure::Failure;
+use crate::failure::{Ending, Failure};
 use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
@@ -28,6 +28,11 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
     let watch = VerbWatch::new("export", "pictures");
     let outcome = exporter::export(&corpus, &request, out, &watch).map_err(failure)?;
     drop(watch);
+    let ending = ending.and(if outcome.lost.is_empty() {
+        Ending::Done
+    } else {
+        Ending::Losses
+    });
     if args.json {
         return print_json(&outcome).map(|()| ending);
     }

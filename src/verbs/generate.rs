@@ -12,6 +12,7 @@ use generator::generate::{
     Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
     Simulators, Stopped, free_bytes, generate as record,
 };
+use generator::plan::expand;
 use generator::shard::Shard;
 use generator::sweep::Sweep;
 use indicatif::DecimalBytes;
@@ -23,6 +24,7 @@ use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::object_store::{SPLIT_AGAIN, default_stage, failure_of};
 use super::output::{Next, count, finish, print_json};
+use super::plan::warn;
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::{Bar, Disk, Scenarios};
@@ -32,6 +34,7 @@ use crate::signals::CleanStop;
 pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let began = Instant::now();
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
+    warn(&sweep, &expand(&sweep));
     let (corpus, remote) = place(args)?;
     let timeout = Duration::from_secs(args.timeout_s);
     let options = GenerateOptions {

@@ -7,8 +7,8 @@ use dataset::work::watch::Watch;
 use labeller::{LabelOutcome, label_corpus};
 
 use super::Outcome;
-use super::open_corpus::open_filled_corpus;
-use super::output::{Next, count, finish, print_json};
+use super::open_corpus::{open_filled_corpus, repair};
+use super::output::{Next, count, failed, finish, print_json};
 use crate::args::LabelArgs;
 use crate::failure::{Ending, Failure};
 use crate::verb_watch::VerbWatch;
@@ -21,9 +21,10 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
         print_json(&outcome)?;
     } else {
         println!(
-            "{} labelled, {} unchanged",
+            "{} labelled, {} unchanged{}",
             count(outcome.labelled.len(), "scenario"),
-            outcome.unchanged.len()
+            outcome.unchanged.len(),
+            failed(outcome.failed.len())
         );
     }
     if let Some(ending) = interrupted(&outcome) {
@@ -61,6 +62,9 @@ pub(crate) fn label(corpus: &Corpus) -> Result<LabelOutcome, Failure> {
             "scenario {} was not labelled: {}",
             failure.id, failure.reason
         ));
+    }
+    if !outcome.failed.is_empty() {
+        watch.warn(&repair(corpus.root()));
     }
     for place in &outcome.without_boxes {
         watch.warn(&format!(

@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
-use dataset::corpus::Corpus;
+use dataset::corpus::detections::{choose, provenance};
+use dataset::corpus::{Corpus, ScenarioFolder};
+use trainer::RunFolder;
 
+use super::output::listed;
 use crate::failure::{Ending, Failure};
 
 /// The corpus in a folder. A missing one is an input error.
@@ -18,10 +21,10 @@ pub(crate) fn open_sound_corpus(verb: &str, root: &Path) -> Result<(Corpus, Endi
         .map_err(Failure::of_corpus)?;
     for scenario in &damaged {
         eprint_warning!(
-            "{verb}: scenario {} is damaged and left out: {}; move its folder out of {}/scenarios and run `dtd generate` or `dtd fetch` again",
+            "{verb}: scenario {} is damaged and left out: {}; move its folder {}",
             scenario.id,
             scenario.reason,
-            root.display()
+            out_of(root)
         );
     }
     let ending = if damaged.is_empty() {
@@ -30,6 +33,70 @@ pub(crate) fn open_sound_corpus(verb: &str, root: &Path) -> Result<(Corpus, Endi
         Ending::Losses
     };
     Ok((sound, ending))
+}
+
+/// The remedy for a damaged scenario, after "move its folder".
+pub(crate) fn out_of(root: &Path) -> String {
+    format!(
+        "out of {}/scenarios and run `dtd generate` or `dtd fetch` again",
+        root.display()
+    )
+}
+
+/// The same as a line of its own, after scenarios that failed.
+pub(crate) fn repair(root: &Path) -> String {
+    format!("move the folder of a damaged scenario {}", out_of(root))
+}
+
+/// The corpus without the scenarios that a model has not searched, if it has searched others: `dtd detect` cannot search all, or has not
+/// yet. They are named, and the work is then done with losses. `asked` is the model by name or hash; without it, the only one.
+pub(crate) fn leave_out_unsearched(
+    verb: &str,
+    corpus: Corpus,
+    asked: Option<&str>,
+) -> Result<(Corpus, Ending), Failure> {
+    let folders = corpus.scenarios().map_err(Failure::of_corpus)?;
+    let Ok(model) = choose(&folders, asked).map_err(Failure::of_corpus)? else {
+        // Rejected by the reader, with the models that there are.
+        return Ok((corpus, Ending::Done));
+    };
+    // A damaged record is rejected by the reader: `dtd detect` replaces it.
+    let is_unsearched =
+        |folder: &&ScenarioFolder| matches!(provenance(folder, &model.hash), Ok(None));
+    let unsearched: Vec<String> = (folders.iter().filter(is_unsearched))
+        .map(ScenarioFolder::id)
+        .collect();
+    if unsearched.is_empty() || unsearched.len() == folders.len() {
+        return Ok((corpus, Ending::Done));
+    }
+    eprint_warning!(
+        "{verb}: {} not searched by {model} and left out: {}; run `dtd detect` on them, and if it cannot search one, move its folder {}",
+        match unsearched.len() {
+            1 => "1 scenario is".to_owned(),
+            many => format!("{many} scenarios are"),
+        },
+        listed(&unsearched),
+        out_of(corpus.root())
+    );
+    Ok((corpus.without(unsearched), Ending::Losses))
+}
+
+/// The same for the model of a run, unless another one is asked for.
+pub(crate) fn leave_out_unsearched_by_run(
+    verb: &str,
+    corpus: Corpus,
+    run: &Path,
+    asked: Option<&str>,
+) -> Result<(Corpus, Ending), Failure> {
+    let model = match asked {
+        Some(asked) => Some(asked.to_owned()),
+        None => RunFolder::at(run).model_hash(),
+    };
+    match model {
+        Some(model) => leave_out_unsearched(verb, corpus, Some(&model)),
+        // A run that cannot be read is rejected by its reader.
+        None => Ok((corpus, Ending::Done)),
+    }
 }
 
 /// The same as [`open_corpus`], for verbs that need scenarios in it.

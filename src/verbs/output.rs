@@ -18,6 +18,14 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The part of a summary for what failed.
+pub(crate) fn failed(number: usize) -> String {
+    match number {
+        0 => String::new(),
+        number => format!(", {number} failed"),
+    }
+}
+
 /// Prints rows under a heading in aligned columns: the first left-aligned, the others right-aligned.
 pub(crate) fn print_table(heading: &[&str], rows: &[Vec<String>]) {
     let width = |column: usize| {

@@ -2,17 +2,20 @@
 
 mod pacing;
 mod show;
+mod warnings;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::files::outside_file::{self, FileKind};
+use dataset::geometry::runway::Runway;
+use dataset::geometry::sun::Sun;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::{Change, Plan, PlannedScenario};
 use generator::against::{Against, Standing};
-use generator::plan::{Estimate, Pacing, expand};
+use generator::plan::{Estimate, Outlook, Pacing, expand};
 use generator::sweep::Sweep;
 use serde::Serialize;
 use store::{CorpusLocation, CorpusStore, StoreUrl};
@@ -24,13 +27,15 @@ use super::output::print_json;
 use crate::args::PlanArgs;
 use crate::failure::{Ending, Failure};
 
+pub(crate) use warnings::warn;
+
 /// The README's name for a corpus: compared with by default.
 const DEFAULT_CORPUS: &str = "corpus";
 
 /// Runs the verb.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let (sweep, plan) = read_plan(&args.sweep)?;
-    warn_of_unused_weathers(&sweep, &plan);
+    warn(&sweep, &plan);
     let compared = match &args.against {
         Some(CorpusLocation::Store(url)) => Some(compare_with_store(&plan, url)?),
         Some(CorpusLocation::Folder(root)) => {
@@ -46,7 +51,8 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
         },
     };
     let pacing = pacing::pacing(args, &sweep)?;
-    let report = Report::new(args, &plan, &pacing, compared.as_ref());
+    let report = Report::new(args, &sweep, &plan, &pacing, compared.as_ref());
+    report.warn();
     if args.json {
         print_json(&report.document())?;
     } else {
@@ -60,27 +66,6 @@ pub(crate) fn read_plan(path: &Path) -> Result<(Sweep, Plan), Failure> {
     let sweep = Sweep::read(path).map_err(Failure::bad_input)?;
     let plan = expand(&sweep);
     Ok((sweep, plan))
-}
-
-fn warn_of_unused_weathers(sweep: &Sweep, plan: &Plan) {
-    let used: BTreeSet<&str> = plan.scenarios.iter().map(|s| s.weather.as_str()).collect();
-    let text: toml::Table = toml::from_str(&sweep.text).unwrap_or_default();
-    // By default, the grid has all weathers.
-    let listed = text.get("grid").and_then(|grid| grid.get("weathers"));
-    let is_in_grid = |weather: &str| {
-        let listed = listed.and_then(toml::Value::as_array);
-        listed.is_none_or(|listed| listed.iter().any(|name| name.as_str() == Some(weather)))
-    };
-    for weather in sweep.weathers.keys() {
-        if !used.contains(weather.as_str()) {
-            let why = if is_in_grid(weather) {
-                "[[exclude]] omits every combination with it"
-            } else {
-                "name it in `weathers` of [grid]"
-            };
-            eprint_warning!("no scenario has the weather {weather:?}: {why}");
-        }
-    }
 }
 
 /// Held-out data stays held out: a new [split] does not move scenarios of an existing corpus.
@@ -136,6 +121,8 @@ struct Compared {
 /// Everything that is reported about a plan.
 struct Report<'a> {
     plan: &'a Plan,
+    utc_offset_h: f64,
+    outlook: Outlook,
     compared: Option<&'a Compared>,
     /// Cost of the whole plan.
     estimate: Estimate,
@@ -146,6 +133,7 @@ struct Report<'a> {
 impl<'a> Report<'a> {
     fn new(
         args: &PlanArgs,
+        sweep: &Sweep,
         plan: &'a Plan,
         pacing: &Pacing,
         compared: Option<&'a Compared>,
@@ -165,10 +153,29 @@ impl<'a> Report<'a> {
         });
         Self {
             plan,
+            utc_offset_h: sweep.utc_offset_h,
+            outlook: Outlook::new(sweep, plan),
             compared,
             estimate,
             left,
         }
+    }
+
+    fn warn(&self) {
+        for (name, level_m) in &self.outlook.low_levels_m {
+            eprint_warning!(
+                "the profile {name:?} flies level {level_m:.0} m above the runway, and approaches usually at 400 m or more: are its altitudes \
+                 those of another airport?"
+            );
+        }
+    }
+
+    /// The sun as the runway has it in a scenario.
+    fn sun(&self, scenario: &PlannedScenario) -> Sun {
+        Sun::true_at(
+            self.plan.common.runway.threshold,
+            &scenario.parameters.conditions.clock,
+        )
     }
 
     fn document(&self) -> Document<'_> {
@@ -178,9 +185,12 @@ impl<'a> Report<'a> {
             plan_hash: &self.plan.plan_hash,
             corpus: &self.plan.corpus,
             scenarios: scenarios
-                .map(|(index, scenario)| Row::new(scenario, standing(index)))
+                .map(|(index, scenario)| Row::new(scenario, self.sun(scenario), standing(index)))
                 .collect(),
+            runway: &self.plan.common.runway,
             estimate: &self.estimate,
+            utc_offset_h: self.utc_offset_h,
+            outlook: &self.outlook,
             against: self.compared.map(|compared| AgainstDocument {
                 corpus: &compared.corpus,
                 whole: self.ids(compared, Standing::Whole),
@@ -207,7 +217,11 @@ impl<'a> Report<'a> {
 struct Document<'a> {
     plan_hash: &'a str,
     corpus: &'a str,
+    runway: &'a Runway,
     estimate: &'a Estimate,
+    /// Local time minus UTC, hours.
+    utc_offset_h: f64,
+    outlook: &'a Outlook,
     against: Option<AgainstDocument<'a>>,
     scenarios: Vec<Row<'a>>,
 }
@@ -224,6 +238,10 @@ struct Row<'a> {
     profile: Option<&'a str>,
     start_dtd_nm: f64,
     visibility_m: f64,
+    /// Of the sun's centre, without refraction.
+    sun_elevation_deg: f64,
+    /// Clockwise from north.
+    sun_azimuth_deg: f64,
     ticks: u32,
     config_hash: &'a str,
     /// Only if there is a corpus to compare with.
@@ -232,7 +250,7 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    fn new(scenario: &'a PlannedScenario, standing: Option<Standing>) -> Self {
+    fn new(scenario: &'a PlannedScenario, sun: Sun, standing: Option<Standing>) -> Self {
         let parameters = &scenario.parameters;
         let live = parameters.live.as_ref();
         Self {
@@ -244,6 +262,8 @@ impl<'a> Row<'a> {
             profile: live.map(|live| live.profile_name.as_str()),
             start_dtd_nm: parameters.start_dtd_m / METERS_PER_NAUTICAL_MILE,
             visibility_m: parameters.conditions.weather.visibility_m,
+            sun_elevation_deg: sun.elevation_deg,
+            sun_azimuth_deg: sun.azimuth_deg,
             ticks: scenario.ticks,
             config_hash: &scenario.config_hash,
             standing,

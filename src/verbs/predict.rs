@@ -3,7 +3,7 @@
 use trainer::{Moment, RunFolder};
 
 use super::Outcome;
-use super::open_corpus::open_sound_corpus;
+use super::open_corpus::{leave_out_unsearched_by_run, open_sound_corpus};
 use super::output::{count, print_json};
 use super::train::failure_of;
 use crate::estimator_args::PredictArgs;
@@ -12,10 +12,13 @@ use crate::verb_watch::VerbWatch;
 /// Runs the verb.
 pub(crate) fn run(args: &PredictArgs) -> Outcome {
     let (corpus, ending) = open_sound_corpus("predict", &args.corpus)?;
+    let detections = args.detections.as_deref();
+    let (corpus, searched) = leave_out_unsearched_by_run("predict", corpus, &args.run, detections)?;
+    let ending = ending.and(searched);
     let predicted = trainer::predict(
         &RunFolder::at(&args.run),
         &corpus,
-        args.detections.as_deref(),
+        detections,
         &args.out,
         if args.online {
             Moment::Live

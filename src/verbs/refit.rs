@@ -5,7 +5,7 @@ use std::time::Instant;
 use trainer::{RefitConfig, RunFolder};
 
 use super::Outcome;
-use super::open_corpus::open_sound_corpus;
+use super::open_corpus::{leave_out_unsearched_by_run, open_sound_corpus};
 use super::output::{count, finish, print_json};
 use super::train::{failure_of, judged_next};
 use crate::estimator_args::RefitArgs;
@@ -15,6 +15,8 @@ use crate::verb_watch::VerbWatch;
 pub(crate) fn run(args: &RefitArgs) -> Outcome {
     let began = Instant::now();
     let (corpus, ending) = open_sound_corpus("refit", &args.corpus)?;
+    let (corpus, searched) = leave_out_unsearched_by_run("refit", corpus, &args.run, None)?;
+    let ending = ending.and(searched);
     let config = RefitConfig {
         view: args.view.clone(),
         approaches: args.scenarios,

@@ -14,7 +14,7 @@ use serde::Serialize;
 use trainer::{Choice, TrainConfig, TrainOutcome};
 
 use super::Outcome;
-use super::open_corpus::open_sound_corpus;
+use super::open_corpus::{leave_out_unsearched, open_sound_corpus};
 use super::output::{Next, finish, print_json};
 use crate::estimator_args::TrainArgs;
 use crate::failure::{Ending, Failure};
@@ -31,17 +31,20 @@ struct Trained<'a> {
 /// Runs the verb.
 pub(crate) fn run(args: &TrainArgs) -> Outcome {
     let began = Instant::now();
+    let config = config(args)?;
     let mut corpora = Vec::new();
     let mut ending = Ending::Done;
     for path in &args.corpora {
-        let (corpus, of_corpus) = open_sound_corpus("train", path)?;
+        let (sound, damaged) = open_sound_corpus("train", path)?;
+        let asked = config.model_hash.as_deref();
+        let (corpus, unsearched) = leave_out_unsearched("train", sound, asked)?;
         corpora.push(corpus);
-        ending = ending.and(of_corpus);
+        ending = ending.and(damaged).and(unsearched);
     }
     if let Some(path) = &args.search {
         return Ok(search::run(args, path, &corpora)?.and(ending));
     }
-    let outcome = train(&corpora, &args.out, &config(args)?)?;
+    let outcome = train(&corpora, &args.out, &config)?;
     let run = outcome.run.root();
     if args.json {
         print_json(&Trained {

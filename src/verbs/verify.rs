@@ -21,7 +21,7 @@ use tempfile::TempDir;
 
 use super::Outcome;
 use super::object_store::{failure_of, failure_to_mirror, mend, run_transfers};
-use super::open_corpus::open_corpus;
+use super::open_corpus::{open_corpus, refuse_empty, repair};
 use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
 use crate::failure::{Ending, Failure};
@@ -45,6 +45,9 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         CorpusLocation::Folder(root) => {
             let corpus = open_corpus(root)?;
             let report = verify(&corpus, options, &watch)?;
+            if report.findings.is_empty() {
+                refuse_empty(&corpus)?;
+            }
             // An unreadable description counts as outdated.
             let described = exporter::is_described_as_it_is(&corpus).unwrap_or(Some(false));
             let description = described.map(|is_current| {
@@ -87,8 +90,13 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     } else if report.findings.is_empty() {
         Ok(Ending::Done)
     } else {
+        let is_of_scenario = report.findings.iter().any(|it| it.scenario.is_some());
+        let remedy = match &args.corpus {
+            CorpusLocation::Folder(root) if is_of_scenario => format!("; {}", repair(root)),
+            _ => String::new(),
+        };
         Err(Failure::Failed(anyhow::anyhow!(
-            "{name} is not sound: {}",
+            "{name} is not sound: {}{remedy}",
             count(report.findings.len(), "fault")
         )))
     }
@@ -188,7 +196,8 @@ fn print_not_filled(report: &VerifyReport) {
 
 /// The views that no box proves: their pictures were only compared with each other.
 fn print_without_clear_box(report: &VerifyReport) {
-    let mut views = report.views.iter().filter(|view| view.clear_boxes == 0);
+    let views = report.views.iter();
+    let mut views = views.filter(|view| view.clear_boxes == 0 && view.pictures > 0);
     for view in views.by_ref().take(MOST_VIEWS_LISTED) {
         let rough = match view.rough_boxes {
             0 => "",

@@ -2,6 +2,7 @@
 
 use std::env;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::thread;
 
@@ -26,7 +27,8 @@ const OPENER: &str = if cfg!(target_os = "macos") {
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &ViewArgs) -> Outcome {
     let corpus = Corpus::open(&args.corpus).map_err(Failure::of_corpus)?;
-    if let Some(missing) = args.runs.iter().find(|run| !run.exists()) {
+    let is_none = |run: &&PathBuf| !run.exists() || Corpus::is_at(run);
+    if let Some(missing) = args.runs.iter().find(is_none) {
         return Err(Failure::bad_input_message(format!(
             "there is no run {}; expected the folder of `dtd train` and `dtd evaluate`, or a table of `dtd predict`",
             missing.display()

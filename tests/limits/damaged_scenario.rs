@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use super::tiny::Tiny;
+use super::tiny::{self, Tiny};
 use super::{assert_says, dtd};
 
 const DAMAGED: &str = "DONE.json: is empty, expected a seal";
@@ -63,6 +63,67 @@ fn a_damaged_scenario_is_left_out_and_named_with_the_way_to_replace_it() {
     fs::rename(tiny.path(&folder), tiny.path("elsewhere")).unwrap();
     let generated = dtd(&tiny, &generate);
     assert!(generated.status.success(), "{generated:?}");
+}
+
+#[test]
+fn a_scenario_that_lost_its_seal_or_its_detections_is_never_left_out_silently() {
+    let (tiny, id) = damaged();
+    let folder = tiny.path(&format!("corpus/scenarios/{id}"));
+    fs::remove_file(folder.join("DONE.json")).unwrap();
+    let predict = testkit::command::words("predict run --corpus corpus --out new.parquet");
+    for verb in [
+        &["label", "corpus"][..],
+        &["detect", "corpus", "--model", tiny::MODEL],
+        &predict,
+        &["export", "corpus", "--to", "coco", "--out", "coco"],
+    ] {
+        let words = [id.as_str(), "has no DONE.json", "out of corpus/scenarios"];
+        assert_says(&tiny, verb, 3, &words);
+    }
+
+    let tiny = Tiny::made().copy();
+    let folder = tiny.path(&format!("corpus/scenarios/{id}"));
+    for found in ["detections", "registrations", "health"] {
+        fs::remove_dir_all(folder.join(found)).unwrap();
+    }
+    for verb in [
+        &testkit::command::words("train corpus --out new --config training.toml")[..],
+        &["evaluate", "run", "--corpus", "corpus", "--out", "judged"],
+        &predict,
+    ] {
+        let words = ["1 scenario is not searched by", id.as_str(), "`dtd detect`"];
+        assert_says(&tiny, verb, 3, &words);
+    }
+    let yolo = testkit::command::words("export corpus --to yolo --boxes detections --out yolo");
+    assert_says(&tiny, &yolo, 3, &[&id, "is left out", "`dtd detect`"]);
+    for side in fs::read_dir(tiny.path("yolo/labels")).unwrap() {
+        for labels in fs::read_dir(side.unwrap().path()).unwrap() {
+            let name = labels.unwrap().file_name();
+            assert!(!name.to_string_lossy().contains(&id), "{name:?}");
+        }
+    }
+}
+
+#[test]
+fn a_truncated_video_costs_an_export_its_scenario_only() {
+    let tiny = Tiny::made().copy();
+    let folder = &tiny.scenarios()[1];
+    let video = folder.join("views/left.mp4");
+    let video = fs::File::options().write(true).open(video).unwrap();
+    video.set_len(2_000).unwrap();
+    let export = ["export", "corpus", "--to", "coco", "--out", "coco"];
+    let words = ["left.mp4", "is left out", "4 scenarios"];
+    assert_says(&tiny, &export, 3, &words);
+}
+
+#[test]
+fn an_empty_corpus_is_not_sound_and_a_table_is_not_named_csv() {
+    let tiny = Tiny::made().copy();
+    fs::create_dir_all(tiny.path("empty/scenarios")).unwrap();
+    let words = ["contains no complete scenario"];
+    assert_says(&tiny, &["verify", "empty"], 2, &words);
+    let predict = testkit::command::words("predict run --corpus corpus --out new.csv");
+    assert_says(&tiny, &predict, 2, &["ends in .parquet"]);
 }
 
 #[test]

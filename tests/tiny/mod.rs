@@ -17,8 +17,8 @@ use dataset::tables::frames::Frames;
 use testkit::command::Dtd;
 pub(crate) use testkit::command::said;
 use testkit::files::copy_folder;
-use testkit::onnx_runtime;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
+use testkit::{MadeOnce, onnx_runtime};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -87,11 +87,21 @@ pub(crate) const SCENARIOS: usize = 5;
 
 /// A folder with `sweep.toml`, `training.toml`, `corpus/` and `run/`.
 pub(crate) struct Tiny {
-    folder: tempfile::TempDir,
+    root: PathBuf,
+    /// Removes a copy.
+    _copy: Option<tempfile::TempDir>,
 }
 
-static MADE: LazyLock<Tiny> = LazyLock::new(|| {
-    let tiny = Tiny::empty();
+static MADE: LazyLock<(MadeOnce, Tiny)> = LazyLock::new(|| {
+    let made = MadeOnce::made("tiny", make);
+    let tiny = Tiny::at(made.path());
+    (made, tiny)
+});
+
+fn make(folder: &Path) {
+    fs::write(folder.join("sweep.toml"), sweep_toml()).unwrap();
+    fs::write(folder.join("training.toml"), TRAINING).unwrap();
+    let tiny = Tiny::at(folder);
     for arguments in [
         &["generate", "sweep.toml", "--out", "corpus"][..],
         &["label", "corpus"],
@@ -110,8 +120,7 @@ static MADE: LazyLock<Tiny> = LazyLock::new(|| {
         let output = tiny.dtd(arguments).output().unwrap();
         assert!(output.status.success(), "{arguments:?}: {}", said(&output));
     }
-    tiny
-});
+}
 
 /// The bundled detector.
 pub(crate) const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/aircraft.onnx");
@@ -119,25 +128,28 @@ pub(crate) const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/airc
 impl Tiny {
     /// The original. Never changed.
     pub(crate) fn made() -> &'static Self {
-        &MADE
+        &MADE.1
     }
 
-    fn empty() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("sweep.toml"), sweep_toml()).unwrap();
-        fs::write(folder.path().join("training.toml"), TRAINING).unwrap();
-        Self { folder }
+    fn at(folder: &Path) -> Self {
+        Self {
+            root: folder.to_owned(),
+            _copy: None,
+        }
     }
 
     /// A copy to be changed.
     pub(crate) fn copy(&self) -> Self {
         let folder = tempfile::tempdir().unwrap();
         copy_folder(self.root(), folder.path());
-        Self { folder }
+        Self {
+            root: folder.path().to_owned(),
+            _copy: Some(folder),
+        }
     }
 
     pub(crate) fn root(&self) -> &Path {
-        self.folder.path()
+        &self.root
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {

@@ -146,7 +146,7 @@ pub struct CalibrationConfig {
     pub first_cycle: usize,
     /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
-    /// `Min` of Algorithm 1: steps before the set of optimised views may change (again); 1500 in the paper.
+    /// `Min` of Algorithm 1: steps before the set of optimised views may change (again), if no plateau ends the stage; 1500 in the paper.
     pub min_steps: usize,
     /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, and fall of its error over a cycle, percentage points
     /// of MAPE; 0.01 in the paper.

@@ -40,6 +40,7 @@ use crate::run::trained::{RunSummary, TrainedRun};
 use crate::samples::camera_health::Corrections;
 use crate::samples::leave_out::LeftOut;
 use crate::samples::marked_scenarios;
+use crate::samples::moved_rig::differences_elsewhere;
 use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
@@ -99,6 +100,7 @@ pub fn evaluate(
             None => split_again(corpus, &mut samples, trained.config.leave_out.as_deref())?,
         },
     }
+    let trained = trained.at_runway_of(&samples);
     check_cameras(run, corpus, &trained, &samples)?;
     check_unseen(run, corpus, &trained, &samples, config.side)?;
     let backgrounds = trained.backgrounds.as_ref();
@@ -341,13 +343,19 @@ pub(crate) fn check_cameras(
     samples: &Samples,
 ) -> Result<()> {
     let summary = &trained.summary;
-    if !same_rig(summary, &samples.rig) {
+    if !same_rig(trained, &samples.rig) {
         let [here, there] = summary
             .comparable(&samples.rig)
             .unwrap_or([&samples.rig.cameras, &summary.cameras]);
+        let (here, there) = ((&*samples.rig.name, here), (&*summary.rig, there));
+        let differences = if trained.is_elsewhere {
+            differences_elsewhere(here, there)
+        } else {
+            differences(here, there)
+        };
         let fault = CorpusFault::OtherCameras {
             run: run.root().to_owned(),
-            differences: differences((&samples.rig.name, here), (&summary.rig, there)),
+            differences,
         };
         return Err(Error::corpus(corpus.root(), fault));
     }
@@ -379,13 +387,18 @@ fn check_unseen(
 
 /// True if the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the same views of
 /// the same rig, planned in the same way.
-fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
+fn same_rig(trained: &TrainedRun, rig: &Rig) -> bool {
+    let run = &trained.summary;
     let same_kind = !(run.cameras_vary || rig.cameras_vary)
         || (run.rig == rig.name && form(&run.cameras) == form(&rig.cameras));
     same_kind
-        && run
-            .comparable(rig)
-            .is_none_or(|[here, there]| are_same(here, there))
+        && run.comparable(rig).is_none_or(|[here, there]| {
+            if trained.is_elsewhere {
+                differences_elsewhere((&rig.name, here), (&run.rig, there)).is_empty()
+            } else {
+                are_same(here, there)
+            }
+        })
 }
 
 /// `seen`: judged ticks that a view saw.

@@ -42,7 +42,9 @@ pub use error::{CorpusFault, Error, PredictionsFault, Result, RunFault};
 pub use evaluation::figures;
 pub use evaluation::judged::JudgedSide;
 pub use evaluation::judged_table::{TableEvaluationConfig, TableMetrics, evaluate_table};
-pub use evaluation::metrics::{EstimatorMetrics, Metrics};
+pub use evaluation::metrics::{
+    ErrorFigures, EstimatorMetrics, Metrics, SideCount, SplitFigures, SplitSummary,
+};
 pub use evaluation::prediction::{Predicted, predict};
 pub use evaluation::rules::EvaluationRules;
 pub use evaluation::{EvaluationConfig, evaluate};

@@ -67,6 +67,14 @@ impl OnlineRun {
                 online(&run.summary.choice.estimator).unwrap_or(Estimator::InverseRangeFiltered)
             }
         };
+        let is_of_fits = matches!(
+            estimator,
+            Estimator::InverseRange | Estimator::InverseRangeFiltered
+        );
+        if is_of_fits && run.baselines.inverse_range.is_empty() {
+            let estimator = estimator.name();
+            return Err(refused(RunFault::NothingFitted { estimator }));
+        }
         let cameras = cameras_of(&run).ok_or_else(|| {
             refused(RunFault::NoSuchView {
                 view: run.normalisation.views.join(", "),

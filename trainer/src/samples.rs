@@ -14,6 +14,7 @@ pub(crate) mod late_images;
 pub(crate) mod lateral_spread;
 pub(crate) mod leave_out;
 pub(crate) mod marked_scenarios;
+pub(crate) mod moved_rig;
 pub(crate) mod other_boxes;
 pub(crate) mod paired_views;
 pub(crate) mod rig;

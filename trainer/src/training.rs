@@ -163,6 +163,7 @@ pub(crate) fn train_unless(
             model: samples.detections.model.clone(),
             model_hash: samples.detections.hash.clone(),
             rig: samples.rig.name.clone(),
+            runway: samples.scenarios.first().map(|of| of.runway.clone()),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,
             planned_cameras: samples.rig.planned().cloned(),
@@ -190,6 +191,7 @@ pub(crate) fn train_unless(
         convergence: learned.convergence,
         normalisation,
         networks: learned.networks,
+        is_elsewhere: false,
     };
     run.commit(&place)?;
     place.remove_checkpoint()?;

@@ -54,8 +54,9 @@ pub enum BridgeError {
     },
     /// No beacon was heard.
     #[error(
-        "no simulator announced itself within {waited:?}. The beacon is multicast, which firewalls and other networks drop: \
-         give the address, --sim HOST:PORT, e.g. --sim 127.0.0.1:49000. Without X-Plane, use the stand-in: --sim mock"
+        "no simulator announced itself within {:.1} s. The beacon is multicast, which firewalls and other networks drop: \
+         give the address, --sim HOST:PORT, e.g. --sim 127.0.0.1:49000. Without X-Plane, use the stand-in: --sim mock",
+        waited.as_secs_f64()
     )]
     NobodyAnnounced {
         /// Time waited.
@@ -141,8 +142,9 @@ pub enum BridgeError {
     },
     /// Simulated time does not move.
     #[error(
-        "no flight is on at {address}: simulated time did not move for {waited:?}, twice, and toggling the main menu did not help. Is Flight \
-         Configuration, a menu or a question open in X-Plane? Start any flight, and run the same command again"
+        "no flight is on at {address}: simulated time did not move for {:.1} s, twice, and toggling the main menu did not help. Is Flight \
+         Configuration, a menu or a question open in X-Plane? Start any flight, and run the same command again",
+        waited.as_secs_f64()
     )]
     NotReady {
         /// Address of the simulator.
@@ -253,7 +255,8 @@ pub enum BridgeError {
     },
     /// No answer over the capture link.
     #[error(
-        "the simulator did not answer over the capture link within {waited:?}, while waiting for {doing}"
+        "the simulator did not answer over the capture link within {:.1} s, while waiting for {doing}",
+        waited.as_secs_f64()
     )]
     LinkTimeout {
         /// The expected message.
@@ -319,9 +322,10 @@ pub enum BridgeError {
     },
     /// The written weather reads back, but it is not the weather at the aircraft.
     #[error(
-        "the weather at the aircraft is not what was set: {difference}, for {waited:?}, although what was written reads back and `dtd doctor` \
+        "the weather at the aircraft is not what was set: {difference}, for {:.1} s, although what was written reads back and `dtd doctor` \
          measured that this quantity follows. Set the weather to manual and static in X-Plane, switch off other weather plugins, and run the same \
-         command again; if X-Plane or its plugins have changed since, measure again with `dtd doctor --measure`"
+         command again; if X-Plane or its plugins have changed since, measure again with `dtd doctor --measure`",
+        waited.as_secs_f64()
     )]
     OtherWeatherShows {
         /// The difference.

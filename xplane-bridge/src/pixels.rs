@@ -17,7 +17,7 @@ mod payload;
 mod picture;
 mod screen;
 mod screenshots;
-pub mod still_scene;
+pub(crate) mod still_scene;
 
 use std::fmt::Debug;
 use std::pin::Pin;

@@ -28,11 +28,12 @@ pub mod workshop;
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::corpus::claim::{Claim, Claimed, WHOLE_CORPUS};
-use crate::corpus::seal::Seal;
+use crate::corpus::seal::{MANIFEST, Seal};
 use crate::corpus::splits::Splits;
 use crate::error::{Error, Result};
 use crate::files::own_path::{own_path, refuse_link};
@@ -93,10 +94,17 @@ impl Corpus {
     /// Opens an existing corpus.
     pub fn open(root: &Path) -> Result<Self> {
         check_path(root)?;
-        if !root.join(SCENARIOS).is_dir() {
-            return Err(Error::NotACorpus {
-                path: root.to_owned(),
-            });
+        let scenarios = root.join(SCENARIOS);
+        match scenarios.metadata() {
+            Ok(about) if about.is_dir() => {}
+            Err(error) if error.kind() == ErrorKind::PermissionDenied => {
+                return Err(Error::io("look at", &scenarios)(error));
+            }
+            _ => {
+                return Err(Error::NotACorpus {
+                    path: root.to_owned(),
+                });
+            }
         }
         own_path(root, SCENARIOS)?;
         Ok(Self::at(root))
@@ -127,8 +135,7 @@ impl Corpus {
         for scenario in self.scenarios()? {
             match scenario.open() {
                 Ok(_) => {}
-                // A scenario that does not fit into memory may be sound.
-                Err(error) if error.is_bad_content() && !matches!(error, Error::Memory(_)) => {
+                Err(error) if error.is_damage() => {
                     sound.left_out.insert(scenario.id());
                     damaged.push(DamagedScenario {
                         id: scenario.id(),
@@ -139,6 +146,13 @@ impl Corpus {
             }
         }
         Ok((sound, damaged))
+    }
+
+    /// This corpus without these scenarios.
+    #[must_use]
+    pub fn without(mut self, ids: impl IntoIterator<Item = String>) -> Self {
+        self.left_out.extend(ids);
+        self
     }
 
     /// The folder of the corpus.
@@ -194,16 +208,16 @@ impl Corpus {
         }
     }
 
-    /// All committed scenarios, sorted by identifier. A folder without a seal does not count; one with a damaged seal does, and is
-    /// rejected when it is opened, so that it does not hide the others, unless it is left out ([`Self::without_damaged`]).
+    /// All committed scenarios, sorted by identifier. A folder without a seal and without files of a scenario does not count; one whose
+    /// seal is damaged or lost does, and is rejected when it is opened, so that it does not hide the others, unless it is left out
+    /// ([`Self::without_damaged`]).
     pub fn scenarios(&self) -> Result<Vec<ScenarioFolder>> {
         let mut committed = Vec::new();
         for scenario in self.folders()? {
-            refuse_link(scenario.root())?;
             match scenario.seal() {
-                Ok(None) => {}
-                Ok(Some(_)) => committed.push(scenario),
-                Err(error) if error.is_bad_content() => committed.push(scenario),
+                Ok(None) if !scenario.has_files() => {}
+                Ok(_) => committed.push(scenario),
+                Err(error) if error.is_damage() => committed.push(scenario),
                 Err(error) => return Err(error),
             }
         }
@@ -243,6 +257,12 @@ impl ScenarioFolder {
             .unwrap_or_default()
             .to_string_lossy()
             .into_owned()
+    }
+
+    /// True if it has files of a scenario.
+    fn has_files(&self) -> bool {
+        let mut names = Self::FILES.into_iter().chain([MANIFEST, "views"]);
+        names.any(|name| self.root.join(name).exists())
     }
 
     /// Path of `scenario.json`.

@@ -178,7 +178,8 @@ fn in_use_by(holder: &str, waited: Duration) -> String {
         format!("is in use by {holder}; try again when it has finished")
     } else {
         format!(
-            "has been in use by {holder} for {waited:?}; if that hangs, end it and run the same command again"
+            "has been in use by {holder} for {:.1} s; if that hangs, end it and run the same command again",
+            waited.as_secs_f64()
         )
     }
 }
@@ -271,6 +272,16 @@ impl Error {
                 | Self::OutOfLimits { .. }
                 | Self::Memory(_)
         )
+    }
+
+    /// True if files are damaged or must not be read, so that readers of many can go on without these. Content that does not fit into
+    /// memory may be sound.
+    pub fn is_damage(&self) -> bool {
+        match self {
+            Self::Io { source, .. } => source.kind() == ErrorKind::PermissionDenied,
+            Self::Memory(_) => false,
+            _ => self.is_bad_content(),
+        }
     }
 
     /// A number in a file that is outside its limits.

@@ -12,3 +12,4 @@ pub mod pose;
 pub mod rays;
 pub mod refraction;
 pub mod runway;
+pub mod sun;

@@ -149,7 +149,16 @@ impl Plan {
 
     /// Reads the text of a `plan.json`; messages name it as `path`.
     pub fn parse(text: &[u8], path: &Path) -> Result<Self> {
-        let found = Version::of(text, path)?;
+        let advised = |error: Error| match error {
+            Error::Json { source, .. } => Error::corpus(
+                path,
+                format!(
+                    "is not a valid {WHAT}: {source}; move it away, and `dtd generate` with the same sweep writes it again"
+                ),
+            ),
+            error => error,
+        };
+        let found = Version::of(text, path).map_err(advised)?;
         if found != PLAN_VERSION {
             return Err(Error::corpus(
                 path,
@@ -158,7 +167,7 @@ impl Plan {
                 ),
             ));
         }
-        let plan: Self = parse_json(text, path, WHAT)?;
+        let plan: Self = parse_json(text, path, WHAT).map_err(advised)?;
         match check::fault(&plan) {
             None => Ok(plan),
             Some(fault) => Err(Error::corpus(path, fault)),

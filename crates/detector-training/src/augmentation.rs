@@ -33,92 +33,73 @@ const EDGE_WANDERS_PX: RangeInclusive<f32> = 1.0..=12.0;
 const COLOUR_NOISE_SHARE: f64 = 0.3;
 /// Margin around a box in which its sky is measured, pixels.
 const LIGHT_MARGIN_PX: f64 = 3.0;
-/// Levels, pixels and stretches above this are a mistake.
-const MOST: f64 = 255.0;
+/// Sizes of a texture's features across their stretch, pixels, and their largest length relative to that.
+const FEATURES_PX: RangeInclusive<f32> = 2.0..=60.0;
+const LARGEST_STRETCH: f32 = 15.0;
+/// Largest shift of red, green or blue of the paint, and of all colours, grey levels.
+const LARGEST_PAINT_LEVELS: f32 = 80.0;
+const LARGEST_TINT_LEVELS: f32 = 40.0;
+/// Largest step of brightness at a cloud's edge, grey levels.
+const LARGEST_CLOUD_EDGE_LEVELS: f32 = 60.0;
+/// Largest gradient, grey levels per 100 pixels.
+const LARGEST_GRADIENT_LEVELS: f32 = 20.0;
+/// Standard deviation of the Gaussian blur, pixels.
+const BLUR_PX: RangeInclusive<f32> = 0.3..=1.0;
+/// Levels above this are a mistake.
+const MOST_LEVELS: f64 = 255.0;
 
 /// Augmentation of crops. The simulator's skies are smooth and its aircraft has one paint, so most crops get texture, edges or gradients
-/// behind the aircraft. Shares, 0 to 1, are independent of each other; everything else is drawn up to the largest value, at most 255.
+/// behind the aircraft. Shares, 0 to 1, are independent of each other; levels are drawn up to the largest value, at most 255.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Augmentation {
     /// Share of crops that keep background, sharpness and noise of the corpus; the other shares are of the rest.
     pub plain_share: f64,
-    /// Weight of the boxes of the other crops: edges behind texture are uncertain, and their large errors would outweigh the tenths of a
-    /// pixel that can be learned.
-    pub varied_box_weight: f32,
     /// Share with texture: octaves of noise, half of them stretched along the horizon, half in any direction.
     pub texture_share: f64,
     /// Largest root mean square of the texture, grey levels; drawn as the square of a uniform number, so weak textures are more frequent.
     pub largest_texture_levels: f32,
-    /// Smallest size of the texture's features across their stretch, pixels, from 1.
-    pub smallest_feature_px: f32,
-    /// Largest size of the texture's features across their stretch, pixels.
-    pub largest_feature_px: f32,
-    /// Largest length of a feature relative to its width, from 1.
-    pub largest_stretch: f32,
     /// Share of textures that lie over the aircraft in full, as noise and thin cloud do; of the others up to 30 % shows on it.
     pub texture_over_share: f64,
     /// Share whose aircraft has another paint, where it is known which pixels are aircraft.
     pub paint_share: f64,
-    /// Largest shift of red, green or blue of the paint, grey levels.
-    pub largest_paint_levels: f32,
     /// Share whose aircraft shows no lights, where its pixels are known: none of them is brighter than the surrounding sky.
     pub unlit_share: f64,
     /// Share of the resampled crops without antialiasing.
     pub aliased_share: f64,
     /// Share with the edge of a cloud.
     pub cloud_edge_share: f64,
-    /// Largest step of brightness at the edge, grey levels.
-    pub largest_cloud_edge_levels: f32,
     /// Share with a gradient of brightness.
     pub gradient_share: f64,
-    /// Largest gradient, grey levels per 100 pixels.
-    pub largest_gradient_levels: f32,
     /// Share with one to four masts, signs or buildings, behind the aircraft or without one.
     pub structure_share: f64,
     /// Share that is blurred.
     pub blur_share: f64,
-    /// Smallest standard deviation of the Gaussian blur, pixels, from 0.1.
-    pub smallest_blur_px: f32,
-    /// Largest standard deviation of the Gaussian blur, pixels.
-    pub largest_blur_px: f32,
     /// Share with white noise.
     pub noise_share: f64,
     /// Largest root mean square of the noise, grey levels.
     pub largest_noise_levels: f32,
     /// Share whose colours are shifted.
     pub tint_share: f64,
-    /// Largest shift of red, green or blue, grey levels.
-    pub largest_tint_levels: f32,
 }
 
 impl Default for Augmentation {
     fn default() -> Self {
         Self {
             plain_share: 0.35,
-            varied_box_weight: 0.3,
             texture_share: 0.7,
             largest_texture_levels: 20.0,
-            smallest_feature_px: 2.0,
-            largest_feature_px: 60.0,
-            largest_stretch: 15.0,
             texture_over_share: 0.3,
             paint_share: 0.3,
-            largest_paint_levels: 80.0,
             unlit_share: 0.15,
             aliased_share: 0.2,
             cloud_edge_share: 0.2,
-            largest_cloud_edge_levels: 60.0,
             gradient_share: 0.3,
-            largest_gradient_levels: 20.0,
             structure_share: 0.2,
             blur_share: 0.3,
-            smallest_blur_px: 0.3,
-            largest_blur_px: 1.0,
             noise_share: 0.4,
             largest_noise_levels: 5.0,
             tint_share: 0.3,
-            largest_tint_levels: 40.0,
         }
     }
 }
@@ -135,24 +116,13 @@ impl Augmentation {
 
     /// Checks that every setting is in its range.
     pub fn check(&self) -> Result<()> {
-        let least = |key: &str| match key {
-            "smallest_feature_px" | "largest_stretch" => 1.0,
-            "smallest_blur_px" => 0.1,
-            "largest_feature_px" => f64::from(self.smallest_feature_px),
-            "largest_blur_px" => f64::from(self.smallest_blur_px),
-            _ => 0.0,
-        };
         let settings = serde_json::to_value(self).unwrap_or_default();
         for (key, value) in settings.as_object().into_iter().flatten() {
             // JSON has no NaN.
             let value = value.as_f64().unwrap_or(f64::NAN);
-            let is_part = key.ends_with("_share") || key.ends_with("_weight");
-            let most = if is_part { 1.0 } else { MOST };
-            in_range(
-                &format!("training.augmentation.{key}"),
-                value,
-                least(key)..=most,
-            )?;
+            let is_share = key.ends_with("_share");
+            let most = if is_share { 1.0 } else { MOST_LEVELS };
+            in_range(&format!("training.augmentation.{key}"), value, 0.0..=most)?;
         }
         Ok(())
     }
@@ -178,12 +148,12 @@ impl Augmentation {
         if let Some(truth) = truth.as_deref().filter(|truth| truth.visible)
             && rng.random_bool(self.paint_share)
         {
-            self.paint(pixels, side_px, cover, truth, rng);
+            paint(pixels, side_px, cover, truth, rng);
         }
         let backdrop = self.backdrop(side_px, rng);
         let blur_px = rng
             .random_bool(self.blur_share)
-            .then(|| rng.random_range(self.smallest_blur_px..=self.largest_blur_px));
+            .then(|| rng.random_range(BLUR_PX));
         let noise = if rng.random_bool(self.noise_share) {
             LEVEL * self.largest_noise_levels * rng.random::<f32>()
         } else {
@@ -191,7 +161,7 @@ impl Augmentation {
         };
         let colour_noise = rng.random_bool(COLOUR_NOISE_SHARE);
         let tint = if rng.random_bool(self.tint_share) {
-            let largest = LEVEL * self.largest_tint_levels;
+            let largest = LEVEL * LARGEST_TINT_LEVELS;
             std::array::from_fn(|_| largest * rng.random_range(-1.0..=1.0))
         } else {
             [0.0; 3]
@@ -217,36 +187,13 @@ impl Augmentation {
         true
     }
 
-    /// Paints the aircraft in a random colour, unless that would hide it.
-    fn paint(
-        &self,
-        pixels: &mut [f32],
-        side_px: usize,
-        cover: &[f32],
-        truth: &CropTruth,
-        rng: &mut impl Rng,
-    ) {
-        let largest = LEVEL * self.largest_paint_levels;
-        let shift: [f32; 3] = std::array::from_fn(|_| largest * rng.random_range(-1.0..=1.0));
-        let original = pixels.to_vec();
-        for (pixel, cover) in pixels.chunks_exact_mut(3).zip(cover) {
-            for (value, shift) in pixel.iter_mut().zip(shift) {
-                *value = (*value + cover * shift).clamp(0.0, 1.0);
-            }
-        }
-        if !Strength::in_crop(pixels, side_px, &truth.pixel_box).stands_out() {
-            pixels.copy_from_slice(&original);
-        }
-    }
-
     fn backdrop(&self, side_px: usize, rng: &mut impl Rng) -> Backdrop {
         let mut light = vec![0.0; side_px * side_px];
-        let features = self.smallest_feature_px..=self.largest_feature_px;
         let mut veil = LARGEST_VEIL * rng.random::<f32>();
         let mut any = false;
         if rng.random_bool(self.texture_share) {
             let levels = self.largest_texture_levels * rng.random::<f32>().powi(2);
-            let texture = Texture::random(&features, self.largest_stretch, rng);
+            let texture = Texture::random(&FEATURES_PX, LARGEST_STRETCH, rng);
             for (light, texture) in light.iter_mut().zip(texture.field(side_px, rng)) {
                 *light += LEVEL * levels * texture;
             }
@@ -256,7 +203,7 @@ impl Augmentation {
             any = true;
         }
         if rng.random_bool(self.gradient_share) {
-            let slope = LEVEL * self.largest_gradient_levels / 100.0 * rng.random::<f32>();
+            let slope = LEVEL * LARGEST_GRADIENT_LEVELS / 100.0 * rng.random::<f32>();
             let across = Direction::random(side_px, 0.0, rng);
             for (place, light) in light.iter_mut().enumerate() {
                 *light += slope * across.distance_px(place, side_px);
@@ -264,11 +211,11 @@ impl Augmentation {
             any = true;
         }
         if rng.random_bool(self.cloud_edge_share) {
-            let step = LEVEL * self.largest_cloud_edge_levels * rng.random_range(-1.0_f32..=1.0);
+            let step = LEVEL * LARGEST_CLOUD_EDGE_LEVELS * rng.random_range(-1.0_f32..=1.0);
             let across = Direction::random(side_px, 0.4, rng);
             let wanders = rng.random_range(EDGE_WANDERS_PX);
             let width_px = rng.random_range(EDGE_WIDTH_PX);
-            let shape = Texture::random(&features, 2.0, rng).field(side_px, rng);
+            let shape = Texture::random(&FEATURES_PX, 2.0, rng).field(side_px, rng);
             for (place, light) in light.iter_mut().enumerate() {
                 let inside = across.distance_px(place, side_px) + wanders * shape[place];
                 *light += step * (0.5 + inside / width_px).clamp(0.0, 1.0);
@@ -290,6 +237,21 @@ impl Augmentation {
             veil,
             structures,
         }
+    }
+}
+
+/// Paints the aircraft in a random colour, unless that would hide it.
+fn paint(pixels: &mut [f32], side_px: usize, cover: &[f32], truth: &CropTruth, rng: &mut impl Rng) {
+    let largest = LEVEL * LARGEST_PAINT_LEVELS;
+    let shift: [f32; 3] = std::array::from_fn(|_| largest * rng.random_range(-1.0..=1.0));
+    let original = pixels.to_vec();
+    for (pixel, cover) in pixels.chunks_exact_mut(3).zip(cover) {
+        for (value, shift) in pixel.iter_mut().zip(shift) {
+            *value = (*value + cover * shift).clamp(0.0, 1.0);
+        }
+    }
+    if !Strength::in_crop(pixels, side_px, &truth.pixel_box).stands_out() {
+        pixels.copy_from_slice(&original);
     }
 }
 

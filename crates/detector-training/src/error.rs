@@ -67,7 +67,8 @@ pub enum Error {
 pub enum CorpusFault {
     /// No scenario to train or to judge with.
     #[error(
-        "has no recorded scenario on the sides {0:?} of its split; generate and label it first"
+        "has no recorded scenario on the {} side of its split; generate and label it first",
+        .0.iter().map(Side::to_string).collect::<Vec<_>>().join(" or ")
     )]
     NoScenarios(Vec<Side>),
     /// A view of a scenario is not in its calibration.

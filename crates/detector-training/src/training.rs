@@ -36,6 +36,8 @@ const NOTE_STEPS: u64 = 20;
 const HARD_LOGIT: f32 = -2.0;
 /// Progress is reported in this many parts of the effort.
 const PROGRESS_PARTS: f64 = 1000.0;
+/// Of AdamW.
+const WEIGHT_DECAY: f32 = 1e-3;
 
 /// The result of a training.
 #[derive(Debug, Clone)]
@@ -108,7 +110,7 @@ impl Training {
         let device = Device::flex().autodiff();
         let optimizer = AdamWConfig::new()
             .with_epsilon(1e-8)
-            .with_weight_decay(config.weight_decay)
+            .with_weight_decay(WEIGHT_DECAY)
             .with_grad_clipping(Some(GradientClippingConfig::Norm(10.0)))
             .init();
         let network = match &config.start_from {

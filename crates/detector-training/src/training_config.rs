@@ -32,8 +32,6 @@ pub struct TrainingConfig {
     pub effort: Effort,
     /// Highest learning rate, at most 1.
     pub learning_rate: f64,
-    /// Weight decay of AdamW, 0 to 1.
-    pub weight_decay: f32,
     /// Seed of the first weights and of all crops.
     pub seed: u64,
     /// Detector of this project whose weights the training starts from, instead of random ones. `--start-from` overrides it.
@@ -47,7 +45,6 @@ impl Default for TrainingConfig {
         Self {
             effort: Effort::Minutes(30.0),
             learning_rate: 2e-3,
-            weight_decay: 1e-3,
             seed: 1,
             start_from: None,
             augmentation: Augmentation::default(),
@@ -65,11 +62,6 @@ impl TrainingConfig {
             "training.learning_rate",
             self.learning_rate,
             LEAST..=MOST_RATE,
-        )?;
-        in_range(
-            "training.weight_decay",
-            f64::from(self.weight_decay),
-            0.0..=1.0,
         )?;
         self.augmentation.check()
     }

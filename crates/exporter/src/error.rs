@@ -99,6 +99,12 @@ pub enum Error {
     /// The request selects no data.
     #[error("nothing to export: no scenario is left with these options")]
     Nothing,
+    /// The videos of every selected scenario are damaged.
+    #[error(
+        "nothing to export: every selected scenario is damaged; the first one: {0}; move their folders away and run `dtd generate` or `dtd \
+         fetch` again"
+    )]
+    AllLost(String),
     /// A video does not have the pictures of its scenario.
     #[error(
         "scenario {scenario}, view {view}: at tick {tick} expected a picture with timestamp {expected}, found {found}; generate it again"
@@ -177,7 +183,7 @@ pub enum Error {
         /// The file.
         path: PathBuf,
         /// Cause.
-        source: image::ImageError,
+        r#source: image::ImageError,
     },
     /// The destination is in the corpus, or the corpus in it.
     #[error("{} is the corpus {}, in it, or around it; choose a folder elsewhere", out.display(), corpus.display())]
@@ -243,6 +249,7 @@ impl Error {
                 | Self::CropTooLarge { .. }
                 | Self::NoCrops
                 | Self::Nothing
+                | Self::AllLost(_)
                 | Self::NoDetections
                 | Self::SeveralModels { .. }
                 | Self::InCorpus { .. }

@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::formats::{BoxUse, FileFormat, Writing, Written};
 use crate::place::{Found, Place, refuse_corpus};
 use crate::request::{BoxSource, ExportRequest};
-use crate::scenarios::{Selected, Source, select};
+use crate::scenarios::{LostScenario, Selected, Source, is_searched, select};
 
 /// Counts and remarks of an export.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -39,6 +39,9 @@ pub struct ExportOutcome {
     pub bytes: u64,
     /// True if this very export already existed.
     pub unchanged: bool,
+    /// Requested scenarios that are not in it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lost: Vec<LostScenario>,
     /// Parts that the dataset lacks for training in its format, as a sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remark: Option<&'static str>,
@@ -71,7 +74,8 @@ pub(crate) struct Planned {
 ///
 /// # Errors
 /// The request does not fit the corpus, `out` contains something else, or a file of the corpus does not match its seal. No output appears
-/// under `out` in that case.
+/// under `out` in that case. Scenarios with a missing or truncated video, or not searched by the model whose boxes are wanted, are left
+/// out.
 pub fn export(
     corpus: &Corpus,
     request: &ExportRequest,
@@ -80,18 +84,45 @@ pub fn export(
 ) -> Result<ExportOutcome> {
     request.check()?;
     refuse_corpus(corpus, out)?;
-    let selection = select(corpus, request)?;
+    let (mut selection, mut lost) = select(corpus, request)?;
+    let model = model_of(&selection, request)?;
+    if let (BoxSource::Detections, Some(model)) = (request.boxes, &model) {
+        lost.extend(without_unsearched(&mut selection, model)?);
+    }
+    for LostScenario { id, reason } in &lost {
+        watch.warn(&format!("scenario {id} is left out: {reason}"));
+    }
     let plan = Plan::of_corpus(corpus)?;
     let export = Export {
         request,
-        model: model_of(&selection, request)?,
+        model,
         scenarios: Vec::new(),
         sides: BTreeSet::new(),
         about: About::new(corpus, request.license.clone())?,
         video: plan.map_or_else(VideoSettings::default, |plan| plan.common.video),
         selection,
     };
-    request.format.export(export, out, watch)
+    let outcome = request.format.export(export, out, watch)?;
+    Ok(ExportOutcome { lost, ..outcome })
+}
+
+/// Takes the scenarios out that the model has not searched: without boxes, their pictures would say that there is no aircraft.
+fn without_unsearched(selection: &mut Vec<Selected>, model: &str) -> Result<Vec<LostScenario>> {
+    let (mut searched, mut lost) = (Vec::new(), Vec::new());
+    for selected in mem::take(selection) {
+        if is_searched(&selected.folder, model)? {
+            searched.push(selected);
+        } else {
+            lost.push(LostScenario {
+                id: selected.id(),
+                reason: format!(
+                    "model {model} has not searched it; run `dtd detect` on the corpus"
+                ),
+            });
+        }
+    }
+    *selection = searched;
+    Ok(lost)
 }
 
 /// Makes an export in one format.

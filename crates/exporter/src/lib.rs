@@ -19,4 +19,5 @@ pub use description::{describe_corpus, is_described_as_it_is};
 pub use error::{Error, Result};
 pub use export::{ExportOutcome, export};
 pub use request::{BoxSource, ExportRequest, Format, Ticks};
+pub use scenarios::LostScenario;
 pub use still::StillFormat;

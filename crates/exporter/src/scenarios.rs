@@ -7,5 +7,6 @@ mod source;
 
 pub(crate) use labelled_box::{LabelledBox, TruthFigures};
 pub(crate) use pictures::ViewPictures;
+pub use selection::LostScenario;
 pub(crate) use selection::{Selected, select, sides, some_of};
-pub(crate) use source::Source;
+pub(crate) use source::{Source, is_searched};

@@ -6,8 +6,8 @@ use std::time::SystemTime;
 use chrono::{DateTime, SecondsFormat, Utc};
 use trainer::live as online;
 
-use crate::feed::Pace;
-use crate::lines::{Answer, AnswerState};
+use crate::line::{Answer, AnswerState};
+use crate::shared::Pace;
 
 /// No answer is fresh whose images are older, seconds.
 pub(crate) const MOST_FRESH_S: f64 = 0.3;

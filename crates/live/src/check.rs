@@ -9,9 +9,10 @@ use serde::Serialize;
 
 use crate::clock::{ClockSource, RunClock};
 use crate::error::{Error, Result};
-use crate::feed::{Message, Report, Shared};
+use crate::feed::{Message, Report};
 use crate::metrics::Metrics;
 use crate::options::Options;
+use crate::shared::Shared;
 use crate::views::Views;
 
 /// A source that does not answer in this time is not there.
@@ -47,7 +48,14 @@ pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<Fou
     ));
     let stop = Arc::new(AtomicBool::new(false));
     let (clock, pace) = (RunClock::start(), options.pace());
-    let shared = Shared::new(clock, pace, stop, metrics, options.offsets_s());
+    let shared = Shared::new(
+        clock,
+        pace,
+        stop,
+        metrics,
+        options.given_s(),
+        options.is_measured(),
+    );
     let shared = Arc::new(shared);
     let views = Views::start(options, &shared, false)?;
     let found = |view: &crate::views::View| {

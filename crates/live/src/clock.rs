@@ -230,6 +230,65 @@ mod tests {
         }
     }
 
+    /// Feeds an image, and returns the error of its time and the clock that gave it.
+    fn error_s(
+        stamper: &mut Stamper,
+        taken_s: f64,
+        delay_s: f64,
+        timestamp_s: f64,
+        sender_s: f64,
+    ) -> (f64, ClockSource) {
+        let stamp = stamper.stamp(Clues {
+            arrival_s: taken_s + delay_s,
+            timestamp_s: Some(timestamp_s),
+            sender_s: Some(sender_s),
+        });
+        (stamp.time_s - taken_s, stamp.clock)
+    }
+
+    #[test]
+    fn a_senders_clock_that_jumps_is_left_at_once_and_trusted_again_when_it_is_right() {
+        for jump_s in [3.0, 0.5, -0.5, -3.0, 86_400.0] {
+            let mut stamper = Stamper::default();
+            for image in 0..300 {
+                let taken_s = f64::from(image) * PERIOD_S;
+                let is_wrong = (100..200).contains(&image);
+                let sender_s = taken_s + if is_wrong { jump_s } else { 0.0 };
+                let delay_s = delay_s(image);
+                let (error_s, clock) = error_s(&mut stamper, taken_s, delay_s, taken_s, sender_s);
+                assert!(error_s.abs() < 0.051, "{jump_s}: {error_s} at {image}");
+                let expected = if is_wrong {
+                    ClockSource::Timestamps
+                } else {
+                    ClockSource::Sender
+                };
+                assert_eq!(clock, expected, "{jump_s}: {image}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_day_of_timestamps_is_placed_as_well_as_a_second_also_where_their_counter_wraps() {
+        // 32 bits of 90 kHz.
+        let wrap_s = f64::from(u32::MAX) / 90_000.0;
+        let mut stamper = Stamper::default();
+        for image in 0..86_400 * 5 {
+            let taken_s = f64::from(image) / 5.0;
+            let counted_s = (taken_s * (1.0 + 50e-6) + 7_000.0).rem_euclid(wrap_s);
+            let stamp = stamper.stamp(Clues {
+                arrival_s: taken_s + delay_s(image),
+                timestamp_s: Some(counted_s),
+                sender_s: None,
+            });
+            let error_s = stamp.time_s - taken_s;
+            // After the wrap the first arrival places them, and it may have been a slow one.
+            assert!(
+                (0.0..0.051).contains(&error_s),
+                "{error_s} after {taken_s} s"
+            );
+        }
+    }
+
     #[test]
     fn a_clock_that_runs_fast_is_followed() {
         let mut stamper = Stamper::default();

@@ -1,53 +1,140 @@
-//! The offset of two cameras' clocks, from where both see the same aircraft ([`labeller::view_lag`]).
+//! The offset of a clock and its drift, from the lags of one arrival after another.
+//!
+//! A straight line through the lags by time, each weighted by its standard deviation ([`Lag`]). Before there are several, the drift is
+//! expected to be small, as usual clocks have it.
 
-use dataset::geometry::camera::Camera;
-use glam::DVec2;
-use labeller::view_lag::{CommonSighting, TimeOffset, TimeOffsetFit};
+use dataset::geometry::rays::Lag;
+use serde::{Deserialize, Serialize};
 
-/// Seconds between measurements: errors of neighbouring images are alike.
-const STEP_S: f64 = 0.5;
-/// No offset has a smaller standard deviation, seconds.
-const LEAST_SD_S: f64 = 0.003;
+/// Standard deviation of the drift of clocks that nobody compared.
+const DRIFT_SD: f64 = 100e-6;
+/// An offset that was kept is of another start: its images came by other ways, seconds.
+const RESTART_SD_S: f64 = 0.015;
 
-/// Measurements of the offset of a view from the first one.
-#[derive(Debug, Clone, Default)]
+/// An offset of a clock at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Offset {
+    /// To be added to the times of the view, seconds.
+    pub(crate) offset_s: f64,
+    pub(crate) sd_s: f64,
+    /// By how much that grows, seconds per million seconds.
+    pub(crate) drift_ppm: f64,
+    pub(crate) drift_sd_ppm: f64,
+}
+
+/// What was measured of a clock: weights of a line, least squares.
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct ClockOffset {
-    last_s: Option<f64>,
-    added_s: f64,
-    /// As if nothing had been added to the times.
-    fit: TimeOffsetFit,
+    /// The times of the line are counted from here.
+    zero_s: Option<f64>,
+    /// Sums of weights, times their times, and squared times; of weighted lags, and times their times.
+    weight: f64,
+    time: f64,
+    time_squared: f64,
+    lag: f64,
+    lag_times_time: f64,
 }
 
 impl ClockOffset {
-    /// Takes where both cameras, of the first view and of this one, see the aircraft in images of the same time, and by how much it moves
-    /// in this view in a second.
-    pub(crate) fn take(
-        &mut self,
-        time_s: f64,
-        cameras: [&Camera; 2],
-        places_px: [DVec2; 2],
-        motion_px_s: DVec2,
-    ) {
-        if self.last_s.is_some_and(|last_s| time_s < last_s + STEP_S) {
-            return;
-        }
-        if let Some(sighting) = CommonSighting::of(cameras, places_px, motion_px_s) {
-            self.last_s = Some(time_s);
-            self.fit.add(&sighting.before(self.added_s));
+    /// Of a clock of which nothing is known, or what was kept of an earlier start.
+    pub(crate) fn of(kept: Option<Offset>) -> Self {
+        let (drift, drift_sd) = match kept {
+            Some(kept) => (kept.drift_ppm * 1e-6, kept.drift_sd_ppm * 1e-6),
+            None => (0.0, DRIFT_SD),
+        };
+        let weight = kept.map_or(0.0, |kept| kept.sd_s.hypot(RESTART_SD_S).powi(-2));
+        Self {
+            zero_s: None,
+            weight,
+            time: 0.0,
+            time_squared: drift_sd.powi(-2),
+            lag: kept.map_or(0.0, |kept| kept.offset_s * weight),
+            lag_times_time: drift * drift_sd.powi(-2),
         }
     }
 
-    /// The offset that remains, once it is known at all.
-    pub(crate) fn remaining(&self) -> Option<TimeOffset> {
-        let found = self.fit.offset()?;
-        Some(TimeOffset {
-            seconds: found.seconds - self.added_s,
-            sd_s: found.sd_s.hypot(LEAST_SD_S),
+    /// With the lag of one more arrival.
+    pub(crate) fn with(mut self, lag: Lag) -> Self {
+        let time_s = lag.time_s - *self.zero_s.get_or_insert(lag.time_s);
+        let weight = lag.sd_s.powi(-2);
+        self.weight += weight;
+        self.time += weight * time_s;
+        self.time_squared += weight * time_s * time_s;
+        self.lag += weight * lag.seconds;
+        self.lag_times_time += weight * lag.seconds * time_s;
+        self
+    }
+
+    /// The offset at a time; `None` if nothing was measured yet.
+    pub(crate) fn at(&self, time_s: f64) -> Option<Offset> {
+        let since_s = time_s - self.zero_s.unwrap_or(time_s);
+        let determinant = self.weight * self.time_squared - self.time * self.time;
+        if determinant <= 0.0 {
+            return None;
+        }
+        let drift = (self.weight * self.lag_times_time - self.time * self.lag) / determinant;
+        let at_zero_s =
+            (self.time_squared * self.lag - self.time * self.lag_times_time) / determinant;
+        let variance = (self.time_squared - 2.0 * since_s * self.time
+            + since_s * since_s * self.weight)
+            / determinant;
+        Some(Offset {
+            offset_s: at_zero_s + drift * since_s,
+            sd_s: variance.max(0.0).sqrt(),
+            drift_ppm: drift * 1e6,
+            drift_sd_ppm: (self.weight / determinant).sqrt() * 1e6,
         })
     }
+}
 
-    /// These seconds are added to the times of the view from now on.
-    pub(crate) fn applied(&mut self, seconds: f64) {
-        self.added_s += seconds;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lag(time_s: f64, seconds: f64) -> Lag {
+        Lag {
+            time_s,
+            seconds,
+            sd_s: 0.007,
+        }
+    }
+
+    #[test]
+    fn several_arrivals_tell_the_drift_too() {
+        let clock = ClockOffset::of(None);
+        assert!(clock.at(100.0).is_none());
+        let first = clock.with(lag(100.0, 0.514)).at(100.0).unwrap();
+        assert!((first.offset_s - 0.514).abs() < 1e-9 && first.drift_ppm == 0.0);
+        assert!((first.sd_s - 0.007).abs() < 1e-9);
+        let later = clock.with(lag(100.0, 0.514)).at(1_100.0).unwrap();
+        assert!(later.sd_s > 0.09, "nobody knows its drift: {later:?}");
+        let four = [0.004, -0.006, 0.003, -0.002].into_iter().zip(0..);
+        let four = four.fold(clock, |clock, (error_s, number)| {
+            let time_s = 100.0 + 300.0 * f64::from(number);
+            clock.with(lag(time_s, 0.5 + 100e-6 * time_s + error_s))
+        });
+        let found = four.at(1_100.0).unwrap();
+        assert!((found.offset_s - 0.61).abs() < 0.01, "{found:?}");
+        assert!((found.drift_ppm - 100.0).abs() < 20.0, "{found:?}");
+        assert!(found.sd_s < 0.008 && found.drift_sd_ppm < 15.0, "{found:?}");
+    }
+
+    #[test]
+    fn what_was_kept_is_known_at_the_next_start_but_less_well() {
+        let kept = Offset {
+            offset_s: 0.5,
+            sd_s: 0.004,
+            drift_ppm: 80.0,
+            drift_sd_ppm: 10.0,
+        };
+        let clock = ClockOffset::of(Some(kept));
+        let at_start = clock.at(7.0).unwrap();
+        assert!((at_start.offset_s - 0.5).abs() < 1e-9);
+        assert!(at_start.sd_s > kept.sd_s && at_start.sd_s < 0.02);
+        assert!((at_start.drift_ppm - 80.0).abs() < 1e-6);
+        // An arrival counts for more.
+        let found = clock.with(lag(60.0, 0.53)).at(60.0).unwrap();
+        assert!((0.52..0.53).contains(&found.offset_s), "{found:?}");
     }
 }

@@ -6,21 +6,27 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
+use dataset::geometry::rays::Sighting;
 use glam::DVec2;
-use labeller::live::register_views;
+use labeller::live::{SeenBox, register_views};
 use trainer::live::{Candidate, OnlineRun, SeenTick, SeenView};
 
 use crate::answers::Answers;
 use crate::clock::RunClock;
+use crate::clock_offset::Offset;
+use crate::clocks::Clocks;
 use crate::error::{Error, Result};
-use crate::feed::{Message, Pace, Report, Shared};
-use crate::free_clocks::{FreeClocks, News, Sighting};
-use crate::lines::{Event, Line, Lines};
+use crate::feed::{Message, Report};
+use crate::free_clocks::News;
+use crate::line::{Event, Line};
+use crate::lines::Lines;
 use crate::metrics::{Fate, Metrics, Stage};
 use crate::metrics_server;
 use crate::options::Options;
+use crate::overload::Overload;
 use crate::pairing::{Joined, Pairing};
 use crate::search::Searched;
+use crate::shared::{Correction, Pace, Shared};
 use crate::track_motion::{TrackMotion, moved_box, moved_shift};
 use crate::view_news::ViewNews;
 use crate::views::{View, Views};
@@ -29,10 +35,6 @@ use crate::views::{View, Views};
 const WAIT: Duration = Duration::from_millis(20);
 /// Without images for this time, aircraft are predicted, seconds; and again after as long.
 const SILENCE_S: f64 = 0.3;
-/// Seconds over which the motion of a box is read off.
-const MOTION_S: f64 = 0.05;
-/// Seconds between two events about overload.
-const OVERLOAD_S: f64 = 5.0;
 /// Limits of the end: for threads, and for the last lines.
 const STOP: Duration = Duration::from_millis(800);
 const LAST_LINES: Duration = Duration::from_millis(500);
@@ -48,6 +50,7 @@ pub fn estimate(
     ready: &dyn Fn(Option<std::net::SocketAddr>),
 ) -> Result<()> {
     options.check()?;
+    let clocks = Clocks::of(&options)?;
     let clock = RunClock::start();
     let run = options.run.blake3().to_string();
     let metrics = Arc::new(Metrics::new(run.clone(), options.run.views()));
@@ -61,7 +64,8 @@ pub fn estimate(
         options.pace(),
         stop,
         metrics.clone(),
-        options.offsets_s(),
+        options.given_s(),
+        options.is_measured(),
     );
     let shared = Arc::new(shared);
     let is_timed = shared.pace != Pace::AsFastAsPossible;
@@ -80,8 +84,7 @@ pub fn estimate(
     let mut conductor = Conductor {
         pairing: Pairing::new(count, shared.pace == Pace::AsFastAsPossible),
         motions: (0..count).map(|_| TrackMotion::default()).collect(),
-        clocks_given: !options.offsets_s.is_empty(),
-        free_clocks: FreeClocks::of(count),
+        clocks,
         answers: Answers::new(options.run.views().to_vec(), options.pace()),
         run: options.run,
         news: vec![ViewNews::default(); count],
@@ -90,7 +93,7 @@ pub fn estimate(
         seen: None,
         received_s: 0.0,
         predicted_s: 0.0,
-        overload: (0.0, vec![0; count], 0),
+        overload: Overload::of(count),
         serves_metrics: address.is_some(),
         views,
         lines,
@@ -104,6 +107,8 @@ pub fn estimate(
             view,
             offset_s: Some(offset_s),
             sd_s: None,
+            drift_ppm: None,
+            drift_sd_ppm: None,
         });
     }
     let cause = conductor.work(is_stopped);
@@ -127,9 +132,7 @@ struct Conductor {
     /// Images that must not be measured have no content.
     pairing: Pairing<Option<Box<Searched>>>,
     motions: Vec<TrackMotion>,
-    /// The caller gave offsets.
-    clocks_given: bool,
-    free_clocks: FreeClocks,
+    clocks: Clocks,
     answers: Answers,
     news: Vec<ViewNews>,
     /// Views whose searches have ended.
@@ -142,8 +145,7 @@ struct Conductor {
     received_s: f64,
     /// When aircraft were predicted without images, seconds since the start.
     predicted_s: f64,
-    /// When overload was last reported, and how much there was until then.
-    overload: (f64, Vec<u64>, u64),
+    overload: Overload,
     serves_metrics: bool,
 }
 
@@ -305,7 +307,7 @@ impl Conductor {
                 (&cameras[0], &first.looked.patch),
                 (&cameras[1], &searched.looked.patch),
             );
-            let moved_px = best_of(searched).map_or([0.0; 2], moved);
+            let moved_px = best_of(searched).map_or([0.0; 2], |best| moved(best.track));
             Some((0, moved_shift(shift.ok()?, moved_px)))
         });
         let counting = searched.looked.boxes.iter().filter(|found| found.counts);
@@ -322,46 +324,55 @@ impl Conductor {
 
     /// Measures the clock of a view that runs free, and leaves the view out while its offset is unknown and the first one sees aircraft.
     fn watch_clock(&mut self, joined: &Joined<Box<Searched>>, view: usize, views: &mut [SeenView]) {
-        let (Some((_, first)), Some((_, searched))) = (&joined.images[0], &joined.images[view])
-        else {
+        let Some((time_s, searched)) = &joined.images[view] else {
             return;
         };
-        let runs_free = first.clock.runs_free() || searched.clock.runs_free();
-        if !runs_free || self.clocks_given {
+        if joined.images[0].is_none() || !self.shared.runs_free(view) {
             return;
         }
         let is_sighted = !views[0].boxes.is_empty() && !views[view].boxes.is_empty();
         let shift = views[view].registration.filter(|_| is_sighted);
-        let sighting = shift.zip(best_of(searched)).map(|((_, shift), track)| {
+        let sighting = shift.zip(best_of(searched)).map(|((_, shift), best)| {
+            // Where it was in the image: a motion that is known too little would be an error of the offset.
+            let later_s = time_s - joined.time_s;
+            let moved_px = DVec2::from(self.motions[view].moved_px(best.track, -later_s));
             let here_px = DVec2::new(shift.x_px, shift.y_px);
+            let there_px = here_px + DVec2::new(shift.dx_px, shift.dy_px) - moved_px;
             Sighting {
-                places_px: [here_px, here_px + DVec2::new(shift.dx_px, shift.dy_px)],
-                motion_px_s: DVec2::from(self.motions[view].moved_px(track, MOTION_S)) / MOTION_S,
+                time_s: joined.time_s,
+                places_px: [here_px, there_px],
+                width_px: best.pixel_box.width_px,
+                added_s: searched.added_s - later_s,
             }
         });
-        let cameras = [0, view].map(|view| self.run.camera(view));
-        let cameras = [&cameras[0], &cameras[1]];
-        let news = self
-            .free_clocks
-            .take(view, joined.time_s, cameras, sighting);
-        if !self.free_clocks.is_known(view) && !views[0].boxes.is_empty() {
+        let news = self.clocks.take(view, joined.time_s, sighting);
+        if !self.clocks.is_known(view) && !views[0].boxes.is_empty() {
             views[view] = SeenView::default();
         }
-        let (offset_s, sd_s) = match news {
-            None => return,
-            Some(News::Unknown) => (None, None),
-            Some(News::Add(found)) => {
-                let offset_s = self.shared.measured_s(view) + found.seconds;
-                self.shared.set_measured_s(view, offset_s);
-                (Some(offset_s), Some(found.sd_s))
+        match news {
+            None => {}
+            Some(News::Unknown) => self.report_offset(view, None),
+            Some(News::Known(offset)) => {
+                let correction = Correction {
+                    seconds: offset.offset_s,
+                    time_s: joined.time_s,
+                    drift: offset.drift_ppm * 1e-6,
+                };
+                self.shared.correct(view, correction);
+                self.report_offset(view, Some(offset));
             }
-        };
+        }
+    }
+
+    fn report_offset(&self, view: usize, offset: Option<Offset>) {
         let view = self.views.all[view].name.clone();
         self.event(|time_s| Event::Offset {
             time_s,
             view,
-            offset_s,
-            sd_s,
+            offset_s: offset.map(|offset| offset.offset_s),
+            sd_s: offset.map(|offset| offset.sd_s),
+            drift_ppm: offset.map(|offset| offset.drift_ppm),
+            drift_sd_ppm: offset.map(|offset| offset.drift_sd_ppm),
         });
     }
 
@@ -417,34 +428,18 @@ impl Conductor {
         self.lines.put(&Line::Event(event(time_s)));
     }
 
-    /// Reports the images that were not searched and the lines that were dropped since the last time.
     fn report_overload(&mut self) {
         let now_s = self.shared.clock.now_s();
-        if now_s < self.overload.0 + OVERLOAD_S {
-            return;
-        }
-        let counts: Vec<u64> = (0..self.views.all.len())
-            .map(|view| self.metrics.images(view, Fate::Overload))
-            .collect();
-        let dropped = self.metrics.dropped_lines();
-        let before = std::mem::replace(&mut self.overload, (now_s, counts.clone(), dropped));
-        let names = self.views.all.iter().map(|view| view.name.clone());
-        let news = counts
-            .iter()
-            .zip(&before.1)
-            .map(|(now, before)| now - before);
-        let not_searched: Vec<_> = names.zip(news).collect();
-        let dropped_lines = dropped - before.2;
-        if dropped_lines > 0 || not_searched.iter().any(|(_, images)| *images > 0) {
-            self.event(|time_s| Event::Overload {
-                time_s,
-                not_searched,
-                dropped_lines,
-            });
+        let mut names = self.views.all.iter().map(|view| &view.name);
+        if let Some(event) = self.overload.news(now_s, &self.metrics, &mut names) {
+            self.event(event);
         }
     }
 
-    fn finish(self, cause: &'static str) -> Result<()> {
+    fn finish(mut self, cause: &'static str) -> Result<()> {
+        for (view, offset) in self.clocks.at_end() {
+            self.report_offset(view, Some(offset));
+        }
         let images = self.views.all.iter().enumerate();
         let images = images.map(|(view, of_view)| {
             let searched = self.metrics.images(view, Fate::Searched);
@@ -462,11 +457,10 @@ impl Conductor {
     }
 }
 
-/// The track of the box that was registered.
-fn best_of(searched: &Searched) -> Option<u32> {
+/// The box that was registered.
+fn best_of(searched: &Searched) -> Option<&SeenBox> {
     let counting = searched.looked.boxes.iter().filter(|found| found.counts);
-    let best = counting.max_by(|a, b| a.score.total_cmp(&b.score));
-    best.map(|found| found.track)
+    counting.max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
 fn nanoseconds(time_s: f64) -> i64 {

@@ -3,29 +3,27 @@
 //! A few images wait for the search, and the newest replaces the oldest: that one was decoded, but is not searched. A recording that is
 //! read as fast as possible waits instead.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
-use std::thread;
-use std::time::Duration;
 
 use dataset::video::DecodedImage;
 
-use crate::clock::{ClockSource, Clues, RunClock, Stamp, Stamper};
+use crate::clock::{ClockSource, Clues, Stamp, Stamper};
 use crate::error::Error;
 use crate::image_look::Looks;
-use crate::input::{End, Input, InputImage, OpenFault, Patience};
-use crate::metrics::{Fate, Metrics, Stage};
+use crate::input::{End, Input, InputImage};
+use crate::metrics::{Fate, Stage};
+use crate::place::{OpenFault, Patience};
 use crate::search::Searched;
+use crate::shared::{Pace, Shared, ViewStatus};
 use crate::slot::Slot;
 use crate::source::Source;
-use crate::view_state::{Seen, ViewState, ViewWatch};
+use crate::view_state::{Seen, ViewState};
 
 /// Milliseconds before a lost source is opened again: at first, and at most.
 const FIRST_DELAY_MS: u64 = 100;
-const MOST_DELAY_MS: u64 = 2_000;
-/// Milliseconds after which a sleeping thread looks whether it should end.
-const NAP_MS: u64 = 20;
+const MOST_DELAY_MS: u64 = 1_000;
 
 /// An image for the search.
 pub(crate) struct FeedImage {
@@ -37,8 +35,8 @@ pub(crate) struct FeedImage {
     /// When its last packet arrived, and when it was decoded.
     pub(crate) arrival_s: f64,
     pub(crate) decoded_s: f64,
-    /// Source of its time.
-    pub(crate) clock: ClockSource,
+    /// Seconds that were added to its time, because its clock was compared with another.
+    pub(crate) added_s: f64,
     /// False while the camera looks elsewhere or its images repeat: the search only sees whether that is over.
     pub(crate) can_be_measured: bool,
     /// False for black and damaged images, which only keep their place in a recording.
@@ -75,117 +73,6 @@ pub(crate) enum Report {
     Useless(String),
     /// Its recording is over.
     Ended,
-}
-
-/// Passing of time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Pace {
-    /// There is a camera: clocks give the times of images.
-    Cameras,
-    /// All sources are recordings, played in their own time.
-    RealTime,
-    /// The same, as fast as they are searched.
-    AsFastAsPossible,
-}
-
-/// State that all feeds share.
-pub(crate) struct Shared {
-    pub(crate) clock: RunClock,
-    pub(crate) pace: Pace,
-    pub(crate) stop: Arc<AtomicBool>,
-    pub(crate) metrics: Arc<Metrics>,
-    /// When the first image of any view was taken, seconds since the start: time 0 of answers.
-    zero_s: OnceLock<f64>,
-    /// Start of recordings that are played: seconds since the start minus seconds of the recording.
-    recordings_s: OnceLock<f64>,
-    /// Seconds that are added to the times of each view's images.
-    given_s: Vec<f64>,
-    /// The same as they were measured, while the clock of the view or of the first one runs free: the bits of seconds.
-    measured_s: Vec<AtomicU64>,
-    runs_free: Vec<AtomicBool>,
-}
-
-impl Shared {
-    pub(crate) fn new(
-        clock: RunClock,
-        pace: Pace,
-        stop: Arc<AtomicBool>,
-        metrics: Arc<Metrics>,
-        offsets_s: impl IntoIterator<Item = f64>,
-    ) -> Self {
-        let given_s: Vec<f64> = offsets_s.into_iter().collect();
-        Self {
-            measured_s: given_s.iter().map(|_| AtomicU64::new(0)).collect(),
-            runs_free: given_s.iter().map(|_| AtomicBool::new(false)).collect(),
-            given_s,
-            clock,
-            pace,
-            stop,
-            metrics,
-            zero_s: OnceLock::new(),
-            recordings_s: OnceLock::new(),
-        }
-    }
-
-    /// Seconds that are added to the times of a view's images now.
-    pub(crate) fn offset_s(&self, view: usize) -> f64 {
-        let is_free = [0, view].map(|view| self.runs_free[view].load(Ordering::Relaxed));
-        let measured_s = if is_free.contains(&true) {
-            self.measured_s(view)
-        } else {
-            0.0
-        };
-        self.given_s[view] + measured_s
-    }
-
-    /// The offset of a view's clock as it was measured.
-    pub(crate) fn measured_s(&self, view: usize) -> f64 {
-        f64::from_bits(self.measured_s[view].load(Ordering::Relaxed))
-    }
-
-    pub(crate) fn set_measured_s(&self, view: usize, offset_s: f64) {
-        self.measured_s[view].store(offset_s.to_bits(), Ordering::Relaxed);
-    }
-
-    /// A time of answers in seconds since the start of the program, for cameras.
-    pub(crate) fn since_start_s(&self, time_s: f64) -> f64 {
-        time_s + self.zero_s.get().copied().unwrap_or(0.0)
-    }
-
-    pub(crate) fn is_stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-
-    /// A time since the start of the program in the time of answers; `None` if there is no image yet, or time does not pass.
-    pub(crate) fn answer_time_s(&self, since_start_s: f64) -> Option<f64> {
-        let zero_s = match self.pace {
-            Pace::Cameras => self.zero_s.get(),
-            Pace::RealTime => self.recordings_s.get(),
-            Pace::AsFastAsPossible => None,
-        };
-        zero_s.map(|zero_s| since_start_s - zero_s)
-    }
-
-    /// Sleeps until a time in seconds since the start, or until the program is stopped.
-    fn sleep_until(&self, time_s: f64) {
-        while !self.is_stopped() {
-            let left_s = time_s - self.clock.now_s();
-            if left_s <= 0.0 {
-                return;
-            }
-            thread::sleep(Duration::from_secs_f64(left_s.min(NAP_MS as f64 * 1e-3)));
-        }
-    }
-}
-
-/// The state of a view, which its feed and its search report and the conductor reads.
-#[derive(Debug, Default)]
-pub(crate) struct ViewStatus(Mutex<ViewWatch>);
-
-impl ViewStatus {
-    pub(crate) fn watch(&self) -> MutexGuard<'_, ViewWatch> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 /// One view's feed.
@@ -267,7 +154,7 @@ impl Feed {
     fn take(&mut self, image: InputImage, connection: &mut Connection) -> Result<(), OpenFault> {
         let shared = self.shared.clone();
         let size_px = image.image.size_px();
-        let Some((stamp, time_s)) = self.stamp(&image, connection) else {
+        let Some((stamp, time_s, added_s)) = self.stamp(&image, connection) else {
             shared.metrics.count(self.view, Fate::Disordered);
             return Ok(());
         };
@@ -321,7 +208,7 @@ impl Feed {
             taken_s: stamp.oldest_s.min(arrival_s),
             arrival_s,
             decoded_s,
-            clock: stamp.clock,
+            added_s,
             can_be_measured: state.can_be_measured(),
             can_be_searched,
         };
@@ -335,8 +222,12 @@ impl Feed {
         Ok(())
     }
 
-    /// Time of an image, and the same as of answers; `None` if it is not after the one before.
-    fn stamp(&mut self, image: &InputImage, connection: &mut Connection) -> Option<(Stamp, f64)> {
+    /// Time of an image, the same as of answers, and what was added to that; `None` if it is not after the one before.
+    fn stamp(
+        &mut self,
+        image: &InputImage,
+        connection: &mut Connection,
+    ) -> Option<(Stamp, f64, f64)> {
         let shared = self.shared.clone();
         let recorded_s = image.recorded_s.or(image.timestamp_s);
         let recorded_s = recorded_s.filter(|_| self.source.is_recorded());
@@ -359,18 +250,20 @@ impl Feed {
                 sender_s: image.sender_s,
             }),
         };
-        shared.runs_free[self.view].store(stamp.clock.runs_free(), Ordering::Relaxed);
-        let offset_s = shared.offset_s(self.view);
-        let time_s = offset_s
+        let runs_free = stamp.clock.runs_free() || shared.is_measured[self.view];
+        shared.runs_free[self.view].store(runs_free, Ordering::Relaxed);
+        let told_s = shared.given_s[self.view]
             + match (recorded_s, shared.pace) {
                 (Some(recorded_s), Pace::RealTime | Pace::AsFastAsPossible) => recorded_s,
                 _ => stamp.time_s - shared.zero_s.get_or_init(|| stamp.time_s),
             };
+        let added_s = shared.added_s(self.view, told_s);
+        let time_s = told_s + added_s;
         let is_after = self.last_time_s.is_none_or(|last_s| time_s > last_s);
         if is_after {
             self.last_time_s = Some(time_s);
         }
-        is_after.then_some((stamp, time_s))
+        is_after.then_some((stamp, time_s, added_s))
     }
 
     /// The first images of a source must have the size of the run's camera. If later ones have another, the view is damaged.

@@ -4,8 +4,8 @@
 //! Output: answers and events, one after another ([`Line`]), and counts ([`Metrics`]).
 //!
 //! ```text
-//! source, input   where images come from; FFmpeg's side of it
-//! clock           the time of each image; clock_offset: of two cameras' clocks, by what both see
+//! source, place, input   where images come from; FFmpeg's side of it
+//! clock           the time of each image; clocks, free_clocks, clock_offset: offsets of cameras' clocks, by what both see
 //! feed            a thread a view: opens, decodes, opens again; hands over the newest image
 //! view_state      whether a view can be measured
 //! search          a thread a view: boxes and camera motion of the newest image
@@ -23,19 +23,24 @@ mod answers;
 mod check;
 mod clock;
 mod clock_offset;
+mod clocks;
 mod conductor;
 mod error;
 mod feed;
 mod free_clocks;
 mod image_look;
 mod input;
+mod line;
 mod lines;
 mod lockstep;
 mod metrics;
 mod metrics_server;
 mod options;
+mod overload;
 mod pairing;
+mod place;
 mod search;
+mod shared;
 mod slot;
 mod source;
 mod track_motion;
@@ -47,7 +52,7 @@ pub use check::{Found, check};
 pub use clock::ClockSource;
 pub use conductor::estimate;
 pub use error::{Error, Result};
-pub use lines::{Answer, AnswerState, Event, Line};
+pub use line::{Answer, AnswerState, Event, Line};
 pub use options::Options;
 pub use source::{Source, Stream};
 pub use view_state::ViewState;

@@ -6,136 +6,13 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
-
 use crate::answers::{MOST_COASTING_S, MOST_FRESH_S};
-use crate::clock::ClockSource;
 use crate::error::{Error, Result};
+use crate::line::{AnswerState, Line};
 use crate::metrics::Metrics;
-use crate::view_state::ViewState;
 
 /// Lines that wait for a reader; then the oldest is dropped.
 const MOST_WAITING: usize = 2_000;
-
-/// Freshness of an answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum AnswerState {
-    /// Measured from the images of its time.
-    Fresh,
-    /// Predicted from earlier images.
-    Coasting,
-    /// Nothing is known any more.
-    Lost,
-}
-
-/// An answer about an aircraft at a time.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Answer {
-    /// Time of the images, seconds: since the first one, for recordings their own.
-    pub time_s: f64,
-    /// The same in UTC; null for recordings.
-    pub time_utc: Option<String>,
-    /// Number of the aircraft.
-    pub track: u32,
-    /// `arrival` or `other`.
-    pub phase: &'static str,
-    /// Distance to touchdown, metres; null unless fresh or coasting.
-    pub dtd_m: Option<f64>,
-    /// Its standard deviation.
-    pub dtd_sd_m: Option<f64>,
-    /// Ends of the 90 % interval.
-    pub dtd_from_m: Option<f64>,
-    /// See `dtd_from_m`.
-    pub dtd_to_m: Option<f64>,
-    /// Speed over ground.
-    pub ground_speed_mps: Option<f64>,
-    /// Until touchdown.
-    pub time_to_touchdown_s: Option<f64>,
-    /// Position, if the run has fitted cameras.
-    pub latitude_deg: Option<f64>,
-    /// See `latitude_deg`.
-    pub longitude_deg: Option<f64>,
-    /// Height above mean sea level.
-    pub height_m: Option<f64>,
-    /// Standard deviation of the position.
-    pub position_sd_m: Option<f64>,
-    /// Views whose boxes were used.
-    pub views: Vec<String>,
-    /// Age of the images when the line was made, seconds.
-    pub age_s: f64,
-    /// Freshness.
-    pub state: AnswerState,
-}
-
-/// An event.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "event", rename_all = "snake_case")]
-pub enum Event {
-    /// The estimation began.
-    Start {
-        /// Time, as of answers.
-        time_s: f64,
-        /// BLAKE3 of the run.
-        run: String,
-        /// Name of the estimator that answers.
-        estimator: String,
-        /// The sources, without secrets.
-        sources: Vec<(String, String)>,
-    },
-    /// A view changed its state.
-    View {
-        /// Time, as of answers.
-        time_s: f64,
-        /// Name of the view.
-        view: String,
-        /// State from now on.
-        state: ViewState,
-        /// The cause, and what to do about it.
-        why: Option<String>,
-        /// Source of the times of its images.
-        clock: Option<ClockSource>,
-    },
-    /// Images were not searched, or lines were dropped, since the last such event.
-    Overload {
-        /// Time, as of answers.
-        time_s: f64,
-        /// Images by view.
-        not_searched: Vec<(String, u64)>,
-        /// Lines that no reader took.
-        dropped_lines: u64,
-    },
-    /// A clock's offset that is used from now on.
-    Offset {
-        /// Time, as of answers.
-        time_s: f64,
-        /// Name of the view.
-        view: String,
-        /// Added to the times of its images, seconds; null: unknown, so that it is not used together with the first view.
-        offset_s: Option<f64>,
-        /// Its standard deviation; null if it was given.
-        sd_s: Option<f64>,
-    },
-    /// The estimation ended.
-    End {
-        /// Time, as of answers.
-        time_s: f64,
-        /// `recordings`, `signal`, or `reader` if nobody reads the lines any more.
-        cause: &'static str,
-        /// Searched and other images by view.
-        images: Vec<(String, u64, u64)>,
-    },
-}
-
-/// A line of output.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum Line {
-    /// An answer.
-    Answer(Box<Answer>),
-    /// An event.
-    Event(Event),
-}
 
 /// Output of lines.
 pub(crate) struct Lines {
@@ -292,6 +169,7 @@ mod tests {
     use std::sync::mpsc::{Receiver, Sender, channel};
 
     use super::*;
+    use crate::line::{Answer, Event};
 
     /// A reader that takes a line when it is told to.
     struct Slow(Receiver<()>, Sender<String>);
@@ -314,6 +192,8 @@ mod tests {
             view: "left".into(),
             offset_s: Some(0.5),
             sd_s: None,
+            drift_ppm: None,
+            drift_sd_ppm: None,
         })
     }
 
@@ -411,7 +291,7 @@ mod tests {
         let text = serde_json::to_string(&offset(3)).unwrap();
         assert_eq!(
             text,
-            r#"{"event":"offset","time_s":3.0,"view":"left","offset_s":0.5,"sd_s":null}"#
+            r#"{"event":"offset","time_s":3.0,"view":"left","offset_s":0.5,"sd_s":null,"drift_ppm":null,"drift_sd_ppm":null}"#
         );
     }
 }

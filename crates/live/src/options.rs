@@ -1,13 +1,14 @@
 //! Options of a live estimation, checked against the run.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 use labeller::Searcher;
 use trainer::live::OnlineRun;
 
 use crate::error::{Error, Result};
-use crate::feed::Pace;
+use crate::shared::Pace;
 use crate::source::Source;
 
 /// Offsets of clocks are smaller, seconds.
@@ -25,6 +26,10 @@ pub struct Options {
     pub without: Vec<String>,
     /// Seconds that are added to the times of a view's images.
     pub offsets_s: BTreeMap<String, f64>,
+    /// Views whose recordings have clocks of their own, which are compared with that of the first view.
+    pub measured: BTreeSet<String>,
+    /// File in which measured offsets are kept for the next start.
+    pub keep_offsets: Option<PathBuf>,
     /// Recordings are read as fast as they can be searched.
     pub as_fast_as_possible: bool,
     /// Address of the metrics.
@@ -41,7 +46,8 @@ impl Options {
         let listed = known.join(", ");
         let named = (self.sources.keys().map(|view| ("--view", view)))
             .chain(self.without.iter().map(|view| ("--without", view)))
-            .chain(self.offsets_s.keys().map(|view| ("--offset", view)));
+            .chain(self.offsets_s.keys().map(|view| ("--offset", view)))
+            .chain(self.measured.iter().map(|view| ("--offset", view)));
         for (option, view) in named {
             if !known.contains(view) {
                 return Err(Error::Views(format!(
@@ -70,6 +76,15 @@ impl Options {
                 "no view has a source; give at least one of {listed}"
             )));
         }
+        if known
+            .first()
+            .is_some_and(|first| self.measured.contains(first))
+        {
+            return Err(Error::Views(format!(
+                "--offset {}=auto: the other views are compared with the first one; give it for them",
+                known[0]
+            )));
+        }
         check_offsets(&self.offsets_s)?;
         let camera = self.sources.values().find(|source| !source.is_recorded());
         match camera {
@@ -81,11 +96,17 @@ impl Options {
     }
 
     /// Seconds that are added to the times of each view's images.
-    pub(crate) fn offsets_s(&self) -> Vec<f64> {
+    pub(crate) fn given_s(&self) -> Vec<f64> {
         let views = self.run.views().iter();
         views
             .map(|view| self.offsets_s.get(view).copied().unwrap_or(0.0))
             .collect()
+    }
+
+    /// Of each view, if its recording has a clock of its own.
+    pub(crate) fn is_measured(&self) -> Vec<bool> {
+        let views = self.run.views().iter();
+        views.map(|view| self.measured.contains(view)).collect()
     }
 
     pub(crate) fn pace(&self) -> Pace {

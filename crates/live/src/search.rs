@@ -9,10 +9,10 @@ use dataset::video::{DecodedImage, ImageConverter, Luma, PicturePart};
 use labeller::detector::PictureView;
 use labeller::live::{Image, Looked, ViewSearch};
 
-use crate::clock::ClockSource;
-use crate::feed::{FeedImage, Message, Pace, Shared, ViewStatus};
+use crate::feed::{FeedImage, Message};
 use crate::lockstep::Lockstep;
 use crate::metrics::{Fate, Stage};
+use crate::shared::{Pace, Shared, ViewStatus};
 use crate::slot::{Slot, Taken};
 
 /// A searched image.
@@ -21,7 +21,7 @@ pub(crate) struct Searched {
     pub(crate) time_s: f64,
     pub(crate) taken_s: f64,
     pub(crate) arrival_s: f64,
-    pub(crate) clock: ClockSource,
+    pub(crate) added_s: f64,
     /// When the search was done, seconds since the start.
     pub(crate) searched_s: f64,
     pub(crate) looked: Looked,
@@ -138,7 +138,7 @@ impl Search {
             time_s: image.time_s,
             taken_s: image.taken_s,
             arrival_s: image.arrival_s,
-            clock: image.clock,
+            added_s: image.added_s,
             searched_s,
             looked,
         }))

@@ -8,8 +8,8 @@ use dataset::tables::registrations::Shift;
 /// Seconds of boxes that tell the motion, and the fewest boxes.
 const SPAN_S: f64 = 1.0;
 const FEWEST: usize = 5;
-/// A box is moved by at most this time, seconds: about a frame.
-const MOST_MOVED_S: f64 = 0.06;
+/// A box is moved by at most this time, seconds: half a frame of the slowest camera whose motion is known.
+const MOST_MOVED_S: f64 = 0.12;
 
 /// Places of the tracks of a view in the last second.
 #[derive(Debug, Default)]

@@ -2,7 +2,7 @@
 
 use crate::clock::ClockSource;
 use crate::feed::Report;
-use crate::lines::Event;
+use crate::line::Event;
 use crate::view_state::ViewState;
 
 /// The last event about a view, and what is known of its source.

@@ -7,10 +7,11 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
-use crate::feed::{Feed, Message, Shared, ViewStatus};
+use crate::feed::{Feed, Message};
 use crate::lockstep::Lockstep;
 use crate::options::Options;
 use crate::search::Search;
+use crate::shared::{Shared, ViewStatus};
 use crate::slot::Slot;
 
 /// Images of a view that wait for its search.

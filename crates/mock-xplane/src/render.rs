@@ -144,7 +144,7 @@ impl Scene {
         // All cameras of a site expose for the same part of the sky: where the aircraft come from.
         let approach = (-view.course + DVec3::Z * 0.03).normalize();
         let tone = Tone::for_horizon(curves::luminance(air.airlight(approach)));
-        let ground = Ground::new(&view, &air, &light, weather.rain_ratio);
+        let ground = Ground::new(&view, runway, &air, &light, weather.rain_ratio);
         let site_lamps = site_lamps::spots(&view, &air, &tone, &ground);
         let rain_grey = tone::encode(tone.expose(air.airlight(approach) * 1.3)).to_array();
         let rain_seed = view.position_m.to_array().iter().fold(0, |seed, c| {

@@ -20,6 +20,8 @@ pub struct Results {
     pub ranges: Vec<Range>,
     /// Name of the recommended estimator.
     pub recommended: String,
+    /// Standard deviation of the training flights to the side, metres.
+    pub lateral_spread_m: Option<f64>,
     /// Figures of estimators on flights that the training has not seen, without those of each flight.
     pub by_trajectory: Metrics,
     /// The same with the paper's split: scenarios are drawn, so test scenarios share flights with the training.
@@ -35,6 +37,16 @@ pub struct CorpusFigures {
     pub scale: String,
     /// Simulators that recorded it.
     pub simulators: Vec<String>,
+    /// The runway.
+    pub runway: String,
+    /// The type of aircraft.
+    pub aircraft: String,
+    /// The cameras.
+    pub rig: String,
+    /// Names of the weathers.
+    pub weathers: Vec<String>,
+    /// Local times.
+    pub times: Vec<String>,
     /// Scenarios.
     pub scenarios: usize,
     /// Different flights among them.

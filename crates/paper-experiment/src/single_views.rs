@@ -34,6 +34,8 @@ struct SeenTick {
 /// Counts of ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Share {
+    /// All ticks.
+    pub ticks: usize,
     /// Seen by at least one view.
     pub seen: usize,
     /// Of these, seen by one view alone.
@@ -57,7 +59,13 @@ impl Share {
         (self.seen > 0).then(|| self.by_one_view as f64 / self.seen as f64)
     }
 
+    /// Share of the ticks that a view sees; `None` without any.
+    pub fn seen_of_all(self) -> Option<f64> {
+        (self.ticks > 0).then(|| self.seen as f64 / self.ticks as f64)
+    }
+
     fn count(&mut self, views: usize) {
+        self.ticks += 1;
         self.seen += usize::from(views > 0);
         self.by_one_view += usize::from(views == 1);
     }
@@ -162,6 +170,8 @@ mod tests {
         let single = seen.single_views(score);
         assert_eq!((single.all.seen, single.all.by_one_view), (10, 1));
         assert_eq!(single.by_nm[&9].by_one_view, 1, "{single:?}");
+        let none = seen.single_views(1.0).all;
+        assert_eq!((none.ticks, none.seen_of_all()), (10, Some(0.0)));
         assert_eq!(single.by_weather["clear"], single.all);
     }
 

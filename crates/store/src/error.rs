@@ -19,7 +19,7 @@ const SCHEMES: &str =
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The text is not the URL of an object store.
-    #[error("{text}: {why}; expected {}, or a path", SCHEMES)]
+    #[error("{text}: {why}; expected {}", SCHEMES)]
     BadUrl {
         /// The text.
         text: String,

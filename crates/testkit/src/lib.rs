@@ -12,6 +12,7 @@ mod chromium;
 pub mod command;
 pub mod files;
 mod free_port;
+mod made_once;
 pub mod miscalibrated;
 pub mod peak;
 pub mod pictures;
@@ -25,12 +26,15 @@ pub mod short_flight;
 mod skip;
 pub mod sweep;
 pub mod synthetic;
+mod tiny_training;
 pub mod watch;
 
 pub use chromium::judge_in_chromium;
 pub use free_port::free_udp_port;
+pub use made_once::MadeOnce;
 pub use repository::{
     onnx_runtime, onnx_runtime_with_openvino, program_of_venv, python_with_torch, repository,
 };
 pub use runway::changi_02l;
 pub use skip::skipped;
+pub use tiny_training::TINY_TRAINING;

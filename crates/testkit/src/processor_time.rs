@@ -15,6 +15,19 @@ pub fn of_process(id: u32) -> Duration {
     own_and_children_of(&id.to_string())[0]
 }
 
+/// Processor time so far of this process and of its children that run.
+pub fn own_and_running_children() -> Duration {
+    let tasks = fs::read_dir("/proc/self/task").expect("Linux's /proc");
+    let children = tasks.map(|task| {
+        let path = task.expect("a task").path().join("children");
+        fs::read_to_string(path).unwrap_or_default()
+    });
+    let children: String = children.collect();
+    let ids = children.split_whitespace();
+    let of_children = ids.map(|id| of_process(id.parse().expect("a process")));
+    own_and_children()[0] + of_children.sum::<Duration>()
+}
+
 fn own_and_children_of(process: &str) -> [Duration; 2] {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).expect("Linux's /proc");
     // From field 14 on: user and system time, then those of children. The name in parentheses may contain spaces.

@@ -4,9 +4,12 @@
 //! place. A paused world repeats every bit, so there each video has to equal the undisturbed one. Where time runs, rain and clouds differ
 //! from run to run: there no picture may differ in half of the cover's place as a cover does.
 
+mod table;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::fmt;
+use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -18,7 +21,7 @@ use mock_xplane::server::WindowForm;
 use mock_xplane::window::CoverWindow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde_json::json;
+use table::{Row, Table};
 use testkit::sweep::{FOUR_WEATHERS, SmallSweep, WEATHER_NAMES, starting_from};
 use tracing::field::{Field, Visit};
 use tracing::span;
@@ -51,7 +54,12 @@ enum Form {
 /// Left, top, width, height in the picture.
 type Area = [u32; 4];
 
-pub(crate) async fn covers(repeats: u32, seed: u32) -> Result<(), Box<dyn Error>> {
+/// Adds the figures to `file`, or prints them.
+pub(crate) async fn covers(
+    repeats: u32,
+    seed: u32,
+    file: Option<&Path>,
+) -> Result<(), Box<dyn Error>> {
     tracing::subscriber::set_global_default(CountAlarms)?;
     let recording = Recording::start(SIZE_PX, Some(FRAMES_PER_S), 0).await?;
     let toml = SmallSweep {
@@ -72,7 +80,7 @@ pub(crate) async fn covers(repeats: u32, seed: u32) -> Result<(), Box<dyn Error>
         ..Run::default()
     };
     let expected = run.record(&recording, "undisturbed", &toml, None).await?;
-    println!("{}", run.said("none", 0));
+    let mut rows = run.rows("none", &BTreeMap::new());
     for form in [
         Form::Message,
         Form::PluginWindow,
@@ -86,12 +94,17 @@ pub(crate) async fn covers(repeats: u32, seed: u32) -> Result<(), Box<dyn Error>
         };
         let name = format!("{form:?}");
         let found = covered.record(&recording, &name, &toml, Some(form)).await?;
-        let mut pictures = 0;
+        let mut pictures = BTreeMap::new();
         for (id, area) in &covered.areas {
-            pictures += covered_pictures(&expected, &found, id, *area)?;
+            pictures.insert(id.clone(), covered_pictures(&expected, &found, id, *area)?);
         }
-        println!("{}", covered.said(&name, pictures));
+        rows.extend(covered.rows(&name, &pictures));
     }
+    let table = Table::of_run(repeats, seed, rows);
+    if let Some(file) = file {
+        return table.add_to(file);
+    }
+    println!("{}", serde_json::to_string_pretty(&table)?);
     Ok(())
 }
 
@@ -165,14 +178,39 @@ impl Run {
         (area, Duration::from_secs_f64(share * took_s))
     }
 
-    fn said(&self, cover: &str, covered_pictures: usize) -> serde_json::Value {
-        let seconds: f64 = self.seconds.values().sum();
-        json!({
-            "cover": cover, "scenarios": self.seconds.len(), "noticed_in": self.noticed.len(),
-            "covered_pictures": covered_pictures, "repeated_attempts": self.repeated_attempts,
-            "mean_s": seconds / self.seconds.len().max(1) as f64,
-            "not_noticed": self.areas.keys().filter(|id| !self.noticed.contains(*id)).collect::<Vec<_>>(),
-        })
+    /// The figures of each weather. `covered_pictures`: of each scenario.
+    fn rows(&self, cover: &str, covered_pictures: &BTreeMap<String, u32>) -> Vec<Row> {
+        let named = |id: &str| format!("seed {}: {id}", self.seed);
+        let row = |weather: &str| {
+            let of_weather = |id: &&String| id.contains(weather);
+            let missed = |id: &&String| !self.noticed.contains(*id);
+            let counted = |ids: &BTreeSet<String>| ids.iter().filter(of_weather).count() as u32;
+            Row {
+                cover: cover.to_owned(),
+                weather: weather.to_owned(),
+                scenarios: self.seconds.keys().filter(of_weather).count() as u32,
+                noticed_in: counted(&self.noticed),
+                covered_pictures: covered_pictures
+                    .iter()
+                    .filter(|(id, _)| of_weather(id))
+                    .map(|(_, pictures)| pictures)
+                    .sum(),
+                not_noticed: self
+                    .areas
+                    .keys()
+                    .filter(of_weather)
+                    .filter(missed)
+                    .map(|id| named(id))
+                    .collect(),
+                repeated_attempts: self
+                    .repeated_attempts
+                    .iter()
+                    .filter(of_weather)
+                    .map(|attempt| named(attempt))
+                    .collect(),
+            }
+        };
+        WEATHER_NAMES.map(row).into()
     }
 }
 
@@ -199,7 +237,7 @@ fn covered_pictures(
     found: &Corpus,
     id: &str,
     area: Area,
-) -> Result<usize, Box<dyn Error>> {
+) -> Result<u32, Box<dyn Error>> {
     let [expected, found] = [expected.scenario(id), found.scenario(id)];
     let record = found.open()?.record()?;
     let time_runs = record.conditions.weather.rain_ratio > 0.0;
@@ -218,7 +256,7 @@ fn covered_pictures(
             } else {
                 one != other
             };
-            covered += usize::from(is_covered);
+            covered += u32::from(is_covered);
         }
     }
     Ok(covered)

@@ -7,7 +7,7 @@
 //! (480 320), the first and the last lag (0 4).
 //!
 //! `-- covers` puts something over the scene for a second in mid recording, in scenarios of four weathers: `covers.rs`. Arguments:
-//! scenarios of each weather (25), and a seed (0).
+//! scenarios of each weather (25), a seed (0), and a JSON file to which the figures are added, else they are printed.
 //!
 //! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of a picture,
 //! each measured alone. Arguments: width and height (1920 1280). On a larger machine: `taskset -c 0,1` before it.
@@ -21,7 +21,7 @@ use std::net::SocketAddr;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use alone::Stage;
 use dataset::corpus::Corpus;
@@ -33,8 +33,8 @@ use mock_xplane::server::{
 };
 use mock_xplane::window::{DisplayWindow, X11Window};
 use serde_json::json;
-use testkit::repository;
 use testkit::sweep::{SmallSweep, starting_from};
+use testkit::{processor_time, repository};
 use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::LocalUdp;
 use xplane_bridge::datarefs::Generation;
@@ -65,19 +65,22 @@ clouds = [{ kind = "cumulonimbus", cover_ratio = 0.9, base_msl_m = 1000, top_msl
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {
-    let mut arguments = env::args().skip(1);
-    let what = arguments.next().unwrap_or_default();
-    let numbers: Vec<u32> = arguments
-        .map(|text| text.parse())
-        .collect::<Result<_, _>>()?;
-    let number = |at: usize, default: u32| numbers.get(at).copied().unwrap_or(default);
-    match what.as_str() {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let what = arguments.first().map_or("", String::as_str);
+    let number = |at: usize, default: u32| match arguments.get(at + 1) {
+        Some(text) => text.parse().map_err(|error| format!("{text:?}: {error}")),
+        None => Ok(default),
+    };
+    match what {
         "frames" => {
-            let lags = number(2, 0) as usize..=number(3, 4) as usize;
-            frames((number(0, 480), number(1, 320)), lags).await
+            let lags = number(2, 0)? as usize..=number(3, 4)? as usize;
+            frames((number(0, 480)?, number(1, 320)?), lags).await
         }
-        "speed" => speed((number(0, 1_920), number(1, 1_280))).await,
-        "covers" => covers::covers(number(0, 25), number(1, 0)).await,
+        "speed" => speed((number(0, 1_920)?, number(1, 1_280)?)).await,
+        "covers" => {
+            let file = arguments.get(3).map(Path::new);
+            covers::covers(number(0, 25)?, number(1, 0)?, file).await
+        }
         _ => Err("expected `frames`, `speed` or `covers`".into()),
     }
 }
@@ -103,7 +106,7 @@ async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), 
 
 async fn speed(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
     let recording = Recording::start(size_px, None, 0).await?;
-    for recorded in recording.record(1.0).await? {
+    for recorded in recording.record(0.5).await? {
         let stage = Stage {
             xvfb: &recording.xvfb,
             window: recording.window.as_ref(),
@@ -121,6 +124,9 @@ async fn speed(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
                 "drawing_ms": 1e3 * alone.drawing.as_secs_f64(),
                 "grabbing_ms": 1e3 * alone.grabbing.as_secs_f64(),
                 "encoding_ms": 1e3 * alone.encoding.as_secs_f64(),
+                "processor_ms": 1e3 * recorded.processor.as_secs_f64() / recorded.pictures as f64,
+                "before_first_picture_s": recorded.before_first_s,
+                "after_last_picture_s": recorded.after_last_s,
                 "cores": CORES,
                 "share_of_cores": pictures_per_s * of_a_picture.as_secs_f64() / CORES,
                 "goal": GOAL,
@@ -149,6 +155,11 @@ struct Recorded {
     frames: u64,
     pictures: u64,
     seconds: f64,
+    /// Of these, until the first picture and since the last.
+    before_first_s: f64,
+    after_last_s: f64,
+    /// Processor time of the simulator, its screen and the recording.
+    processor: Duration,
     blocks: serde_json::Value,
 }
 
@@ -236,18 +247,28 @@ impl Recording {
         .toml();
         let (mut from, mut to) = (0, 0);
         let mut began = Instant::now();
+        let (mut first, mut last, mut processor) = (None, began, Duration::ZERO);
         let mut recorded = Vec::new();
         let mut listen = |event: Event<'_>| match event {
             Event::Flown { .. } => {
                 from = self.frames.get();
                 began = Instant::now();
+                first = None;
+                processor = processor_time::own_and_running_children();
             }
-            Event::Captured { .. } => to = self.frames.get(),
+            Event::Captured { .. } => {
+                to = self.frames.get();
+                last = Instant::now();
+                first.get_or_insert(last);
+            }
             Event::Committed { id, ticks, .. } => recorded.push(Recorded {
                 id: id.to_owned(),
                 frames: to - from,
                 pictures: 2 * u64::from(ticks),
                 seconds: began.elapsed().as_secs_f64(),
+                before_first_s: (first.unwrap_or(last) - began).as_secs_f64(),
+                after_last_s: last.elapsed().as_secs_f64(),
+                processor: processor_time::own_and_running_children() - processor,
                 blocks: json!(null),
             }),
             _ => {}

@@ -92,7 +92,10 @@ struct Line<'a> {
     ends: &'a Ends,
     threshold: LatLon,
     course_deg: f64,
+    /// Between the ends of the pavement, metres.
     length_m: f64,
+    /// From the landing threshold on, metres.
+    landing_m: f64,
     /// Distance of the localizer's antenna from the centreline, metres.
     localizer_m: Option<f64>,
 }
@@ -201,6 +204,8 @@ pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported
             touchdown_past_threshold_m: round(touchdown_past_threshold_m, 1),
             ils_frequency_mhz: localizer.map(|(_, frequency_mhz)| frequency_mhz),
             course_magnetic_deg: None,
+            length_m: Some(round(best.landing_m, 0)),
+            width_m: best.ends.width_m.map(|width_m| round(width_m, 0)),
         },
         conflicts,
         ends_from: format!("geodesic between the ends of {}{reason}", best.ends.source),
@@ -225,6 +230,8 @@ impl Imported {
             glide_path_deg,
             touchdown_past_threshold_m,
             ils_frequency_mhz,
+            length_m,
+            width_m,
             ..
         } = &self.runway;
         let mut text = format!("[airport.{airport}.runway.{name}]\n");
@@ -258,6 +265,11 @@ impl Imported {
                 "localizer in earth_nav.dat",
             );
         }
+        for (key, value) in [("length_m", length_m), ("width_m", width_m)] {
+            if let Some(metres) = value {
+                line(key, metres.to_string(), "by the table of the ends");
+            }
+        }
         text
     }
 }
@@ -275,6 +287,7 @@ impl<'a> Line<'a> {
             threshold,
             course_deg: Degrees(threshold.azimuth_to_deg(far.place)).wrapped_360().0,
             length_m: near.place.distance_m(far.place),
+            landing_m: threshold.distance_m(far.place),
             localizer_m: None,
         };
         let offset_m = localizer.map(|place| line.place(place).cross_track_m.abs());

@@ -40,6 +40,8 @@ pub(super) struct Ends {
     pub(super) far: End,
     /// Its length as the table states it, metres.
     pub(super) stated_length_m: Option<f64>,
+    /// Its width, metres.
+    pub(super) width_m: Option<f64>,
 }
 
 /// A transmitter of the instrument landing system.

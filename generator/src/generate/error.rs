@@ -197,7 +197,8 @@ pub enum ScenarioError {
     Cancelled,
     /// The simulator is connected, but no picture arrives.
     #[error(
-        "the simulator did not answer within {waited:?} while pictures were taken: it is frozen or cut off"
+        "the simulator did not answer within {:.1} s while pictures were taken: it is frozen or cut off",
+        waited.as_secs_f64()
     )]
     Frozen {
         /// Time waited.

@@ -140,7 +140,7 @@ pub(super) fn is_whole(corpus: &Corpus, scenario: &PlannedScenario) -> Result<bo
         return Ok(false);
     }
     match folder.seal() {
-        Err(error) if error.is_bad_content() => foreign(format!("it is damaged: {error}")),
+        Err(error) if error.is_damage() => foreign(format!("it is damaged: {error}")),
         Err(error) => Err(error.into()),
         Ok(None) => foreign("it has no seal (DONE.json)".into()),
         Ok(Some(seal)) if seal.config_hash != scenario.config_hash => {
@@ -149,7 +149,7 @@ pub(super) fn is_whole(corpus: &Corpus, scenario: &PlannedScenario) -> Result<bo
         Ok(Some(_)) => match seal::faults_besides_videos(folder.root()) {
             Ok(faults) if faults.is_empty() => Ok(true),
             Ok(faults) => foreign(format!("it is damaged: {}", faults.join("; "))),
-            Err(error) if error.is_bad_content() => foreign(format!("it is damaged: {error}")),
+            Err(error) if error.is_damage() => foreign(format!("it is damaged: {error}")),
             Err(error) => Err(error.into()),
         },
     }

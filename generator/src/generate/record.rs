@@ -12,12 +12,11 @@ use dataset::corpus::seal::{commit_folder, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::geometry::imaging::{Imaging, Stream};
 use dataset::geometry::pose::FlightState;
-use dataset::numbers::units::Degrees;
-use dataset::plan::{Common, LiveStart, Picture, Plan, PlannedScenario};
+use dataset::plan::{Common, Picture, Plan, PlannedScenario};
 use dataset::tables::frames::{Frames, TickRow, ViewStamp};
 use dataset::video::VideoEncoder;
 use tokio::task::spawn_blocking;
-use xplane_bridge::fly::{FlightStart, FlyRequest};
+use xplane_bridge::fly::FlightStart;
 use xplane_bridge::link::PictureSize;
 use xplane_bridge::profile::RecordedPace;
 use xplane_bridge::{Simulator, pictures_at_once};
@@ -31,11 +30,10 @@ use super::lockstep::{Drawn, capture};
 use super::session::Session;
 use super::steps::{Steps, Stopwatch};
 use super::workplace::Workplace;
+use crate::plan::fly_request;
 use crate::sweep::Sweep;
 use crate::trajectory::Trajectory;
 
-/// A live flight may take this many times as long as expected, plus this many seconds, before the simulator gives up.
-const FLIGHT_TIME_MARGIN: (f64, f64) = (2.0, 120.0);
 /// Position and speed of an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
 const WAITING_SPEED_MPS: f64 = 80.0;
@@ -357,30 +355,6 @@ async fn trajectory(
                 .map_err(ScenarioError::Flight)
         }
         (Flight::Live | Flight::Computed { .. }, None) => Err(ScenarioError::NoLiveStart),
-    }
-}
-
-fn fly_request(common: &Common, scenario: &PlannedScenario, live: &LiveStart) -> FlyRequest {
-    let Common {
-        runway, picture, ..
-    } = common;
-    let altitude_msl_m = live.profile.start_altitude_msl_m() + live.above_profile_m;
-    let (factor, more_s) = FLIGHT_TIME_MARGIN;
-    FlyRequest {
-        start: FlightStart {
-            position: runway
-                .point_on_approach(scenario.parameters.start_dtd_m, live.cross_track_m)
-                .at_altitude_m(altitude_msl_m),
-            heading_true_deg: Degrees(runway.course_true_deg + live.heading_offset_deg)
-                .wrapped_360()
-                .0,
-            speed_mps: live.speed_mps,
-        },
-        runway: runway.clone(),
-        profile: live.profile,
-        seed: scenario.seed,
-        time_limit_s: f64::from(scenario.ticks) * picture.frame_rate.period_s() * factor + more_s,
-        already_started: false,
     }
 }
 

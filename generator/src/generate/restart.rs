@@ -57,8 +57,9 @@ pub(super) enum RestartError {
     },
     /// It does not end.
     #[error(
-        "the command of --restart-simulator still runs after {waited:?}; let it start X-Plane in the background (`&`, or `start` on Windows); \
+        "the command of --restart-simulator still runs after {:.1} s; let it start X-Plane in the background (`&`, or `start` on Windows); \
          its last output: {}",
+        waited.as_secs_f64(),
         last_lines(output)
     )]
     StillRuns {

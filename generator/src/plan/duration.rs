@@ -153,8 +153,10 @@ impl Count {
             live: live.clone().count(),
             live_flying_s: live
                 .map(|scenario| f64::from(scenario.ticks) * period_s + ROLL_OUT_S)
-                .sum(),
-            pictures: ticks.sum::<f64>() * common.cameras.len() as f64,
+                .sum::<f64>()
+                + 0.0,
+            // The sum of none is -0.
+            pictures: (ticks.sum::<f64>() + 0.0) * common.cameras.len() as f64,
         }
     }
 

@@ -130,7 +130,7 @@ fn decide(
             clock: combination
                 .time
                 .clock(sweep.day_of_year, sweep.utc_offset_h),
-            weather: sweep.weathers[&weather].draw(seed),
+            weather: sweep.weathers[&weather].draw(seed, sweep.runway.threshold.altitude_msl_m),
             weather_name: weather.clone(),
         },
         start_dtd_m,

@@ -4,38 +4,19 @@
 //! the runway or land on another one. Everything would be drawn, labelled and sealed without an error. So units are compared with each
 //! other (positions, velocities, times), and the path with the runway. Limits are wide: they reject mistakes, not unusual flights.
 
+mod units;
+
 use std::fmt;
 
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::spread::median;
-use dataset::numbers::units::Degrees;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::trajectory::Inbound;
 
-/// Ratios of two units, and what a number in the wrong one looks like.
-const LENGTH_RATIOS: [(f64, &str); 1] = [(3.280_84, "feet")];
-const SPEED_RATIOS: [(f64, &str); 3] = [
-    (1.943_84, "knots"),
-    (3.6, "kilometres per hour"),
-    (196.85, "feet per minute"),
-];
-/// Agreement with such a ratio.
-const RATIO_TOLERANCE: f64 = 0.12;
-/// Altitude and the integral of the vertical speed may differ by this much, metres, plus a part of the change of altitude.
-const CLIMB_TOLERANCE_M: f64 = 30.0;
-const CLIMB_TOLERANCE: f64 = 0.25;
-/// Airspeed over ground speed.
-const AIRSPEED_RATIOS: std::ops::RangeInclusive<f64> = 0.5..=1.7;
-/// Slower states have no heading that has to agree with the track.
-const MOVING_MPS: f64 = 30.0;
-/// Largest median angle between heading and track: more than any crosswind causes.
-const LARGEST_CRAB_DEG: f64 = 40.0;
-/// Largest pitch and roll, as numbers, that look like radians. No airliner flies a whole approach within 0.2 degrees.
-const RADIANS: f64 = 0.2;
 /// Positions within this distance are near the runway, metres.
 const NEAR_M: f64 = 100_000.0;
 /// Height above the target where the aircraft passes it, metres.
@@ -53,6 +34,9 @@ const CORRIDOR: f64 = 0.6;
 const LOWEST: (f64, f64) = (0.2, -30.0);
 const HIGHEST: (f64, f64) = (3.0, 300.0);
 
+/// A recording that begins later before the target, seconds, is a part of an approach.
+const SHORTEST_S: f64 = 10.0;
+
 /// Kinds of flights that are no approach and may be flown nevertheless.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -65,6 +49,8 @@ pub enum Allowed {
     Outside,
     /// Climbs again after it has passed the target.
     GoAround,
+    /// Begins shortly before the target, or ends before it.
+    Part,
 }
 
 impl Allowed {
@@ -74,6 +60,7 @@ impl Allowed {
             Self::Offset => "offset",
             Self::Outside => "outside",
             Self::GoAround => "go-around",
+            Self::Part => "part",
         }
     }
 }
@@ -142,10 +129,10 @@ impl<'a> Seen<'a> {
         if approach.len() < 2 {
             return Ok(());
         }
-        speeds(approach)?;
-        climb(approach)?;
-        airspeed(approach)?;
-        attitude(approach)
+        units::speeds(approach)?;
+        units::climb(approach)?;
+        units::airspeed(approach)?;
+        units::attitude(approach)
     }
 
     /// Compares the path with the runway.
@@ -158,6 +145,9 @@ impl<'a> Seen<'a> {
             }
         };
         let Runway { airport, name, .. } = self.runway;
+        if let Some(how) = self.is_part() {
+            refuse(Allowed::Part, how)?;
+        }
         if let Some(passing) = self.inbound.passing {
             let at = &self.places[passing];
             let side = if at.cross_track_m > 0.0 {
@@ -220,6 +210,28 @@ impl<'a> Seen<'a> {
             Some(how) => refuse(Allowed::Outside, how),
             None => Ok(()),
         }
+    }
+
+    /// The missing end of an approach, if one is missing.
+    fn is_part(&self) -> Option<String> {
+        let Runway { airport, name, .. } = self.runway;
+        let first = self.inbound.first;
+        let Some(passing) = self.inbound.passing else {
+            let last_m = self.places.last()?.along_track_m;
+            return Some(format!(
+                "ends {last_m:.0} m before the touchdown target of {airport} {name}"
+            ));
+        };
+        let lasts_s = self.states[passing].time_s - self.states[first].time_s;
+        // Otherwise it was cut where the sweep begins.
+        let begins_here = first == 0;
+        (begins_here && lasts_s < SHORTEST_S).then(|| {
+            format!(
+                "begins {:.0} m before the touchdown target of {airport} {name}, {lasts_s:.1} s before it passes it; expected at least \
+                 {SHORTEST_S} s",
+                self.places[first].along_track_m
+            )
+        })
     }
 
     /// Median height of the states on the ground near the target, if no runway is as high or as low.
@@ -336,203 +348,6 @@ pub(super) fn elsewhere(states: &[FlightState], runway: &Runway) -> Option<Impla
         },
         expected: "degrees on WGS-84, north and east positive",
     })
-}
-
-/// The name of the unit in which a quantity has this many times its number.
-fn unit_of(ratio: f64, units: &[(f64, &'static str)]) -> Option<&'static str> {
-    let fits = |(factor, _): &&(f64, &str)| (ratio / factor - 1.0).abs() < RATIO_TOLERANCE;
-    units.iter().find(fits).map(|(_, name)| *name)
-}
-
-fn ground_speed_mps(state: &FlightState) -> f64 {
-    state.velocity_north_mps.hypot(state.velocity_east_mps)
-}
-
-/// Way over ground by positions against velocities and times.
-fn speeds(approach: &[FlightState]) -> Result<(), Implausible> {
-    let (mut way_m, mut flown_m, mut steps_s) = (0.0, 0.0, Vec::new());
-    for pair in approach.windows(2) {
-        let [before, after] = pair else { continue };
-        let step_s = after.time_s - before.time_s;
-        let (from, to) = (before.pose.position(), after.pose.position());
-        way_m += from.lat_lon().distance_m(to.lat_lon());
-        flown_m += step_s * (ground_speed_mps(before) + ground_speed_mps(after)) / 2.0;
-        steps_s.push(step_s);
-    }
-    if way_m < 100.0 || flown_m <= 0.0 {
-        return Ok(());
-    }
-    let why =
-        format!("positions are {way_m:.0} m apart where velocities and times make {flown_m:.0} m");
-    let ratio = flown_m / way_m;
-    if let Some(looks_like) = unit_of(ratio, &SPEED_RATIOS) {
-        return Err(Implausible::Unit {
-            column: "v_north_mps and v_east_mps",
-            looks_like,
-            why,
-            expected: "metres per second over ground",
-        });
-    }
-    for (looks_like, factor) in [
-        ("milliseconds", 1e3),
-        ("microseconds", 1e6),
-        ("minutes", 1.0 / 60.0),
-    ] {
-        if (ratio / factor - 1.0).abs() < RATIO_TOLERANCE {
-            return Err(Implausible::Unit {
-                column: "t_s",
-                looks_like,
-                why,
-                expected: "seconds",
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Altitude against vertical speed.
-fn climb(approach: &[FlightState]) -> Result<(), Implausible> {
-    let integral = approach.windows(2).map(|pair| {
-        let step_s = pair[1].time_s - pair[0].time_s;
-        step_s * (pair[0].velocity_down_mps + pair[1].velocity_down_mps) / 2.0
-    });
-    let sinks_m: f64 = integral.sum();
-    let altitude_m = |state: &FlightState| state.pose.altitude_msl_m;
-    let falls_m = altitude_m(&approach[0]) - altitude_m(&approach[approach.len() - 1]);
-    let allowed_m = CLIMB_TOLERANCE_M + CLIMB_TOLERANCE * falls_m.abs();
-    if (falls_m - sinks_m).abs() <= allowed_m {
-        return Ok(());
-    }
-    let why =
-        format!("altitude_msl_m falls by {falls_m:.0} m where v_down_mps makes {sinks_m:.0} m");
-    let ratio = falls_m / sinks_m;
-    if let Some(looks_like) = unit_of(ratio, &LENGTH_RATIOS) {
-        return Err(Implausible::Unit {
-            column: "altitude_msl_m",
-            looks_like,
-            why,
-            expected: "metres above mean sea level",
-        });
-    }
-    let upwards = (falls_m + sinks_m).abs() <= allowed_m;
-    let feet_per_minute = unit_of(ratio.recip().abs(), &SPEED_RATIOS[2..]);
-    let feet_per_second = unit_of(ratio.recip().abs(), &LENGTH_RATIOS).map(|_| "feet per second");
-    let looks_like = if upwards {
-        Some("velocities upwards")
-    } else {
-        feet_per_minute.or(feet_per_second)
-    };
-    match looks_like {
-        Some(looks_like) => Err(Implausible::Unit {
-            column: "v_down_mps",
-            looks_like,
-            why,
-            expected: "metres per second, downwards positive",
-        }),
-        None => Err(Implausible::Contradiction {
-            why,
-            expected: "both to agree",
-        }),
-    }
-}
-
-/// Airspeed against ground speed.
-fn airspeed(approach: &[FlightState]) -> Result<(), Implausible> {
-    let moving = approach
-        .iter()
-        .filter(|state| ground_speed_mps(state) > MOVING_MPS);
-    let mut ratios: Vec<f64> = moving
-        .map(|state| state.true_airspeed_mps / ground_speed_mps(state))
-        .collect();
-    if ratios.is_empty() {
-        return Ok(());
-    }
-    let ratio = median(&mut ratios);
-    if AIRSPEED_RATIOS.contains(&ratio) {
-        return Ok(());
-    }
-    let why = format!("tas_mps is {ratio:.2} times the ground speed");
-    match unit_of(ratio, &SPEED_RATIOS) {
-        Some(looks_like) => Err(Implausible::Unit {
-            column: "tas_mps",
-            looks_like,
-            why,
-            expected: "metres per second",
-        }),
-        None => Err(Implausible::Contradiction {
-            why,
-            expected: "0.5 to 1.7 times",
-        }),
-    }
-}
-
-/// Heading against track, and the size of pitch and roll.
-fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
-    let moving: Vec<&FlightState> = approach
-        .iter()
-        .filter(|state| ground_speed_mps(state) > MOVING_MPS)
-        .collect();
-    if moving.is_empty() {
-        return Ok(());
-    }
-    let crab_deg = |heading: &dyn Fn(&FlightState) -> f64| {
-        let mut angles: Vec<f64> = moving
-            .iter()
-            .map(|state| {
-                let track_deg = state
-                    .velocity_east_mps
-                    .atan2(state.velocity_north_mps)
-                    .to_degrees();
-                Degrees(heading(state) - track_deg).wrapped_180().0.abs()
-            })
-            .collect();
-        median(&mut angles)
-    };
-    let heading_deg = |state: &FlightState| state.pose.heading_true_deg;
-    let as_it_is_deg = crab_deg(&heading_deg);
-    let is_small = |state: &&FlightState| heading_deg(state).abs() <= std::f64::consts::TAU;
-    let as_radians_deg = crab_deg(&|state| heading_deg(state).to_degrees());
-    let unit = |column, looks_like, why, expected| {
-        Err(Implausible::Unit {
-            column,
-            looks_like,
-            why,
-            expected,
-        })
-    };
-    let why = format!("heading and track differ by {as_it_is_deg:.0} degrees (median)");
-    if moving.iter().all(is_small) && as_radians_deg + 5.0 < as_it_is_deg {
-        return unit("heading_true_deg", "radians", why, "degrees, 0 to 360");
-    }
-    if as_it_is_deg > 180.0 - LARGEST_CRAB_DEG {
-        return unit(
-            "heading_true_deg",
-            "headings of an aircraft that flies backwards",
-            why,
-            "where the nose points",
-        );
-    }
-    if as_it_is_deg > LARGEST_CRAB_DEG {
-        return Err(Implausible::Contradiction {
-            why,
-            expected: "at most 40 degrees",
-        });
-    }
-    let largest = |angle: &dyn Fn(&FlightState) -> f64| {
-        approach
-            .iter()
-            .map(|state| angle(state).abs())
-            .fold(0.0, f64::max)
-    };
-    let pitch = largest(&|state| state.pose.pitch_deg);
-    let roll = largest(&|state| state.pose.roll_deg);
-    let lasts_s = approach[approach.len() - 1].time_s - approach[0].time_s;
-    if pitch > 0.0 && pitch.max(roll) < RADIANS && lasts_s > 60.0 {
-        let why =
-            format!("no pitch is above {pitch:.3} and no roll above {roll:.3} in {lasts_s:.0} s");
-        return unit("pitch_deg and roll_deg", "radians", why, "degrees");
-    }
-    Ok(())
 }
 
 impl fmt::Display for Allowed {

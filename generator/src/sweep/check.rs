@@ -4,17 +4,14 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use super::document::{AIRCRAFT, Document};
 use super::fault::{Checked, distinct_names, fault, list};
 use super::grid::{Names, combinations};
 use super::imaging::ImagingTable;
+use super::times::LocalDay;
 use super::{Sweep, profiles, recorded, rigs, runways};
-
-/// Local time differs from the sun's by up to three hours, in the west of China, and with daylight saving by up to four.
-const MOST_FROM_SUN_H: f64 = 4.0;
 
 pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sweep> {
     let Document {
@@ -29,7 +26,7 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         split,
         weather,
         rig,
-        mut profile,
+        profile,
         airport,
         recorded,
         aim,
@@ -64,20 +61,19 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     for (name, weather) in &weather {
         weather.check(name, runway.threshold.altitude_msl_m)?;
     }
-    check_offset(grid.utc_offset_h, &runway)?;
+    let day = LocalDay::of(&grid, &runway, &airport)?;
     let cameras = rigs::cameras(&approach.rig, &rig)?;
     distinct_names(
         &format!("rig.{}.camera", approach.rig),
         cameras.iter().map(|camera| &camera.id),
     )?;
-    profiles::check(&profile, &runway)?;
-    profiles::add_built_in(&mut profile, &runway);
+    let profile = profiles::all(&profile, &runway)?;
     distinct_names("profile", profile.keys())?;
     let names = Names {
         weathers: &weather,
         profiles: &profile,
     };
-    let combinations = combinations(&grid, &exclude, &include, &names)?;
+    let combinations = combinations(&grid, &exclude, &include, &names, &day)?;
     let picture = picture.checked()?;
     if let Some(aim) = &aim {
         aim.check()?;
@@ -94,7 +90,8 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     let start_profiles = start.profiles();
     split.check()?;
     let (nearest_nm, longest_nm) = start.dtd_nm.range();
-    let (recorded, rule_of) = recorded::read(recorded, &combinations, folder, &runway, longest_nm)?;
+    let (recorded, rule_of) =
+        recorded::read(recorded, &combinations, folder, &runway, longest_nm, &day)?;
     let flown_by_profile = combinations
         .iter()
         .zip(&rule_of)
@@ -120,8 +117,8 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         jitter,
         imaging,
         combinations,
-        day_of_year: grid.day_of_year,
-        utc_offset_h: grid.utc_offset_h,
+        day_of_year: day.day_of_year,
+        utc_offset_h: day.utc_offset_h,
         picture,
         video,
         start,
@@ -133,22 +130,4 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         rule_of,
         text: text.to_owned(),
     })
-}
-
-/// Rejects a local time that is far from the sun's at the runway: noon would be dark.
-fn check_offset(utc_offset_h: f64, runway: &Runway) -> Checked<()> {
-    let sun_h = runway.threshold.longitude_deg / 15.0;
-    // Clocks on both sides of the date line show the same time.
-    let off_h = (utc_offset_h - sun_h + 12.0).rem_euclid(24.0) - 12.0;
-    if off_h.abs() <= MOST_FROM_SUN_H {
-        return Ok(());
-    }
-    fault(
-        "grid.utc_offset_h",
-        format!(
-            "{utc_offset_h} h, but the sun is {sun_h:.1} h ahead of UTC at {} {}; expected a difference of at most {MOST_FROM_SUN_H} h: is \
-             it the offset of another airport?",
-            runway.airport, runway.name
-        ),
-    )
 }

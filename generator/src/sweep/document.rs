@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::video::VideoSettings;
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
@@ -13,6 +12,7 @@ use super::grid::{Exclude, Grid, Include};
 use super::imaging::ImagingTable;
 use super::jitter::JitterTable;
 use super::picture::PictureTable;
+use super::profiles::ProfileTable;
 use super::recorded::RecordedRule;
 use super::rigs::Rig;
 use super::runways::AirportTable;
@@ -53,8 +53,8 @@ pub(super) struct Document {
     /// Flight profiles by name; `level-then-glide-path`, `step-down` and `continuous` need no definition.
     #[serde(default)]
     #[schemars(transform = legal_names)]
-    pub(super) profile: BTreeMap<String, ApproachProfile>,
-    /// Airports by ICAO code; WSSS needs no definition.
+    pub(super) profile: BTreeMap<String, ProfileTable>,
+    /// Airports by ICAO code; those of `generator/src/airports.toml` need no definition.
     #[serde(default)]
     pub(super) airport: BTreeMap<String, AirportTable>,
     #[serde(default)]

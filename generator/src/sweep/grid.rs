@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 use super::fault::{Checked, NAME_PATTERN, defined, fault, list};
 use super::limits::Enforce;
-use super::times::TimeEntry;
+use super::times::{LocalDay, TimeEntry};
 use crate::time_of_day::TimeOfDay;
 
 /// More is a typo, and a plan of gigabytes.
@@ -21,7 +21,8 @@ const MOST_SCENARIOS: u64 = 1_000_000;
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Grid {
-    /// Local times: `"HH:MM"`, or `{ from = "06:00", to = "18:00", every_min = 60 }`.
+    /// Local times: `"HH:MM"`, or `{ from = "06:00", to = "18:00", every_min = 60 }`, or by the sun: `"dawn"`, `"dusk"`, `"sunset-00:20"`,
+    /// `{ sun_elevation_deg = -4, in = "evening" }`.
     #[schemars(length(min = 1))]
     times: Vec<TimeEntry>,
     /// Names of weathers that the file defines; by default all of them.
@@ -36,9 +37,9 @@ pub(super) struct Grid {
     /// Day of the year, 1 to 365; it sets the sun's path.
     #[schemars(transform = limits::DAY_OF_YEAR.in_schema())]
     pub(super) day_of_year: u32,
-    /// Local time minus UTC, hours.
+    /// Local time minus UTC, hours. By default as in the time zone of the airport on this day.
     #[schemars(transform = limits::UTC_OFFSET_H.in_schema())]
-    pub(super) utc_offset_h: f64,
+    pub(super) utc_offset_h: Option<f64>,
 }
 
 /// `[[exclude]]`: combinations of the grid to omit: those that match every given list.
@@ -57,7 +58,7 @@ pub(super) struct Exclude {
 }
 
 /// `[[include]]`: combinations in addition to the grid. Lists that are not given are the grid's.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("minProperties" = 1))]
 pub(super) struct Include {
@@ -116,11 +117,12 @@ pub(super) fn combinations<W, P>(
     exclude: &[Exclude],
     include: &[Include],
     names: &Names<'_, W, P>,
+    day: &LocalDay,
 ) -> Checked<Vec<Combination>> {
-    let axes = Axes::of_grid(grid, names)?;
+    let axes = Axes::of_grid(grid, names, day)?;
     let mut all = axes.combine();
     for (index, rule) in exclude.iter().enumerate() {
-        rule.apply(index, &mut all)?;
+        rule.apply(index, &mut all, day)?;
     }
     if all.is_empty() {
         return fault(
@@ -129,12 +131,10 @@ pub(super) fn combinations<W, P>(
         );
     }
     for (index, rule) in include.iter().enumerate() {
-        rule.apply(index, &axes, names, &mut all)?;
+        rule.apply(index, &axes, names, day, &mut all)?;
     }
     check_count("include", all.len() as u64)?;
     check_labels(&all)?;
-    limits::DAY_OF_YEAR.check_key("grid.day_of_year", f64::from(grid.day_of_year))?;
-    limits::UTC_OFFSET_H.check_key("grid.utc_offset_h", grid.utc_offset_h)?;
     Ok(all)
 }
 
@@ -148,8 +148,8 @@ struct Axes {
 }
 
 impl Axes {
-    fn of_grid<W, P>(grid: &Grid, names: &Names<'_, W, P>) -> Checked<Self> {
-        let times = times("grid.times", &grid.times)?;
+    fn of_grid<W, P>(grid: &Grid, names: &Names<'_, W, P>, day: &LocalDay) -> Checked<Self> {
+        let times = times("grid.times", &grid.times, day)?;
         let weathers = match &grid.weathers {
             Some(listed) => {
                 distinct("grid.weathers", listed, |key, name| {
@@ -207,7 +207,7 @@ impl Axes {
 }
 
 impl Exclude {
-    fn apply(&self, index: usize, all: &mut Vec<Combination>) -> Checked<()> {
+    fn apply(&self, index: usize, all: &mut Vec<Combination>, day: &LocalDay) -> Checked<()> {
         let key = |field: &str| format!("exclude.{index}.{field}");
         let selection = Selection {
             times: &self.times,
@@ -215,7 +215,7 @@ impl Exclude {
             profiles: &self.profiles,
             repeats: &self.repeats,
         };
-        let fits = selection.resolve(all, key)?;
+        let fits = selection.resolve(all, day, key)?;
         let before = all.len();
         all.retain(|combination| !fits(combination));
         if all.len() == before {
@@ -234,12 +234,13 @@ impl Include {
         index: usize,
         grid: &Axes,
         names: &Names<'_, W, P>,
+        day: &LocalDay,
         all: &mut Vec<Combination>,
     ) -> Checked<()> {
         let key = |field: &str| format!("include.{index}.{field}");
         let mut axes = grid.clone();
         if !self.times.is_empty() {
-            axes.times = times(&key("times"), &self.times)?;
+            axes.times = times(&key("times"), &self.times, day)?;
         }
         if !self.weathers.is_empty() {
             distinct(&key("weathers"), &self.weathers, |key, name| {
@@ -290,6 +291,7 @@ impl Selection<'_> {
     pub(super) fn resolve<K: Fn(&str) -> String>(
         &self,
         all: &[Combination],
+        day: &LocalDay,
         key: K,
     ) -> Checked<impl Fn(&Combination) -> bool + use<K>> {
         fn known<T: Ord + std::fmt::Display>(
@@ -318,6 +320,7 @@ impl Selection<'_> {
             times.push(super::times::parse(
                 &format!("{}.{index}", key("times")),
                 text,
+                day,
             )?);
         }
         known(&times, all.iter().map(|c| c.time), key("times"), "time")?;
@@ -351,11 +354,11 @@ impl Selection<'_> {
     }
 }
 
-fn times(key: &str, entries: &[TimeEntry]) -> Checked<Vec<TimeOfDay>> {
+fn times(key: &str, entries: &[TimeEntry], day: &LocalDay) -> Checked<Vec<TimeOfDay>> {
     let mut all = Vec::new();
     for (index, entry) in entries.iter().enumerate() {
         let key = format!("{key}.{index}");
-        for time in entry.times(&key)? {
+        for time in entry.times(&key, day)? {
             if all.contains(&time) {
                 return fault(key, format!("{time} is listed twice; use repeats"));
             }

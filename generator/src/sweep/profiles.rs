@@ -1,4 +1,4 @@
-//! `[profile.NAME]`: vertical profiles. The profile itself is [`ApproachProfile`].
+//! `[profile.NAME]`: vertical profiles. The profile itself, above mean sea level, is [`ApproachProfile`].
 
 use std::collections::BTreeMap;
 
@@ -6,8 +6,10 @@ use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::runway::Runway;
 use dataset::numbers::limits::{self, Limits};
 use dataset::numbers::units::{METERS_PER_FOOT, METERS_PER_NAUTICAL_MILE};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-use super::fault::{Checked, fault, legal_name};
+use super::fault::{Checked, Fault, fault, legal_name};
 use super::limits::Enforce;
 
 /// Steepest descent from the start to the touchdown target, degrees. From steeper ones the flight model lands far beyond the target, or not
@@ -26,8 +28,113 @@ const CONTINUOUS: &str = "continuous";
 /// Elevation of the runway for which the built-in profiles are charted, WSSS 02L, metres.
 const CHARTED_ELEVATION_M: f64 = 6.71;
 
+/// `[profile.NAME]`: each altitude above mean sea level, or above the runway.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum ProfileTable {
+    /// Level until the aircraft meets the glide path, then down the glide path.
+    GlidePath {
+        /// Altitude of the level segment above mean sea level, metres. Either this or `level_above_runway_m`.
+        level_altitude_msl_m: Option<f64>,
+        /// The same above the runway, metres.
+        level_above_runway_m: Option<f64>,
+    },
+    /// Level at the upper altitude until a fix, down to the lower altitude faster than the glide path, level there until the
+    /// glide path is met. The defaults are the chart of WSSS 02L: 2500 ft until D7.6, 1500 ft until D4.4.
+    StepDown {
+        /// Upper level above mean sea level, metres.
+        upper_altitude_msl_m: Option<f64>,
+        /// The same above the runway, metres.
+        upper_above_runway_m: Option<f64>,
+        /// Distance of the first fix before the threshold (Changi's DME reads zero there), metres.
+        step_from_threshold_m: Option<f64>,
+        /// Lower level above mean sea level, metres. It is left where the glide path crosses it.
+        lower_altitude_msl_m: Option<f64>,
+        /// The same above the runway, metres.
+        lower_above_runway_m: Option<f64>,
+    },
+    /// No level segment: from the start straight towards the glide path, and down it.
+    ContinuousDescent {
+        /// Altitude of the start above mean sea level, metres. Either this or `start_above_runway_m`.
+        start_altitude_msl_m: Option<f64>,
+        /// The same above the runway, metres.
+        start_above_runway_m: Option<f64>,
+    },
+}
+
+impl ProfileTable {
+    /// The profile at a runway.
+    fn at(&self, name: &str, runway: &Runway) -> Checked<ApproachProfile> {
+        let ground_m = runway.threshold.altitude_msl_m;
+        let altitude = |what: &str, msl_m: Option<f64>, above_m: Option<f64>| match (msl_m, above_m)
+        {
+            (Some(msl_m), None) => Ok(Some(msl_m)),
+            (None, above_m) => Ok(above_m.map(|above_m| ground_m + above_m)),
+            (Some(_), Some(_)) => fault(
+                format!("profile.{name}.{what}_above_runway_m"),
+                format!("{what}_altitude_msl_m is given as well; expected one of them"),
+            ),
+        };
+        let needed = |what: &str, altitude_m: Option<f64>| {
+            altitude_m.ok_or_else(|| Fault {
+                key: format!("profile.{name}"),
+                message: format!(
+                    "missing field `{what}_altitude_msl_m`; expected it or {what}_above_runway_m"
+                ),
+            })
+        };
+        Ok(match *self {
+            Self::GlidePath {
+                level_altitude_msl_m,
+                level_above_runway_m,
+            } => {
+                let level_m = altitude("level", level_altitude_msl_m, level_above_runway_m)?;
+                ApproachProfile::GlidePath {
+                    level_altitude_msl_m: needed("level", level_m)?,
+                }
+            }
+            Self::StepDown {
+                upper_altitude_msl_m,
+                upper_above_runway_m,
+                step_from_threshold_m,
+                lower_altitude_msl_m,
+                lower_above_runway_m,
+            } => {
+                let upper_m = altitude("upper", upper_altitude_msl_m, upper_above_runway_m)?;
+                let lower_m = altitude("lower", lower_altitude_msl_m, lower_above_runway_m)?;
+                ApproachProfile::step_down(upper_m, step_from_threshold_m, lower_m)
+            }
+            Self::ContinuousDescent {
+                start_altitude_msl_m,
+                start_above_runway_m,
+            } => {
+                let start_m = altitude("start", start_altitude_msl_m, start_above_runway_m)?;
+                ApproachProfile::ContinuousDescent {
+                    start_altitude_msl_m: needed("start", start_m)?,
+                }
+            }
+        })
+    }
+}
+
+/// The profiles that the sweep defines, checked, and the built-in ones.
+pub(super) fn all(
+    tables: &BTreeMap<String, ProfileTable>,
+    runway: &Runway,
+) -> Checked<BTreeMap<String, ApproachProfile>> {
+    let mut profiles = BTreeMap::new();
+    for (name, table) in tables {
+        legal_name(format!("profile.{name}"), name)?;
+        let profile = table.at(name, runway)?;
+        check_one(name, &profile, runway)?;
+        profiles.insert(name.clone(), profile);
+    }
+    add_built_in(&mut profiles, runway);
+    Ok(profiles)
+}
+
 /// Adds the built-in profiles that the sweep does not override: as high above its runway as they are above WSSS 02L.
-pub(super) fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>, runway: &Runway) {
+fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>, runway: &Runway) {
     let higher_m = runway.threshold.altitude_msl_m - CHARTED_ELEVATION_M;
     let built_in = [
         (
@@ -47,15 +154,6 @@ pub(super) fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>, run
     for (name, profile) in built_in {
         profiles.entry(name.into()).or_insert(profile);
     }
-}
-
-/// Rejects profiles of the sweep that cannot be flown to its runway.
-pub(super) fn check(profiles: &BTreeMap<String, ApproachProfile>, runway: &Runway) -> Checked<()> {
-    for (name, profile) in profiles {
-        legal_name(format!("profile.{name}"), name)?;
-        check_one(name, profile, runway)?;
-    }
-    Ok(())
 }
 
 /// Rejects a profile that cannot be flown to a runway.

@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use super::fault::{Checked, fault};
 use super::grid::{Combination, Selection};
+use super::times::LocalDay;
 use crate::recording::{Allowed, Recording, RecordingError, matching_files};
 use crate::seed;
 
@@ -67,6 +68,7 @@ pub(super) fn read(
     folder: &Path,
     runway: &Runway,
     longest_nm: f64,
+    day: &LocalDay,
 ) -> Checked<(Vec<RecordedFlights>, Vec<Option<usize>>)> {
     let mut rule_of = vec![None; combinations.len()];
     let mut all = Vec::with_capacity(rules.len());
@@ -78,7 +80,7 @@ pub(super) fn read(
             profiles: &rule.profiles,
             repeats: &rule.repeats,
         };
-        let fits = selection.resolve(combinations, key)?;
+        let fits = selection.resolve(combinations, day, key)?;
         let mut taken = 0;
         for (combination, rule) in combinations.iter().zip(&mut rule_of) {
             if rule.is_none() && fits(combination) {

@@ -194,9 +194,15 @@ impl CameraTable {
             ((name, Some(value)), (_, None)) | ((_, None), (name, Some(value))) => {
                 Ok((name, value))
             }
-            _ => Err(Fault {
-                key: key(""),
-                message: format!("camera {:?} needs either {} or {}", self.id, a.0, b.0),
+            ((_, given), _) => Err(Fault {
+                key: key(if given.is_some() { b.0 } else { "" }),
+                message: format!(
+                    "camera {:?} needs either {} or {}, and has {}",
+                    self.id,
+                    a.0,
+                    b.0,
+                    if given.is_some() { "both" } else { "neither" }
+                ),
             }),
         }
     }

@@ -16,7 +16,10 @@ use crate::airports;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct AirportTable {
+    /// Its time zone, e.g. `Europe/Zurich`; `utc_offset_h` of the grid follows from it and the day.
+    pub(crate) time_zone: Option<String>,
     /// Its runways, by their designators, e.g. `02L`.
+    #[serde(default)]
     pub(crate) runway: BTreeMap<String, RunwayTable>,
 }
 
@@ -41,6 +44,12 @@ pub(crate) struct RunwayTable {
     /// Magnetic course of the localizer as a pilot would set it, degrees.
     #[schemars(transform = limits::COURSE_MAGNETIC_DEG.in_schema())]
     course_magnetic_deg: Option<f64>,
+    /// Length of the pavement from the landing threshold on, metres; the bundled simulator draws 4,000 m if it is not given.
+    #[schemars(transform = limits::RUNWAY_LENGTH_M.in_schema())]
+    length_m: Option<f64>,
+    /// Width of the pavement, metres; the bundled simulator draws 60 m if it is not given.
+    #[schemars(transform = limits::RUNWAY_WIDTH_M.in_schema())]
+    width_m: Option<f64>,
 }
 
 /// A point on the earth.
@@ -105,6 +114,8 @@ pub(super) fn check(airports: &BTreeMap<String, AirportTable>) -> Checked<()> {
                     limits::COURSE_MAGNETIC_DEG,
                     table.course_magnetic_deg,
                 ),
+                ("length_m", limits::RUNWAY_LENGTH_M, table.length_m),
+                ("width_m", limits::RUNWAY_WIDTH_M, table.width_m),
             ] {
                 if let Some(value) = value {
                     limits.check_key(key(field), value)?;
@@ -175,6 +186,8 @@ impl RunwayTable {
             course_magnetic_deg: self
                 .course_magnetic_deg
                 .or(known.and_then(|k| k.course_magnetic_deg)),
+            length_m: self.length_m.or(known.and_then(|k| k.length_m)),
+            width_m: self.width_m.or(known.and_then(|k| k.width_m)),
         })
     }
 }

@@ -214,6 +214,42 @@ fn what_cannot_be_at_this_runway_is_refused() {
     assert!(message.contains("a descent of 34 degrees"), "{message}");
 }
 
+#[test]
+fn heights_above_the_runway_are_those_above_the_sea_and_its_elevation() {
+    let zurich = SMALL
+        .replace("\"WSSS\"", "\"LSZH\"")
+        .replace("\"02L\"", "\"14\"")
+        .replace("utc_offset_h = 8\n", "")
+        .replace(
+            "base_msl_m = 300, top_msl_m = 900",
+            "base_above_runway_m = 300, top_above_runway_m = { min = 700, max = 900 }",
+        );
+    let level = "\n[profile.level]\nkind = \"glide_path\"\nlevel_above_runway_m = 500\n";
+    let sweep = parse(&(zurich.clone() + level)).unwrap();
+    let ground_m = sweep.runway.threshold.altitude_msl_m;
+    assert_eq!(sweep.utc_offset_h, 2.0);
+    let clouds = &sweep.weathers["foggy"].draw(1, ground_m).clouds;
+    assert_eq!(clouds[0].base_msl_m, ground_m + 300.0);
+    assert!((ground_m + 700.0..ground_m + 900.0).contains(&clouds[0].top_msl_m));
+    assert_eq!(
+        sweep.profiles["level"].start_altitude_msl_m(),
+        ground_m + 500.0
+    );
+    let both = format!("{zurich}{level}level_altitude_msl_m = 900\n");
+    assert!(
+        parse(&both)
+            .unwrap_err()
+            .message
+            .contains("expected one of them")
+    );
+    let neither = zurich.replace("base_above_runway_m = 300, ", "");
+    let message = parse(&neither).unwrap_err().message;
+    assert!(
+        message.contains("expected one of base_msl_m and base_above_runway_m"),
+        "{message}"
+    );
+}
+
 fn ids(text: &str) -> Vec<String> {
     let sweep = parse(text).unwrap();
     sweep.combinations.iter().map(Combination::id).collect()

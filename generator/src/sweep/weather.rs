@@ -5,7 +5,7 @@ use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, fault, legal_name};
+use super::fault::{Checked, Fault, fault, legal_name};
 use super::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
@@ -42,23 +42,33 @@ pub struct WeatherTable {
 /// One layer of cloud.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("allOf" = [
+    { "oneOf": [{ "required": ["base_msl_m"] }, { "required": ["base_above_runway_m"] }] },
+    { "oneOf": [{ "required": ["top_msl_m"] }, { "required": ["top_above_runway_m"] }] },
+]))]
 pub struct CloudTable {
     /// Kind of cloud.
     pub kind: CloudKind,
     /// Part of the sky that it covers, 0 to 1.
     #[schemars(transform = limits::COVER_RATIO.in_schema())]
     pub cover_ratio: Spread,
-    /// Height of its base above mean sea level, metres.
+    /// Height of its base above mean sea level, metres. Either this or `base_above_runway_m`.
     #[schemars(transform = limits::CLOUD_BASE_MSL_M.in_schema())]
-    pub base_msl_m: Spread,
-    /// Height of its top above mean sea level, metres.
+    pub base_msl_m: Option<Spread>,
+    /// Height of its base above the runway, metres.
+    #[schemars(transform = limits::CLOUD_BASE_MSL_M.in_schema())]
+    pub base_above_runway_m: Option<Spread>,
+    /// Height of its top above mean sea level, metres. Either this or `top_above_runway_m`.
     #[schemars(transform = limits::CLOUD_TOP_MSL_M.in_schema())]
-    pub top_msl_m: Spread,
+    pub top_msl_m: Option<Spread>,
+    /// Height of its top above the runway, metres.
+    #[schemars(transform = limits::CLOUD_TOP_MSL_M.in_schema())]
+    pub top_above_runway_m: Option<Spread>,
 }
 
 impl WeatherTable {
-    /// The weather of the scenario with this seed.
-    pub(crate) fn draw(&self, scenario_seed: u64) -> Weather {
+    /// The weather of the scenario with this seed, over a runway at `ground_msl_m`.
+    pub(crate) fn draw(&self, scenario_seed: u64, ground_msl_m: f64) -> Weather {
         let draw = |key: &str, spread: &Spread| {
             spread.draw(&mut seed::of_value(
                 scenario_seed,
@@ -67,16 +77,18 @@ impl WeatherTable {
         };
         let layer = |(index, layer): (usize, &CloudTable)| {
             let draw = |key: &str, spread| draw(&format!("clouds.{index}.{key}"), spread);
-            CloudLayer {
+            // A checked layer has both.
+            let [base, top] = layer.heights(ground_msl_m)?;
+            Some(CloudLayer {
                 kind: layer.kind,
                 cover_ratio: draw("cover_ratio", &layer.cover_ratio),
-                base_msl_m: draw("base_msl_m", &layer.base_msl_m),
-                top_msl_m: draw("top_msl_m", &layer.top_msl_m),
-            }
+                base_msl_m: draw("base_msl_m", &base),
+                top_msl_m: draw("top_msl_m", &top),
+            })
         };
         Weather {
             visibility_m: draw("visibility_m", &self.visibility_m),
-            clouds: self.clouds.iter().enumerate().map(layer).collect(),
+            clouds: self.clouds.iter().enumerate().filter_map(layer).collect(),
             rain_ratio: draw("rain_ratio", &self.rain_ratio),
             wind_speed_mps: draw("wind_speed_mps", &self.wind_speed_mps),
             wind_from_true_deg: draw("wind_from_true_deg", &self.wind_from_true_deg),
@@ -121,7 +133,11 @@ impl WeatherTable {
         }
         let mut below_msl_m = f64::NEG_INFINITY;
         for (index, layer) in self.clouds.iter().enumerate() {
-            let (lowest_top_m, _) = layer.top_msl_m.range();
+            let heights = layer.heights(ground_msl_m).ok_or_else(|| Fault {
+                key: key(&format!("clouds.{index}")),
+                message: "expected one of base_msl_m and base_above_runway_m, and one of top_msl_m and top_above_runway_m".into(),
+            })?;
+            let (lowest_top_m, _) = heights[1].range();
             if lowest_top_m <= ground_msl_m {
                 return fault(
                     key(&format!("clouds.{index}.top_msl_m")),
@@ -131,21 +147,40 @@ impl WeatherTable {
                     ),
                 );
             }
-            below_msl_m =
-                layer.check(below_msl_m, |field| key(&format!("clouds.{index}.{field}")))?;
+            below_msl_m = layer.check(&heights, below_msl_m, |field| {
+                key(&format!("clouds.{index}.{field}"))
+            })?;
         }
         Ok(())
     }
 }
 
 impl CloudTable {
-    /// Checks a layer that may start at `below_msl_m`; returns its maximum top.
-    fn check(&self, below_msl_m: f64, key: impl Fn(&str) -> String) -> Checked<f64> {
+    /// Base and top above mean sea level, metres; `None` unless each is given once.
+    fn heights(&self, ground_msl_m: f64) -> Option<[Spread; 2]> {
+        let above_sea = |msl_m: &Option<Spread>, above_m: &Option<Spread>| match (msl_m, above_m) {
+            (Some(msl_m), None) => Some(msl_m.clone()),
+            (None, Some(above_m)) => Some(above_m.higher_by(ground_msl_m)),
+            _ => None,
+        };
+        Some([
+            above_sea(&self.base_msl_m, &self.base_above_runway_m)?,
+            above_sea(&self.top_msl_m, &self.top_above_runway_m)?,
+        ])
+    }
+
+    /// Checks a layer with this base and top that may start at `below_msl_m`; returns its maximum top.
+    fn check(
+        &self,
+        [base, top]: &[Spread; 2],
+        below_msl_m: f64,
+        key: impl Fn(&str) -> String,
+    ) -> Checked<f64> {
         limits::COVER_RATIO.check_spread(key("cover_ratio"), &self.cover_ratio)?;
-        limits::CLOUD_BASE_MSL_M.check_spread(key("base_msl_m"), &self.base_msl_m)?;
-        limits::CLOUD_TOP_MSL_M.check_spread(key("top_msl_m"), &self.top_msl_m)?;
-        let (lowest_base, highest_base) = self.base_msl_m.range();
-        let (lowest_top, highest_top) = self.top_msl_m.range();
+        limits::CLOUD_BASE_MSL_M.check_spread(key("base_msl_m"), base)?;
+        limits::CLOUD_TOP_MSL_M.check_spread(key("top_msl_m"), top)?;
+        let (lowest_base, highest_base) = base.range();
+        let (lowest_top, highest_top) = top.range();
         if lowest_top < highest_base {
             return fault(
                 key("top_msl_m"),

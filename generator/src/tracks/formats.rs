@@ -1,15 +1,22 @@
 //! Files of tracks: CSV as `traffic` and OpenSky write them, and `trace_full` of readsb (JSON). The names of the columns tell the units.
 
 use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use chrono::DateTime;
 use dataset::files::outside_file::{self, FileKind};
+use dataset::geometry::geodesy::LatLon;
+use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_FOOT;
 use serde_json::Value;
 
 /// The largest file that is read.
-const TRACKS: FileKind = FileKind::new("file of tracks", 4 << 30);
+const TRACKS: FileKind = FileKind::new("file of tracks", 1 << 40);
+/// A day of one aircraft, which is read whole.
+const TRACE: FileKind = FileKind::new("trace_full of readsb", 256 << 20);
+/// Positions further from the runway are not kept, metres.
+const NEAR_M: f64 = 150_000.0;
 const MPS_PER_KNOT: f64 = 1_852.0 / 3_600.0;
 /// Times above this are milliseconds since 1970.
 const MILLISECONDS: f64 = 1e11;
@@ -65,21 +72,23 @@ pub enum TrackFileError {
     },
 }
 
-/// Reads a file.
-pub(super) fn read(path: &Path) -> Result<Vec<Track>, TrackFileError> {
-    let bytes = outside_file::read(path, TRACKS)?;
+/// Reads a file; of a CSV, which may hold the traffic of a continent, only what is near the runway.
+pub(super) fn read(path: &Path, runway: &Runway) -> Result<Vec<Track>, TrackFileError> {
     let broken = |why: String| TrackFileError::Broken {
         path: path.to_owned(),
         why,
     };
-    let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+    let mut file = BufReader::new(outside_file::open(path, TRACKS)?);
+    let head = file.fill_buf().map_err(|error| broken(error.to_string()))?;
+    let first = head.iter().find(|byte| !byte.is_ascii_whitespace());
     let mut tracks = if first == Some(&b'{') {
+        let bytes = outside_file::read(path, TRACE)?;
         let trace = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
         vec![trace_full(&trace).ok_or_else(|| {
             broken("no `timestamp` and `trace` as in trace_full of readsb".into())
         })?]
     } else {
-        csv_tracks(path, &bytes)?
+        csv_tracks(path, file, runway)?
     };
     for track in &mut tracks {
         track.fixes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -128,14 +137,57 @@ const KINDS: [Columns; 2] = [
     },
 ];
 
-fn csv_tracks(path: &Path, bytes: &[u8]) -> Result<Vec<Track>, TrackFileError> {
+/// The fixes of an aircraft while its file is read.
+#[derive(Default)]
+struct Kept {
+    fixes: Vec<Fix>,
+    /// The nearest of those that are far from the runway, and its distance, metres.
+    nearest: Option<(f64, Fix)>,
+}
+
+impl Kept {
+    fn add(&mut self, fix: Fix, target: LatLon) {
+        let place = LatLon {
+            latitude_deg: fix.latitude_deg,
+            longitude_deg: fix.longitude_deg,
+        };
+        // Receivers repeat the last position until there is a new one.
+        let is_repeated = self.fixes.last().is_some_and(|last| {
+            last.time_s <= fix.time_s
+                && (last.latitude_deg, last.longitude_deg) == (fix.latitude_deg, fix.longitude_deg)
+        });
+        if is_repeated {
+            return;
+        }
+        let far_m = target.distance_m(place);
+        if far_m < NEAR_M {
+            self.fixes.push(fix);
+        } else if self.nearest.is_none_or(|(nearest_m, _)| far_m < nearest_m) {
+            self.nearest = Some((far_m, fix));
+        }
+    }
+
+    /// One of an aircraft that was never near has its nearest position, for the message.
+    fn fixes(self) -> Vec<Fix> {
+        match self.nearest {
+            Some((_, fix)) if self.fixes.is_empty() => vec![fix],
+            _ => self.fixes,
+        }
+    }
+}
+
+fn csv_tracks<R: Read>(
+    path: &Path,
+    file: R,
+    runway: &Runway,
+) -> Result<Vec<Track>, TrackFileError> {
     let broken = |why: String| TrackFileError::Broken {
         path: path.to_owned(),
         why,
     };
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
-        .from_reader(bytes);
+        .from_reader(file);
     let header = reader
         .headers()
         .map_err(|error| broken(error.to_string()))?
@@ -160,7 +212,8 @@ fn csv_tracks(path: &Path, bytes: &[u8]) -> Result<Vec<Track>, TrackFileError> {
     let [speed, track, ground, aircraft] =
         [kind.speed, kind.track, "onground", "icao24"].map(place);
     let position_time = place("last_position").or_else(|| place("lastposupdate"));
-    let mut tracks: BTreeMap<String, Vec<Fix>> = BTreeMap::new();
+    let target = runway.touchdown_target().lat_lon();
+    let mut tracks: BTreeMap<String, Kept> = BTreeMap::new();
     for record in reader.records() {
         let record = record.map_err(|error| broken(error.to_string()))?;
         let line = record.position().map_or(0, csv::Position::line);
@@ -191,7 +244,7 @@ fn csv_tracks(path: &Path, bytes: &[u8]) -> Result<Vec<Track>, TrackFileError> {
         };
         let on_ground = ground.and_then(|at| record.get(at)).unwrap_or_default();
         let name = aircraft.and_then(|at| record.get(at)).unwrap_or_default();
-        tracks.entry(name.to_owned()).or_default().push(Fix {
+        let fix = Fix {
             time_s: if time_s > MILLISECONDS {
                 time_s / 1e3
             } else {
@@ -206,11 +259,12 @@ fn csv_tracks(path: &Path, bytes: &[u8]) -> Result<Vec<Track>, TrackFileError> {
                 on_ground.to_ascii_lowercase().as_str(),
                 "true" | "1" | "1.0" | "t"
             ),
-        });
+        };
+        tracks.entry(name.to_owned()).or_default().add(fix, target);
     }
-    let track = |(name, fixes): (String, Vec<Fix>)| Track {
+    let track = |(name, kept): (String, Kept)| Track {
         aircraft: (!name.is_empty()).then_some(name),
-        fixes,
+        fixes: kept.fixes(),
     };
     Ok(tracks.into_iter().map(track).collect())
 }

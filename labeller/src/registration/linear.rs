@@ -79,12 +79,6 @@ impl<const N: usize> Normal<N> {
         solve(self.matrix(), self.right)
     }
 
-    /// The part of the sum of `w r^2` that the solution accounts for.
-    pub(crate) fn explained(&self, solution: &[f64; N]) -> f64 {
-        let terms = self.right.iter().zip(solution);
-        terms.map(|(right, unknown)| right * unknown).sum()
-    }
-
     /// The covariance of the solution for weights that are inverse variances.
     pub(crate) fn inverse(&self) -> Option<[[f64; N]; N]> {
         inverse(self.matrix())

@@ -63,6 +63,9 @@ pub(super) struct Found {
     pub(super) weaker: Option<WeakerDetector>,
     /// The recommended estimator.
     pub(super) recommended: Option<String>,
+    /// Standard deviation of the training flights to the side, metres.
+    #[serde(default)]
+    pub(super) lateral_spread_m: Option<f64>,
     pub(super) ranges: Vec<Range>,
 }
 

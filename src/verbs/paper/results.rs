@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use dataset::files::json_file::{read_json, write_atomically, write_json};
 use dataset::numbers::frame_rate::FrameRate;
@@ -14,8 +14,8 @@ use super::{Experiment, Place};
 use crate::args::PaperArgs;
 use crate::failure::Failure;
 
-/// Estimators of the box plot, besides the recommended one.
-const CHARTED: [&str; 2] = ["paper_lstm", "mono_network_box"];
+/// Estimators of the box plot, besides the recommended one: the paper's two.
+const CHARTED: [&str; 2] = ["paper_lstm", "mono_network"];
 
 /// The written page.
 pub(super) struct Page {
@@ -36,8 +36,9 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
         command: command(experiment.args),
         corpus: corpus_figures(experiment)?,
         weaker: notes.noted(notes.found.weaker.clone())?,
-        ranges: experiment.shown_ranges()?,
+        ranges: notes.found.ranges.clone(),
         recommended: recommended.clone(),
+        lateral_spread_m: notes.found.lateral_spread_m,
         by_trajectory: metrics(Place::ByTrajectory)?,
         by_scenario: metrics(Place::ByScenario)?,
         stages: notes.times(),
@@ -78,6 +79,11 @@ fn command(args: &PaperArgs) -> String {
             command += &format!(" --{option} {}", file.display());
         }
     }
+    // Models of others are outside the repository.
+    let pretrained = args.pretrained_detector.as_deref();
+    if let Some(name) = pretrained.and_then(Path::file_name) {
+        command += &format!(" --pretrained-detector {}", name.display());
+    }
     command
 }
 
@@ -93,6 +99,11 @@ fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure>
     let mut figures = CorpusFigures {
         scale: experiment.args.scale.name().into(),
         simulators: Vec::new(),
+        runway: String::new(),
+        aircraft: String::new(),
+        rig: String::new(),
+        weathers: Vec::new(),
+        times: Vec::new(),
         scenarios: 0,
         flights: 0,
         width_px: 0,
@@ -101,12 +112,17 @@ fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure>
         pictures: 0,
     };
     let (mut flights, mut simulators) = (BTreeSet::new(), BTreeSet::new());
+    let (mut weathers, mut times) = (BTreeSet::new(), BTreeSet::new());
     for folder in experiment.corpus()?.scenarios()? {
         let scenario = folder.open()?;
         let record = scenario.record()?;
         figures.scenarios += 1;
         figures.pictures += record.pictures();
         flights.insert(record.trajectory);
+        weathers.insert(record.conditions.weather_name);
+        times.insert(record.conditions.time_of_day);
+        figures.runway = format!("{} {}", record.runway.airport, record.runway.name);
+        (figures.aircraft, figures.rig) = (record.aircraft, record.rig);
         simulators.insert(record.versions.simulator);
         figures.frame_rate = as_text(record.frame_rate);
         if let Some(camera) = scenario.calibration()?.cameras.values().next() {
@@ -115,6 +131,8 @@ fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure>
     }
     figures.flights = flights.len();
     figures.simulators = simulators.into_iter().collect();
+    figures.weathers = weathers.into_iter().collect();
+    figures.times = times.into_iter().collect();
     Ok(figures)
 }
 

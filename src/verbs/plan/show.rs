@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use dataset::corpus::scenario::Flight;
+use dataset::geometry::sun::Sun;
 use dataset::plan::PlannedScenario;
 use generator::against::Standing;
-use generator::plan::Estimate;
+use generator::plan::{Estimate, Outlook, Sight};
 use indicatif::DecimalBytes;
 
 use super::{Compared, Report};
-use crate::verbs::output::{print_after, print_table};
+use crate::verbs::output::{count, print_after, print_table};
 
 /// Maximum number of rows: with more scenarios, conditions are shown instead.
 const MOST_ROWS: usize = 200;
@@ -32,7 +33,9 @@ impl Report<'_> {
     }
 
     fn show_scenarios(&self) {
-        let mut heading = vec!["scenario", "flight", "from NM", "vis. km", "ticks"];
+        let mut heading = vec![
+            "scenario", "flight", "from NM", "vis. km", "sun deg", "azimuth", "ticks",
+        ];
         if self.compared.is_some() {
             heading.push("status");
         }
@@ -53,25 +56,29 @@ impl Report<'_> {
         let parameters = &scenario.parameters;
         let start_nm = parameters.start_dtd_m / dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
         let visibility_km = parameters.conditions.weather.visibility_m / 1_000.0;
+        let sun = self.sun(scenario);
         vec![
             // It contains time and weather.
             scenario.id.clone(),
             flight(scenario).to_owned(),
             format!("{start_nm:.2}"),
             format!("{visibility_km:.1}"),
+            format!("{:.1}", sun.elevation_deg),
+            format!("{:.1}", sun.azimuth_deg),
             scenario.ticks.to_string(),
         ]
     }
 
     fn show_conditions(&self) {
-        let mut conditions: BTreeMap<[&str; 3], (usize, u64)> = BTreeMap::new();
+        let mut conditions: BTreeMap<[&str; 3], (usize, u64, Sun)> = BTreeMap::new();
         for scenario in &self.plan.scenarios {
             let key = [
                 scenario.time_of_day.as_str(),
                 scenario.weather.as_str(),
                 flight(scenario),
             ];
-            let (count, ticks) = conditions.entry(key).or_default();
+            let new = || (0, 0, self.sun(scenario));
+            let (count, ticks, _) = conditions.entry(key).or_insert_with(new);
             *count += 1;
             *ticks += u64::from(scenario.ticks);
         }
@@ -79,12 +86,28 @@ impl Report<'_> {
         let rows: Vec<Vec<String>> = conditions
             .into_iter()
             .take(MOST_ROWS)
-            .map(|([time, weather, flight], (count, ticks))| {
-                let [time, weather, flight] = [time, weather, flight].map(str::to_owned);
-                vec![time, weather, flight, count.to_string(), ticks.to_string()]
+            .map(|([time, weather, flight], (count, ticks, sun))| {
+                vec![
+                    time.to_owned(),
+                    weather.to_owned(),
+                    flight.to_owned(),
+                    format!("{:.1}", sun.elevation_deg),
+                    format!("{:.1}", sun.azimuth_deg),
+                    count.to_string(),
+                    ticks.to_string(),
+                ]
             })
             .collect();
-        print_table(&["time", "weather", "flight", "scenarios", "ticks"], &rows);
+        let heading = [
+            "time",
+            "weather",
+            "flight",
+            "sun deg",
+            "azimuth",
+            "scenarios",
+            "ticks",
+        ];
+        print_table(&heading, &rows);
         if hidden > 0 {
             println!("and {hidden} conditions more");
         }
@@ -125,14 +148,15 @@ impl Report<'_> {
         print_after(
             "flight      ",
             &format!(
-                "{}: {} ticks at {} a second, {} cameras, {} pictures",
+                "{}: {} ticks at {} a second, {}, {} pictures",
                 hours(estimate.flight_h),
                 estimate.ticks,
                 common.picture.frame_rate,
-                common.cameras.len(),
+                count(common.cameras.len(), "camera"),
                 estimate.pictures
             ),
         );
+        self.show_outlook();
         show_cost("recording", estimate);
         print_after(
             "size        ",
@@ -145,6 +169,42 @@ impl Report<'_> {
                 DecimalBytes(estimate.room_bytes)
             ),
         );
+    }
+
+    fn show_outlook(&self) {
+        let runway = &self.plan.common.runway;
+        let Outlook {
+            views,
+            profiles_above_runway_m,
+            clouds_above_runway_m,
+            ..
+        } = &self.outlook;
+        print_after(
+            "runway      ",
+            &format!(
+                "{} {}, {:.0} m above mean sea level, course {:.2} degrees true, local time is UTC{:+}",
+                runway.airport,
+                runway.name,
+                runway.threshold.altitude_msl_m,
+                runway.course_true_deg,
+                self.utc_offset_h
+            ),
+        );
+        let profiles = profiles_above_runway_m.iter();
+        let profiles = profiles.map(|(name, start_m)| format!("{name} begins at {start_m:.0} m"));
+        let clouds = clouds_above_runway_m.iter();
+        let clouds =
+            clouds.map(|(name, [base, top])| format!("clouds of {name} {base:.0} to {top:.0} m"));
+        let heights: Vec<String> = profiles.chain(clouds).collect();
+        if !heights.is_empty() {
+            print_after(
+                "heights     ",
+                &format!("above the runway: {}", heights.join(", ")),
+            );
+        }
+        for sight in views {
+            print_after("view        ", &in_sight(sight));
+        }
     }
 
     fn show_difference(&self, compared: &Compared) {
@@ -233,6 +293,25 @@ fn flight(scenario: &PlannedScenario) -> &str {
     match &scenario.parameters.live {
         Some(live) => &live.profile_name,
         None => &scenario.flight,
+    }
+}
+
+fn in_sight(sight: &Sight) -> String {
+    let range = |[near, far]: [f64; 2]| {
+        if far - near < 0.05 {
+            format!("{far:.1}")
+        } else {
+            format!("{near:.1} to {far:.1}")
+        }
+    };
+    match (sight.enters_nm, sight.leaves_nm) {
+        (Some(enters_nm), Some(leaves_nm)) => format!(
+            "{}: the aircraft enters it {} NM before touchdown, and leaves it at {} NM",
+            sight.view,
+            range(enters_nm),
+            range(leaves_nm)
+        ),
+        _ => format!("{}: the aircraft is never in it", sight.view),
     }
 }
 

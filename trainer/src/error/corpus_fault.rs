@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use dataset::corpus::splits::Side;
 
+use super::run_fault::sizes;
+
 /// Properties that the scenarios of a corpus must share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigKind {
@@ -38,7 +40,7 @@ pub enum CorpusFault {
     OtherTrajectory { recorded: String, split: String },
     /// Trajectories of two names that are one flight.
     #[error(
-        "scenario {} ({}, {:?} side) and scenario {} ({}, {:?} side) fly the same flight on different sides of the split; put both on one \
+        "scenario {} ({}, {} side) and scenario {} ({}, {} side) fly the same flight on different sides of the split; put both on one \
          side in splits.json",
         one.0, one.1, one.2, other.0, other.1, other.2
     )]
@@ -48,7 +50,7 @@ pub enum CorpusFault {
     },
     /// A flight that cannot judge a training, because the run that it starts from was trained on it.
     #[error(
-        "scenario {scenario} flies {trajectory} on the {side:?} side, and the run to start from has learned from that flight; start from \
+        "scenario {scenario} flies {trajectory} on the {side} side, and the run to start from has learned from that flight; start from \
          another run, or put the flight on the training side"
     )]
     KnownToStart {
@@ -61,9 +63,9 @@ pub enum CorpusFault {
     BadCamera { view: String, fault: String },
     /// A scenario with another rig than the first.
     #[error(
-        "its rig {} with views and picture sizes {:?} is not that of scenario {first}, {} with {:?}; a network learns one rig: train on \
-         one at a time",
-        found.name, found.form, expected.name, expected.form
+        "its rig {} ({}) is not that of scenario {first}, {} ({}); a network learns one rig: keep scenarios of different rigs in different \
+         corpora",
+        found.name, sizes(&found.form), expected.name, sizes(&expected.form)
     )]
     OtherRig {
         found: Box<RigKind>,
@@ -153,9 +155,10 @@ pub enum CorpusFault {
     },
     /// No sample for training or validation.
     #[error(
-        "has no samples on the {side:?} side: {scenarios} scenarios are there, none with a detection before touchdown within the \
+        "has no samples on the {side} side: {}, none with a detection before touchdown within the \
          distance range; generate, label and detect more, change the split, leave out less (leave_out), or accept marked \
-         scenarios (accept_weather)"
+         scenarios (accept_weather)",
+        if *scenarios == 1 { "1 scenario is there".to_owned() } else { format!("{scenarios} scenarios are there") }
     )]
     NoSamples { side: Side, scenarios: usize },
     /// No scenario of the condition that a training leaves out.
@@ -174,14 +177,14 @@ pub enum CorpusFault {
     NoTestSamples { min_dtd_nm: f64, max_dtd_nm: f64 },
     /// Training samples, but no box of them contains the aircraft.
     #[error(
-        "has {samples} samples on the {:?} side, but no box of theirs is where a camera near that of calibration.json sees the aircraft of \
+        "has {samples} samples on the {} side, but no box of theirs is where a camera near that of calibration.json sees the aircraft of \
          frames.parquet; label and detect again, or check the calibration with `dtd verify`",
         Side::Train
     )]
     NoTrueBoxes { samples: usize },
     /// Validation samples, none of whose boxes is similar to a training box.
     #[error(
-        "has {samples} samples on the {:?} side, but no box of theirs is near the places and sizes of the boxes on the training side; \
+        "has {samples} samples on the {} side, but no box of theirs is near the places and sizes of the boxes on the training side; \
          change the split, or detect again",
         Side::Validation
     )]

@@ -51,7 +51,7 @@ pub enum PredictionsFault {
     /// A field of a CSV file that is not a number.
     #[error("line {line}: {column} is {found:?}, expected a number, or an empty field for none")]
     NotANumber {
-        line: u64,
+        line: usize,
         column: String,
         found: String,
     },
@@ -70,7 +70,8 @@ pub enum PredictionsFault {
     },
     /// Scenarios that the corpus does not have.
     #[error(
-        "has {count} scenarios that the corpus does not have: {first}; the corpus has {known}; judge it with the corpus that it was made from"
+        "has {} that the corpus does not have: {first}; the corpus has {known}; judge it with the corpus that it was made from",
+        if *count == 1 { "1 scenario".to_owned() } else { format!("{count} scenarios") }
     )]
     UnknownScenarios {
         count: usize,

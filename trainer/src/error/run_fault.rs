@@ -43,6 +43,9 @@ pub enum RunFault {
     /// The seal or the list of files is damaged.
     #[error("is damaged: {0}; put the right file back, or train again")]
     DamagedSeal(dataset::Error),
+    /// A file was removed.
+    #[error("is missing, though the training wrote it; put it back, or train again")]
+    Missing,
     /// A file was changed.
     #[error(
         "is not what the training wrote: its hash differs from {MANIFEST}; put the right file back, or train again"
@@ -127,6 +130,12 @@ pub enum RunFault {
         estimator: String,
         known: Vec<&'static str>,
     },
+    /// An estimator that the training could fit to nothing.
+    #[error(
+        "has no fit for {estimator}: no view saw enough on the training side, so it would never answer; choose another one, such as \
+         mono_network_box, with --estimator, or train on more"
+    )]
+    NothingFitted { estimator: &'static str },
     /// A refit that would replace the run that it starts from.
     #[error("is the run to fit again, which stays as it is; name another folder with --out")]
     RefitInPlace,
@@ -160,8 +169,9 @@ pub enum RunFault {
     OtherStart { differences: Vec<String> },
     /// A run to start from that has other views.
     #[error(
-        "was trained with the views {there:?} (width, height), and the corpus has {here:?}; start from a run with the same views and \
-         picture sizes"
+        "was trained with the views {}, and the corpus has {}; start from a run with the same views and picture sizes",
+        sizes(there),
+        sizes(here)
     )]
     OtherViews {
         here: Vec<(String, u32, u32)>,
@@ -176,4 +186,13 @@ pub enum RunFault {
     /// The numbers cannot be written.
     #[error("weights cannot be written: {0}")]
     NotWritten(SafetensorsStoreError),
+}
+
+/// Views and the sizes of their pictures, for messages.
+pub(crate) fn sizes(form: &[(String, u32, u32)]) -> String {
+    let views = form.iter();
+    let views: Vec<_> = views
+        .map(|(view, width, height)| format!("{view} {width}x{height} px"))
+        .collect();
+    views.join(", ")
 }

@@ -97,6 +97,11 @@ impl InverseRange {
         }
     }
 
+    /// True if there is no fit: no set of views saw enough.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.fits.is_empty()
+    }
+
     /// The first fit whose views all saw the aircraft.
     fn asked(&self, observed: &Observation) -> Option<usize> {
         let applies = |fit: &Fit| fit.set.places(observed).is_some();

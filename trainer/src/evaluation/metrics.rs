@@ -25,7 +25,7 @@ use crate::samples::training_cameras::DroppedBoxes;
 
 pub(crate) use bootstrap::Intervals;
 pub(crate) use box_figures::BoxFigures;
-pub(crate) use figures::ErrorFigures;
+pub use figures::ErrorFigures;
 pub(crate) use one_view::{AgainstOneView, SingleViewFigures};
 pub(crate) use stated_intervals::StatedIntervals;
 

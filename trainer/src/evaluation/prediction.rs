@@ -64,6 +64,7 @@ pub fn predict(
     }
     let model = detections.unwrap_or(&trained.summary.model_hash);
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model), moment)?;
+    let trained = trained.at_runway_of(&corpus_read);
     check_cameras(run, corpus, &trained, &corpus_read)?;
     if flights.is_empty() {
         return Err(Error::corpus(corpus.root(), CorpusFault::NoScenarios));

@@ -2,8 +2,8 @@
 //!
 //! A stage trains in cycles: in each the learning rate rises and falls (Loshchilov and Hutter, *SGDR*, 2017), so that at its end the errors
 //! are free of the noise of mini-batches. Each cycle is twice as long as the one before. The stage has come to its end if a whole cycle
-//! lowers no error by more than the threshold: the plateau of the paper's Algorithm 1, whose full-batch losses have no such noise. A stage
-//! without a plateau is one cycle of all its steps.
+//! lowers no error by more than the threshold by which the paper's Algorithm 1 recognises a plateau of its full-batch losses; the paper's
+//! training ends after a number of epochs. A stage without a plateau is one cycle of all its steps.
 
 use std::ops::Range;
 

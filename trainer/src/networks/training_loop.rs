@@ -89,6 +89,12 @@ pub(crate) trait Task {
     fn plateau(&self) -> Option<Plateau> {
         None
     }
+    /// Takes note of the errors at the end of a cycle that lowered none of them. It may change what trains on.
+    fn observe_plateau(&mut self, _errors_pct: &[Option<f64>]) {}
+    /// True if such a plateau ends the training.
+    fn is_settled(&self) -> bool {
+        true
+    }
     /// Random numbers that draw its batches.
     fn random(&mut self) -> &mut ChaCha12Rng;
     /// State for a checkpoint.
@@ -205,6 +211,10 @@ pub(crate) fn learn<T: Task>(
                     steps: at.step,
                     validation_mape_pct: errors_pct.clone(),
                 });
+                let plateau = task.plateau();
+                if plateau.is_some_and(|plateau| is_reached(plateau, &at.cycles)) {
+                    task.observe_plateau(&errors_pct);
+                }
             }
             let note = task.record(at.step, errors_pct);
             watch.advance(at.step as u64, &note);
@@ -250,7 +260,7 @@ impl<N: Module> Position<N> {
     /// Cause of the end, if no more steps are made.
     fn ended_by<T: Task<Network = N>>(&self, task: &T, settings: &Optimisation) -> Option<EndedBy> {
         let plateau = task.plateau();
-        if plateau.is_some_and(|plateau| is_reached(plateau, &self.cycles)) {
+        if plateau.is_some_and(|plateau| is_reached(plateau, &self.cycles)) && task.is_settled() {
             Some(EndedBy::Plateau)
         } else if task.patience().is_some_and(|most| self.since_best >= most) {
             Some(EndedBy::Patience)

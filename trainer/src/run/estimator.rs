@@ -232,6 +232,8 @@ impl Estimator {
             Self::PaperLstm => networks
                 .estimator
                 .to_onnx(&networks.calibration, loss, graph),
+            // It would answer nothing.
+            Self::InverseRange if baselines.inverse_range.is_empty() => return None,
             Self::InverseRange => baselines.inverse_range.to_onnx(graph),
             Self::MonoNetwork => networks.mono_size.to_onnx(MonoInputs::Size, loss, graph),
             Self::MonoNetworkBox => networks.mono_box.to_onnx(MonoInputs::Box, loss, graph),

@@ -19,6 +19,8 @@
 use std::path::{Path, PathBuf};
 
 use dataset::corpus::seal::{DONE, MANIFEST};
+use dataset::files::json_file::read_json;
+use serde::Deserialize;
 
 /// Paths within a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -90,6 +92,16 @@ impl RunFolder {
     /// The folder itself.
     pub fn root(&self) -> &Path {
         &self.root
+    }
+
+    /// Hash of the model whose detections it was trained on; `None` if the summary cannot be read.
+    pub fn model_hash(&self) -> Option<String> {
+        #[derive(Deserialize)]
+        struct Summary {
+            model_hash: String,
+        }
+        let summary: Summary = read_json(&self.summary_path(), "summary of a run").ok()?;
+        Some(summary.model_hash)
     }
 
     /// Path of `config.json`.

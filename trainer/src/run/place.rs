@@ -58,7 +58,9 @@ impl RunPlace {
     pub(crate) fn take_existing(run: &RunFolder) -> Result<Self> {
         let is_there = |run: &Path| {
             let beside = Workshop::beside(run);
-            run.is_dir() || beside.join(NEW).is_dir() || beside.join(OLD).is_dir()
+            run.join(RunFolder::SUMMARY).is_file()
+                || beside.join(NEW).is_dir()
+                || beside.join(OLD).is_dir()
         };
         let place = Self::take_if(run, is_there)?;
         if !place.run().summary_path().is_file() {

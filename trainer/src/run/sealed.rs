@@ -41,7 +41,12 @@ impl SealedRun {
         let optional = Some(RunFolder::OPTIONAL).filter(|name| seal.hash_of(name).is_some());
         for name in RunFolder::TRAINED.into_iter().chain(optional) {
             let path = root.join(name);
-            let bytes = outside_file::read(&path, RUN_FILE)?;
+            let bytes = match outside_file::read(&path, RUN_FILE) {
+                Err(error) if error.is_not_found() => {
+                    return Err(Error::run(&path, RunFault::Missing));
+                }
+                read => read?,
+            };
             let hash = blake3::hash(&bytes).to_string();
             if seal.hash_of(name) != Some(&hash) {
                 return Err(Error::run(&path, RunFault::Changed));

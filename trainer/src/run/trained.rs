@@ -7,6 +7,7 @@ use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::{Device, Tensor};
 use dataset::corpus::seal;
 use dataset::files::json_file::{write_json_unsynced, write_unsynced};
+use dataset::geometry::runway::Runway;
 use dataset::numbers::limits::{self, Check};
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
@@ -64,6 +65,9 @@ pub(crate) struct RunSummary {
     pub model_hash: String,
     /// Name of the rig.
     pub rig: String,
+    /// The runway of the training; missing in older runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub runway: Option<Runway>,
     /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
     pub cameras: Cameras,
     /// True if other scenarios had cameras of the rig in other positions or directions.
@@ -350,6 +354,8 @@ pub(crate) struct TrainedRun {
     pub convergence: Convergence,
     /// References for aligning cameras, if the settings ask for it.
     pub backgrounds: Option<Backgrounds>,
+    /// True if its cameras were moved to another runway.
+    pub is_elsewhere: bool,
 }
 
 impl TrainedRun {
@@ -460,6 +466,7 @@ impl TrainedRun {
             config,
             normalisation,
             networks,
+            is_elsewhere: false,
         })
     }
 }

@@ -19,11 +19,21 @@ impl Choice {
         Self::for_spread(
             lateral_spread_m(training),
             baselines.self_calibrated.is_some(),
+            !baselines.inverse_range.is_empty(),
         )
     }
 
-    fn for_spread(lateral_spread_m: f64, has_cameras: bool) -> Self {
+    fn for_spread(lateral_spread_m: f64, has_cameras: bool, has_fits: bool) -> Self {
         let (estimator, reason) = match (lateral_spread_m < LEAST_SPREAD_M, has_cameras) {
+            (_, true) if !has_fits => (
+                Estimator::SelfCalibrated,
+                "and no view saw enough for inverse_range to be fitted".to_owned(),
+            ),
+            _ if !has_fits => (
+                Estimator::MonoNetworkBox,
+                "and no view saw enough for inverse_range or for cameras to be fitted; expect large errors, or record more"
+                    .to_owned(),
+            ),
             (false, _) => (
                 Estimator::InverseRange,
                 format!(
@@ -59,9 +69,10 @@ mod tests {
 
     #[test]
     fn flights_on_one_line_call_for_cameras_and_spread_ones_for_the_formula() {
-        for (spread_m, has_cameras, estimator, words) in [
+        for (spread_m, has_cameras, has_fits, estimator, words) in [
             (
                 0.4,
+                true,
                 true,
                 "self_calibrated",
                 "0.4 m to the side (standard deviation), less than 2 m",
@@ -69,13 +80,16 @@ mod tests {
             (
                 3.0,
                 true,
+                true,
                 "inverse_range",
                 "3.0 m to the side (standard deviation), at least 2 m",
             ),
-            (3.0, false, "inverse_range", "at least 2 m"),
-            (0.4, false, "inverse_range", "no two views"),
+            (3.0, false, true, "inverse_range", "at least 2 m"),
+            (0.4, false, true, "inverse_range", "no two views"),
+            (3.0, true, false, "self_calibrated", "no view saw enough"),
+            (3.0, false, false, "mono_network_box", "no view saw enough"),
         ] {
-            let choice = Choice::for_spread(spread_m, has_cameras);
+            let choice = Choice::for_spread(spread_m, has_cameras, has_fits);
             assert_eq!(choice.estimator, estimator);
             assert!(choice.reason.contains(words), "{}", choice.reason);
         }

@@ -286,6 +286,8 @@ mod tests {
                 touchdown_past_threshold_m: 300.0,
                 ils_frequency_mhz: None,
                 course_magnetic_deg: None,
+                length_m: None,
+                width_m: None,
             },
             settle_frames: 3,
             imaging,

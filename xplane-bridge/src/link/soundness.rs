@@ -89,10 +89,18 @@ fn check_runway(runway: &Runway) -> Result<(), UnsoundRequest> {
         let range = [limits::ILS_MHZ.least, limits::ILS_MHZ.most];
         within("ils_frequency_mhz", frequency_mhz, range)?;
     }
-    match runway.course_magnetic_deg {
-        Some(course_deg) => within("course_magnetic_deg", course_deg, ANGLES_DEG),
-        None => Ok(()),
+    if let Some(course_deg) = runway.course_magnetic_deg {
+        within("course_magnetic_deg", course_deg, ANGLES_DEG)?;
     }
+    for (field, value, limits) in [
+        ("length_m", runway.length_m, limits::RUNWAY_LENGTH_M),
+        ("width_m", runway.width_m, limits::RUNWAY_WIDTH_M),
+    ] {
+        if let Some(value) = value {
+            within(field, value, [limits.least, limits.most])?;
+        }
+    }
+    Ok(())
 }
 
 fn check_start(start: &FlightStart) -> Result<(), UnsoundRequest> {

@@ -71,6 +71,25 @@ pub trait Grab: Send {
     /// # Errors
     /// If there is none.
     fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError>;
+
+    /// The same, with the bytes of what is inside a margin apart, rows without gaps. The inside of `margins` is undefined then.
+    ///
+    /// # Errors
+    /// If there is none.
+    fn grab_inside(
+        &mut self,
+        margin_px: u32,
+        margins: &mut RgbPicture,
+        inside: &mut Vec<u8>,
+    ) -> Result<(), PixelError> {
+        self.grab(margins)?;
+        let (right, bottom) = (margins.width_px - margin_px, margins.height_px - margin_px);
+        inside.clear();
+        for y in margin_px..bottom {
+            inside.extend_from_slice(margins.pixels(margin_px, right, y).as_flattened());
+        }
+        Ok(())
+    }
 }
 
 /// From the simulator's report that a frame is drawn until the frame is visible.

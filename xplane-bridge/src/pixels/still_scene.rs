@@ -25,11 +25,11 @@ use standing_still::StandingStill;
 
 use super::Rectangle;
 use super::cell_grid::Grid;
-pub use watch::{CoverWatch, Verdict};
+pub(crate) use watch::{CoverWatch, Verdict};
 
 /// Motion of the world between two images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WorldTime {
+pub(crate) enum WorldTime {
     /// Only water moves.
     Paused,
     /// Clouds drift and rain falls.
@@ -38,18 +38,18 @@ pub enum WorldTime {
 
 /// Something that covers the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cover {
+pub(crate) struct Cover {
     /// Covered rectangle, to the cell.
-    pub rectangle: Rectangle,
+    pub(crate) rectangle: Rectangle,
     /// The way in which it was detected.
-    pub kind: CoverKind,
+    pub(crate) kind: CoverKind,
     /// Number of images before this one that may show it as well, although they were accepted.
-    pub pictures_before: u32,
+    pub(crate) pictures_before: u32,
 }
 
 /// The way in which a cover is detected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CoverKind {
+pub(crate) enum CoverKind {
     /// The image changed more than this scene usually does.
     Appeared,
     /// It stands still where the scene never did.
@@ -195,7 +195,7 @@ impl Limits {
 
 /// The scene of one resting camera.
 #[derive(Debug)]
-pub struct StillScene {
+pub(crate) struct StillScene {
     grid: Grid,
     time: WorldTime,
     limits: Limits,
@@ -213,7 +213,7 @@ pub struct StillScene {
 
 impl StillScene {
     /// A scene of images of this size, before its first image.
-    pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
+    pub(crate) fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
         let grid = Grid::new(width_px, height_px);
         Self {
             cells: vec![Cell::default(); grid.cells()],
@@ -228,17 +228,9 @@ impl StillScene {
         }
     }
 
-    /// Forgets the images: another block begins.
-    pub fn restart(&mut self) {
-        self.cells.fill(Cell::default());
-        self.standing_still = StandingStill::new(self.grid.cells());
-        self.is_new = true;
-        self.hidden_looks = 0;
-    }
-
     /// The next image comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
     /// is compared anew, and a cover that came meanwhile is noticed when it goes.
-    pub fn after_gap(&mut self) {
+    pub(crate) fn after_gap(&mut self) {
         if self.time == WorldTime::Runs {
             for cell in &mut self.cells {
                 cell.outdated = true;
@@ -253,7 +245,7 @@ impl StillScene {
     ///
     /// # Panics
     /// If the image has another size.
-    pub fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
+    pub(crate) fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
         assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
         let touched = self.grid.touched(moving);
         if std::mem::take(&mut self.is_new) {

@@ -109,7 +109,7 @@ impl ScenarioFolder {
         let sealed = Sealed::read(self.root())?.ok_or_else(|| {
             Error::corpus(
                 self.root(),
-                format!("has no {DONE}: it was never finished; make it with `dtd generate`"),
+                format!("has no {DONE}: it was never finished, or its seal was lost"),
             )
         })?;
         let mut contents = BTreeMap::new();
@@ -332,6 +332,14 @@ impl OpenScenario {
     /// There is none, or it does not match the seal.
     pub fn video_path(&self, view: &str) -> Result<PathBuf> {
         self.sealed.check(self.video_name(view)?)
+    }
+
+    /// Rejects a scenario in which the video of a view is missing or has another size than the sealed one, without reading it.
+    ///
+    /// # Errors
+    /// There is none, or it differs.
+    pub fn check_video_unread(&self, view: &str) -> Result<()> {
+        self.sealed.check_unread(self.video_name(view)?).map(drop)
     }
 
     /// Opens a view's video for its packets, after checking it against the seal; `None` if its codec has none that stand alone.

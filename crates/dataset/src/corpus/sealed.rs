@@ -137,6 +137,18 @@ impl Sealed {
         self.expect_whole(name, found)
     }
 
+    /// Rejects a sealed file that is missing or, if it is a video, has another size, without reading it.
+    ///
+    /// # Errors
+    /// See [`Sealed::content`].
+    pub(crate) fn check_unread(&self, name: &str) -> Result<PathBuf> {
+        let found = match self.other_size(name)? {
+            Some(_) => Found::Other,
+            None => self.find_unread(name)?,
+        };
+        self.expect_whole(name, found)
+    }
+
     fn expect_whole<T>(&self, name: &str, found: Found<T>) -> Result<T> {
         let fault = match found {
             Found::Whole(content) => return Ok(content),

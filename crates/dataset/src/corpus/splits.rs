@@ -1,6 +1,7 @@
 //! `splits.json`: the scenarios for training, validation and test, and the check that no trajectory is on two sides.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,16 @@ pub enum Side {
     Test,
 }
 
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Train => "training",
+            Self::Validation => "validation",
+            Self::Test => "test",
+        })
+    }
+}
+
 /// Its name in messages.
 const WHAT: &str = "split";
 /// The unit that a split keeps together.
@@ -36,7 +47,7 @@ pub struct Assignment {
 
 /// A trajectory on two sides: what is learned from it would be tested on it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("trajectory {trajectory} is on two sides: {} is in {:?}, {} is in {:?}", one.0, one.1, other.0, other.1)]
+#[error("trajectory {trajectory} is on two sides: {} is on the {} side, {} on the {} side", one.0, one.1, other.0, other.1)]
 pub struct Leak {
     /// The trajectory.
     pub trajectory: String,

@@ -56,6 +56,20 @@ impl ApproachProfile {
         }
     }
 
+    /// A step-down approach; what is not given is as in the chart of WSSS 02L.
+    pub fn step_down(
+        upper_altitude_msl_m: Option<f64>,
+        step_from_threshold_m: Option<f64>,
+        lower_altitude_msl_m: Option<f64>,
+    ) -> Self {
+        Self::StepDown {
+            upper_altitude_msl_m: upper_altitude_msl_m.unwrap_or_else(chart_upper_msl_m),
+            step_from_threshold_m: step_from_threshold_m
+                .unwrap_or_else(chart_step_from_threshold_m),
+            lower_altitude_msl_m: lower_altitude_msl_m.unwrap_or_else(chart_lower_msl_m),
+        }
+    }
+
     /// Altitude above mean sea level at which a flight of this profile begins, metres.
     pub fn start_altitude_msl_m(&self) -> f64 {
         match *self {

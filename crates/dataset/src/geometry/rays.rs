@@ -1,8 +1,14 @@
 //! Lines of sight, and where they meet.
 
+mod epipolar_line;
+mod vertical_lag;
+
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::geometry::camera::Camera;
+
+pub use epipolar_line::EpipolarLine;
+pub use vertical_lag::{Lag, Sighting, VerticalLag};
 
 /// A line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -24,6 +24,12 @@ pub struct Runway {
     pub ils_frequency_mhz: Option<f64>,
     /// Magnetic course of the localizer as a pilot would set it, degrees.
     pub course_magnetic_deg: Option<f64>,
+    /// Length of the pavement from the landing threshold on, metres, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+    /// Width of the pavement, metres, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width_m: Option<f64>,
 }
 
 /// The position of a point relative to the touchdown target: geodesic polar coordinates about the target, resolved along the
@@ -70,6 +76,12 @@ impl Runway {
                 course_deg,
                 limits::COURSE_MAGNETIC_DEG,
             );
+        }
+        if let Some(length_m) = self.length_m {
+            check.number("length_m", length_m, limits::RUNWAY_LENGTH_M);
+        }
+        if let Some(width_m) = self.width_m {
+            check.number("width_m", width_m, limits::RUNWAY_WIDTH_M);
         }
     }
 

@@ -153,12 +153,18 @@ pub(crate) const ECEF_M: Limits = Limits::new(-7e6, 7e6, "an earth-centred coord
 pub const ELEVATION_MSL_M: Limits = Limits::new(-500.0, 6_000.0, "a height in metres");
 /// Of a landing.
 pub const COURSE_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true course in degrees");
+/// Of the centre of the sun.
+pub const SUN_ELEVATION_DEG: Limits = Limits::new(-90.0, 90.0, "an elevation in degrees");
 /// Of a localizer.
 pub const COURSE_MAGNETIC_DEG: Limits = Limits::new(0.0, 360.0, "a magnetic course in degrees");
 /// Of a glide path.
 pub const GLIDE_PATH_DEG: Limits = Limits::new(1.0, 10.0, "an angle in degrees");
 /// From the threshold to the touchdown target.
 pub const TOUCHDOWN_PAST_THRESHOLD_M: Limits = Limits::new(0.0, 3_000.0, "a distance in metres");
+/// Of a runway's pavement, from its landing threshold on.
+pub const RUNWAY_LENGTH_M: Limits = Limits::new(300.0, 10_000.0, "a length in metres");
+/// Of a runway's pavement.
+pub const RUNWAY_WIDTH_M: Limits = Limits::new(10.0, 200.0, "a width in metres");
 /// Of a localizer.
 pub const ILS_MHZ: Limits = Limits::new(108.0, 112.0, "a localizer's frequency in MHz");
 

@@ -163,7 +163,7 @@ fn check_splits(corpus: &Corpus, records: &BTreeMap<String, ScenarioRecord>, fau
                 id,
                 SPLITS,
                 format!(
-                    "leak: trajectory {trajectory} is flown by {first} ({side:?}) and by {id} ({:?})",
+                    "leak: trajectory {trajectory} is flown by {first} ({side}) and by {id} ({})",
                     assignment.side
                 ),
             );

@@ -49,15 +49,12 @@ pub(super) fn read_boxes(
     let boxes_exist = path.exists();
     let labelled = frames.map_or(boxes_exist, is_labelled);
     if labelled != boxes_exist {
-        let (there, missing) = if labelled {
-            ("distances", "no true boxes")
+        let fault = if labelled {
+            "the scenario has distances, but no true boxes; put the file back, or record the scenario again"
         } else {
-            ("true boxes", "no distances")
+            "the scenario has true boxes, but no distances; run `dtd label` again"
         };
-        faults.file(
-            ScenarioFolder::TRUTH_BOXES,
-            format!("the scenario has {there}, but {missing}; run `dtd label` again"),
-        );
+        faults.file(ScenarioFolder::TRUTH_BOXES, fault);
     }
     let pictures = pictures.unwrap_or(limits::MOST_PICTURES);
     let boxes = boxes_exist.then(|| read_truth_boxes_with_faults(&path, pictures))?;

@@ -216,10 +216,10 @@ fn settings_out_of_range_are_refused_by_name() {
         ),
         (
             Augmentation {
-                largest_feature_px: 1.0,
+                largest_noise_levels: 256.0,
                 ..Augmentation::default()
             },
-            "largest_feature_px",
+            "largest_noise_levels",
         ),
         (
             Augmentation {

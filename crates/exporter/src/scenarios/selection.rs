@@ -1,10 +1,12 @@
 //! Scenarios, views and ticks selected by a request, checked before any file is written.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::corpus::splits::{Assignment, Side};
 use dataset::corpus::{Corpus, ScenarioFolder};
+use serde::Serialize;
 
+use crate::description::about::split_of;
 use crate::error::{Error, Result};
 use crate::request::ExportRequest;
 
@@ -26,15 +28,27 @@ impl Selected {
     }
 }
 
-/// The scenarios that a request asks for, by name.
-pub(crate) fn select(corpus: &Corpus, request: &ExportRequest) -> Result<Vec<Selected>> {
+/// A requested scenario that cannot be exported.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LostScenario {
+    /// Its identifier.
+    pub id: String,
+    /// The fault.
+    pub reason: String,
+}
+
+/// The scenarios that a request asks for, by name; and those of them that are lost, because a video is missing or truncated.
+pub(crate) fn select(
+    corpus: &Corpus,
+    request: &ExportRequest,
+) -> Result<(Vec<Selected>, Vec<LostScenario>)> {
     let folders = corpus.scenarios()?;
     let ids: Vec<String> = folders.iter().map(ScenarioFolder::id).collect();
     for id in request.only.iter().flatten() {
         refuse_unknown("scenario", id, &ids)?;
     }
     let sides = sides(corpus, request.side.is_some())?;
-    let mut selected = Vec::new();
+    let (mut selected, mut lost) = (Vec::new(), Vec::new());
     let mut all_views: Vec<String> = Vec::new();
     for (folder, id) in folders.into_iter().zip(ids) {
         let side = sides.get(&id).map(|assignment| assignment.side);
@@ -44,17 +58,25 @@ pub(crate) fn select(corpus: &Corpus, request: &ExportRequest) -> Result<Vec<Sel
         {
             continue;
         }
-        let mut views = folder.open()?.record()?.views;
+        let scenario = folder.open()?;
+        let mut views = scenario.record()?.views;
         all_views.extend(views.clone());
         if let Some(asked) = &request.views {
             views.retain(|view| asked.contains(view));
         }
-        if !views.is_empty() {
-            selected.push(Selected {
+        let check = |view: &String| scenario.check_video_unread(view);
+        match views.iter().try_for_each(check) {
+            Ok(()) if views.is_empty() => {}
+            Ok(()) => selected.push(Selected {
                 folder,
                 side,
                 views,
-            });
+            }),
+            Err(error) if error.is_damage() => lost.push(LostScenario {
+                id,
+                reason: error.to_string(),
+            }),
+            Err(error) => return Err(error.into()),
         }
     }
     all_views.sort();
@@ -62,11 +84,18 @@ pub(crate) fn select(corpus: &Corpus, request: &ExportRequest) -> Result<Vec<Sel
     for view in request.views.iter().flatten() {
         refuse_unknown("view", view, &all_views)?;
     }
-    if selected.is_empty() {
-        Err(Error::Nothing)
-    } else {
-        Ok(selected)
+    if let Some(asked) = request.side {
+        let known: BTreeSet<&str> = (sides.values())
+            .map(|assignment| split_of(Some(assignment.side)))
+            .collect();
+        let known: Vec<String> = known.into_iter().map(str::to_owned).collect();
+        refuse_unknown("side", split_of(Some(asked)), &known)?;
     }
+    if selected.is_empty() {
+        let all_lost = |first: &LostScenario| Error::AllLost(first.reason.clone());
+        return Err(lost.first().map_or(Error::Nothing, all_lost));
+    }
+    Ok((selected, lost))
 }
 
 /// The split; a corpus may lack it unless a side is requested.

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU32;
 
 use dataset::conditions::sight::{CloudBase, Sight};
+use dataset::corpus::ScenarioFolder;
 use dataset::corpus::calibration::{Calibration, CameraEntry};
 use dataset::corpus::detections::{Detection, models_of};
 use dataset::corpus::open_scenario::OpenScenario;
@@ -42,8 +43,8 @@ pub(crate) struct Source<'a> {
 }
 
 /// True if this model searched the scenario; otherwise its ground truth is exported alone.
-fn is_searched(scenario: &OpenScenario, model: &str) -> Result<bool> {
-    let models = models_of(scenario.folder())?;
+pub(crate) fn is_searched(folder: &ScenarioFolder, model: &str) -> Result<bool> {
+    let models = models_of(folder)?;
     Ok(models.iter().any(|name| name == model))
 }
 
@@ -57,7 +58,7 @@ impl<'a> Source<'a> {
         let record = scenario.record()?;
         let frames = scenario.frames()?;
         let model = match model {
-            Some(model) if is_searched(&scenario, model)? => Some(model.to_owned()),
+            Some(model) if is_searched(&selected.folder, model)? => Some(model.to_owned()),
             _ => None,
         };
         let mut detections = match &model {

@@ -1,10 +1,14 @@
-//! The scenery below the sky: airfield with runway and markings, sea, ships at anchor, islands on the horizon.
+//! The scenery below the sky: airfield with runway and markings; sea, ships at anchor and islands on the horizon, or the country around.
 //!
-//! Everything is evaluated per ray: what does it meet, and how bright is that through the air? Land extends from the airfield to a
-//! coast some hundred metres before the threshold; beyond it there is sea, as at Changi.
+//! Everything is evaluated per ray: what does it meet, and how bright is that through the air? At Changi, land extends from the airfield to
+//! a coast some hundred metres before the threshold; beyond it there is sea. Other airports are inland.
 
+mod inland;
+
+use dataset::geometry::runway::Runway;
 use glam::{DVec2, DVec3, Vec3};
 
+use self::inland::Inland;
 use crate::render::air::Air;
 use crate::render::curves::smoothstep;
 use crate::render::light::Light;
@@ -12,16 +16,26 @@ use crate::render::noise::NoiseTile;
 use crate::render::ships::Ship;
 use crate::render::view::View;
 
-/// Length of the runway's pavement past the threshold, metres. A [`dataset::geometry::runway::Runway`] does not have it.
-pub(crate) const RUNWAY_LENGTH_M: f64 = 4_000.0;
-/// Half the width of the runway, metres.
-pub(crate) const RUNWAY_HALF_WIDTH_M: f64 = 30.0;
+/// Length of the runway's pavement past the threshold, and its width, metres, where they are not known.
+const USUAL_LENGTH_M: f64 = 4_000.0;
+const USUAL_WIDTH_M: f64 = 60.0;
+/// Mown grass reaches as far beside and beyond the runway, metres.
+const AIRFIELD_M: f64 = 450.0;
 /// Mean distance of the coast before the threshold, metres.
 const COAST_BEFORE_THRESHOLD_M: f64 = 700.0;
 /// Distance of the islands, metres.
 pub(crate) const ISLANDS_M: f64 = 24_000.0;
 /// No silhouette rises above this elevation, radians.
 pub(crate) const HIGHEST_SILHOUETTE_RAD: f64 = 0.006;
+
+/// The pavement of a runway past its landing threshold.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pavement {
+    /// Metres.
+    pub(crate) length_m: f64,
+    /// Half its width, metres.
+    pub(crate) half_width_m: f64,
+}
 
 /// The earth's surface of a scene.
 pub(crate) struct Ground {
@@ -33,11 +47,30 @@ pub(crate) struct Ground {
     /// 0 dry to 1 wet.
     wetness: f32,
     pub(crate) ships: Vec<Ship>,
+    pub(crate) pavement: Pavement,
+    /// `None` at the coast.
+    inland: Option<Inland>,
     tile: &'static NoiseTile,
 }
 
+impl Pavement {
+    fn of(runway: &Runway) -> Self {
+        Self {
+            length_m: runway.length_m.unwrap_or(USUAL_LENGTH_M),
+            half_width_m: runway.width_m.unwrap_or(USUAL_WIDTH_M) / 2.0,
+        }
+    }
+}
+
 impl Ground {
-    pub(crate) fn new(view: &View, air: &Air, light: &Light, rain_ratio: f64) -> Self {
+    pub(crate) fn new(
+        view: &View,
+        runway: &Runway,
+        air: &Air,
+        light: &Light,
+        rain_ratio: f64,
+    ) -> Self {
+        let inland = Inland::around(&runway.airport);
         Self {
             view: view.clone(),
             air: *air,
@@ -45,7 +78,13 @@ impl Ground {
             to_sun: light.to_sun,
             sun_lux: light.sun_lux,
             wetness: rain_ratio.clamp(0.0, 1.0) as f32,
-            ships: Ship::at_anchor(view),
+            ships: if inland.is_none() {
+                Ship::at_anchor(view)
+            } else {
+                Vec::new()
+            },
+            pavement: Pavement::of(runway),
+            inland,
             tile: NoiseTile::shared(),
         }
     }
@@ -64,23 +103,38 @@ impl Ground {
             let facade = reflectance * self.ground_lux * (0.6 / std::f32::consts::PI);
             return Some(self.air.through(facade, ray, distance_m));
         }
-        if let Some([near_m, _]) = self.view.distances_to_height(ray, 0.0)
+        if self.inland.is_none()
+            && let Some([near_m, _]) = self.view.distances_to_height(ray, 0.0)
             && near_m > 0.0
         {
             let point = self.view.position_m + ray * near_m;
             return Some(self.air.through(self.sea(point, ray, near_m), ray, near_m));
         }
         (ray.z < self.island_elevation_rad(ray)).then(|| {
-            let forest = Vec3::new(0.035, 0.055, 0.030) * self.ground_lux / std::f32::consts::PI;
+            let inland = self.inland.as_ref();
+            let forest = inland.map_or(Vec3::new(0.035, 0.055, 0.030), Inland::hills);
+            let forest = forest * self.ground_lux / std::f32::consts::PI;
             self.air.through(forest, ray, ISLANDS_M)
         })
     }
 
-    /// Elevation of the islands' ridge in the direction of a ray, radians; below the horizon where there is only sea.
+    /// Height of the surface that ends at the horizon, above mean sea level, metres.
+    pub(crate) fn horizon_msl_m(&self) -> f64 {
+        match self.inland {
+            Some(_) => self.view.ground_msl_m,
+            None => 0.0,
+        }
+    }
+
+    /// Elevation of the ridge of islands or hills in the direction of a ray, radians; below the horizon where there is none.
     pub(crate) fn island_elevation_rad(&self, ray: DVec3) -> f64 {
         let azimuth = ray.x.atan2(ray.y);
-        let shape = f64::from(self.tile.at(azimuth / 2.2, 0.371));
-        let height_m = 260.0 * (shape - 0.42);
+        let height_m = if let Some(inland) = &self.inland {
+            self.view.ground_msl_m + inland.ridge_m(azimuth, self.tile)
+        } else {
+            let shape = f64::from(self.tile.at(azimuth / 2.2, 0.371));
+            260.0 * (shape - 0.42)
+        };
         let foot = self.view.at_height(
             self.view.position_m.truncate() + ray.truncate().normalize() * ISLANDS_M,
             height_m,
@@ -95,6 +149,9 @@ impl Ground {
     }
 
     fn is_land(&self, point: DVec3) -> bool {
+        if self.inland.is_some() {
+            return true;
+        }
         let (past_threshold_m, right_m) = self.on_runway(point);
         let coast = f64::from(self.tile.at(right_m / 9_000.0, 0.71)) - 0.5;
         past_threshold_m > -COAST_BEFORE_THRESHOLD_M + 500.0 * coast
@@ -102,10 +159,26 @@ impl Ground {
 
     fn land(&self, point: DVec3, ray: DVec3, distance_m: f64) -> Vec3 {
         let (past_threshold_m, right_m) = self.on_runway(point);
-        let reflectance = if let Some(paint) = runway_paint(past_threshold_m, right_m) {
+        let Pavement {
+            length_m,
+            half_width_m,
+        } = self.pavement;
+        let beyond_m = (past_threshold_m - length_m)
+            .max(-past_threshold_m)
+            .max(0.0);
+        let country = self
+            .inland
+            .as_ref()
+            .filter(|_| right_m.abs() > AIRFIELD_M || beyond_m > AIRFIELD_M);
+        // Away from the coast, shoulders and taxiway end with the runway.
+        let is_paved = self.inland.is_none() || beyond_m == 0.0;
+        let reflectance = if let Some(paint) = self.pavement.paint(past_threshold_m, right_m) {
             paint
-        } else if (right_m.abs() - 190.0).abs() < 12.0
-            || (RUNWAY_HALF_WIDTH_M..38.0).contains(&right_m.abs())
+        } else if let Some(country) = country {
+            country.reflectance(point, distance_m, self.tile)
+        } else if is_paved
+            && ((right_m.abs() - 190.0).abs() < 12.0
+                || (half_width_m..half_width_m + 8.0).contains(&right_m.abs()))
         {
             Vec3::new(0.13, 0.13, 0.13)
         } else {
@@ -135,31 +208,35 @@ impl Ground {
     }
 }
 
-/// Reflectance of the runway at a place, with its markings (ICAO Annex 14, precision approach, 60 m wide); `None` beside it.
-fn runway_paint(past_threshold_m: f64, right_m: f64) -> Option<Vec3> {
-    let across = right_m.abs();
-    if !(0.0..RUNWAY_LENGTH_M).contains(&past_threshold_m) || across > RUNWAY_HALF_WIDTH_M {
-        return None;
+impl Pavement {
+    /// Reflectance of the runway at a place, with its markings (ICAO Annex 14, precision approach); `None` beside it.
+    fn paint(&self, past_threshold_m: f64, right_m: f64) -> Option<Vec3> {
+        let half_m = self.half_width_m;
+        let across = right_m.abs();
+        if !(0.0..self.length_m).contains(&past_threshold_m) || across > half_m {
+            return None;
+        }
+        let along = past_threshold_m;
+        let within = |from: f64, length: f64| (from..from + length).contains(&along);
+        let side_stripe = (half_m - 1.5..half_m - 0.6).contains(&across);
+        let centreline = across < 0.45 && along > 80.0 && (along - 80.0) % 50.0 < 30.0;
+        let threshold = within(6.0, 30.0)
+            && (3.0..half_m - 3.0).contains(&across)
+            && (across - 3.0) % 3.6 < 1.8;
+        let aiming_point = within(400.0, 60.0) && (9.0..19.0).contains(&across);
+        let touchdown_zone = [150.0, 300.0, 600.0, 750.0, 900.0]
+            .iter()
+            .any(|&from| within(from, 22.5))
+            && (9.0..18.0).contains(&across);
+        if side_stripe || centreline || threshold || aiming_point || touchdown_zone {
+            return Some(Vec3::splat(0.62));
+        }
+        // Rubber where wheels touch down.
+        let rubber = smoothstep(200.0, 350.0, along as f32)
+            * (1.0 - smoothstep(700.0, 1_000.0, along as f32));
+        let rubber = rubber * (1.0 - smoothstep(5.0, 10.0, across as f32));
+        Some(Vec3::new(0.155, 0.155, 0.160) * (1.0 - 0.55 * rubber))
     }
-    let along = past_threshold_m;
-    let within = |from: f64, length: f64| (from..from + length).contains(&along);
-    let side_stripe = (28.5..29.4).contains(&across);
-    let centreline = across < 0.45 && along > 80.0 && (along - 80.0) % 50.0 < 30.0;
-    let threshold =
-        within(6.0, 30.0) && (3.0..27.0).contains(&across) && (across - 3.0) % 3.6 < 1.8;
-    let aiming_point = within(400.0, 60.0) && (9.0..19.0).contains(&across);
-    let touchdown_zone = [150.0, 300.0, 600.0, 750.0, 900.0]
-        .iter()
-        .any(|&from| within(from, 22.5))
-        && (9.0..18.0).contains(&across);
-    if side_stripe || centreline || threshold || aiming_point || touchdown_zone {
-        return Some(Vec3::splat(0.62));
-    }
-    // Rubber where wheels touch down.
-    let rubber =
-        smoothstep(200.0, 350.0, along as f32) * (1.0 - smoothstep(700.0, 1_000.0, along as f32));
-    let rubber = rubber * (1.0 - smoothstep(5.0, 10.0, across as f32));
-    Some(Vec3::new(0.155, 0.155, 0.160) * (1.0 - 0.55 * rubber))
 }
 
 #[cfg(test)]
@@ -168,13 +245,23 @@ mod tests {
 
     #[test]
     fn the_runway_has_white_paint_where_the_annex_says() {
-        let white = |along, right| runway_paint(along, right).is_some_and(|paint| paint.x > 0.5);
+        let wide = Pavement {
+            length_m: 4_000.0,
+            half_width_m: 30.0,
+        };
+        let white = |along, right| wide.paint(along, right).is_some_and(|paint| paint.x > 0.5);
         assert!(white(430.0, 12.0) && white(430.0, -12.0), "aiming point");
         assert!(!white(430.0, 5.0), "between the aiming points");
         assert!(
             white(85.0, 0.0) && !white(120.0, 0.0),
             "centreline and its gap"
         );
-        assert!(runway_paint(-1.0, 0.0).is_none() && runway_paint(100.0, 31.0).is_none());
+        assert!(wide.paint(-1.0, 0.0).is_none() && wide.paint(100.0, 31.0).is_none());
+        let narrow = Pavement {
+            length_m: 1_900.0,
+            half_width_m: 22.5,
+        };
+        assert!(narrow.paint(100.0, 23.0).is_none() && narrow.paint(1_901.0, 0.0).is_none());
+        assert!(narrow.paint(100.0, 21.5).is_some_and(|paint| paint.x > 0.5));
     }
 }

@@ -4,18 +4,12 @@
 //! solar elevation follow the usual tables (Seidelmann, Explanatory Supplement, table of illumination); a city's glow is the
 //! minimum at night. Part of the sunlight that clouds absorb returns as a grey sky.
 
-use chrono::{Days, NaiveDate, NaiveTime, TimeDelta};
 use dataset::conditions::{Clock, CloudKind, Weather};
 use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::sun::Sun;
 use glam::{DVec3, Vec3};
-use solar_positioning::{Location, RefractionCorrection, SolarPositions};
 
 use crate::render::curves::{geometric_lookup, luminance};
-
-/// X-Plane's clock has no year: any will do, as long as it stays the same.
-const YEAR: i32 = 2023;
-/// Difference of terrestrial and universal time around that year, seconds.
-const DELTA_T_S: f64 = 69.2;
 
 /// Solar elevation in degrees, and diffuse illuminance of a horizontal plane under a clear sky, lux per channel.
 const SKY_LUX: [(f32, Vec3); 11] = [
@@ -55,7 +49,10 @@ pub(crate) struct Light {
 
 impl Light {
     pub(crate) fn new(place: Geodetic, clock: &Clock, weather: &Weather, beta_per_m: f64) -> Self {
-        let (azimuth_deg, elevation_deg) = sun_position(place, clock);
+        let Sun {
+            azimuth_deg,
+            elevation_deg,
+        } = Sun::apparent_at(place, clock);
         let (sin_az, cos_az) = azimuth_deg.to_radians().sin_cos();
         let (sin_el, cos_el) = elevation_deg.to_radians().sin_cos();
         let elevation = elevation_deg as f32;
@@ -105,30 +102,6 @@ fn overcast(weather: &Weather) -> (f32, f32) {
     (1.0 - open as f32, transmission as f32)
 }
 
-/// Azimuth and elevation of the sun, degrees.
-fn sun_position(place: Geodetic, clock: &Clock) -> (f64, f64) {
-    let first =
-        NaiveDate::from_ymd_opt(YEAR, 1, 1).expect("the first of January exists in every year");
-    let day = first + Days::new(u64::from(clock.day_of_year.saturating_sub(1)));
-    let time = (day.and_time(NaiveTime::MIN)
-        + TimeDelta::milliseconds((clock.zulu_time_s * 1e3) as i64))
-    .and_utc();
-    let location = Location {
-        latitude: place.latitude_deg,
-        longitude: place.longitude_deg,
-    };
-    let position = SolarPositions::new()
-        .at(
-            &time,
-            location,
-            place.altitude_msl_m,
-            DELTA_T_S,
-            Some(RefractionCorrection::standard()),
-        )
-        .expect("coordinates that come from ECEF are valid latitudes and longitudes");
-    (position.azimuth(), position.elevation_angle())
-}
-
 /// Relative optical air mass (Kasten and Young 1989).
 fn air_mass(elevation_deg: f32) -> f32 {
     1.0 / (elevation_deg.to_radians().sin() + 0.505_72 * (elevation_deg + 6.079_95).powf(-1.636_4))
@@ -138,6 +111,11 @@ fn air_mass(elevation_deg: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::render::tests::{clear, clock_at_local};
+
+    fn sun_position(place: Geodetic, clock: &Clock) -> (f64, f64) {
+        let sun = Sun::apparent_at(place, clock);
+        (sun.azimuth_deg, sun.elevation_deg)
+    }
 
     const CHANGI: Geodetic = Geodetic {
         latitude_deg: 1.35,

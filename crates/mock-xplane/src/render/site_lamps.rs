@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::render::air::Air;
-use crate::render::ground::{Ground, ISLANDS_M, RUNWAY_HALF_WIDTH_M, RUNWAY_LENGTH_M};
+use crate::render::ground::{Ground, ISLANDS_M};
 use crate::render::lamps::Spot;
 use crate::render::noise::unit_hash;
 use crate::render::tone::Tone;
@@ -26,13 +26,13 @@ pub(crate) fn spots(view: &View, air: &Air, tone: &Tone, ground: &Ground) -> Vec
             view.ground_msl_m + 0.5,
         )
     };
-    let edges = (RUNWAY_LENGTH_M / EDGE_SPACING_M) as u32;
+    let edges = (ground.pavement.length_m / EDGE_SPACING_M) as u32;
     for i in 0..=edges {
         for side in [-1.0, 1.0] {
             lamps.push((
                 on_field(
                     f64::from(i) * EDGE_SPACING_M,
-                    side * (RUNWAY_HALF_WIDTH_M + 1.5),
+                    side * (ground.pavement.half_width_m + 1.5),
                 ),
                 WARM * 60.0,
             ));
@@ -68,11 +68,16 @@ fn city_lamp(view: &View, ground: &Ground, i: u32) -> Option<(DVec3, Vec3)> {
     let direction = glam::DVec2::from_angle(aside).rotate(before);
     let ridge_rad = ground.island_elevation_rad(direction.extend(0.0));
     let ridge_m = view.position_m + (direction * ISLANDS_M).extend(ridge_rad * ISLANDS_M);
-    let height_msl_m = view.height_msl_m(ridge_m) * f64::from(unit_hash(i, 2, 9));
+    let foot_msl_m = ground.horizon_msl_m();
+    let height_msl_m =
+        foot_msl_m + (view.height_msl_m(ridge_m) - foot_msl_m) * f64::from(unit_hash(i, 2, 9));
     let place = view.at_height(ridge_m.truncate(), height_msl_m);
-    // Below the sea's horizon it would shine through the water.
+    // Below the horizon it would shine through the water.
     let visible = view
-        .distances_to_height((place - view.position_m).normalize(), 0.0)
+        .distances_to_height(
+            (place - view.position_m).normalize(),
+            ground.horizon_msl_m(),
+        )
         .is_none();
     visible.then(|| (place, WARM * (100.0 + 900.0 * unit_hash(i, 3, 9).powi(3))))
 }

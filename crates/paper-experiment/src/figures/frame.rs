@@ -6,8 +6,8 @@ use dataset::geometry::camera::Camera;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::tables::frames::TickRow;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
-use image::RgbImage;
 use image::imageops::{self, FilterType};
+use image::{Rgb, RgbImage};
 
 use super::drawing::{FOUND, TILE, TRUE, jpeg, line, outline};
 use crate::error::{Error, Result};
@@ -22,6 +22,8 @@ const WANTED: (&str, &str) = ("clear", "12:00");
 const TILE_PX: u32 = 640;
 /// Distance of a line from the box that it frames, pixels.
 const GAP_PX: f64 = 6.0;
+/// Distance between the two parts of the picture of the search, pixels.
+const BETWEEN_PX: u32 = 8;
 /// Largest width of a figure's part, pixels.
 const LARGEST_WIDTH_PX: u32 = 960;
 
@@ -93,8 +95,14 @@ impl Shown {
                 .then(|| self.camera.project(place))??;
             Some([at.x, at.y])
         });
-        line(&mut picture, &places.collect::<Vec<_>>(), 2, TRUE);
-        outline(&mut picture, around(&self.true_box), 2, TRUE);
+        // The aircraft stays visible.
+        let [left, top, right, bottom] = around(&self.true_box);
+        let is_beside = |[x, y]: &[f64; 2]| *x < left || *x > right || *y < top || *y > bottom;
+        let places: Vec<[f64; 2]> = places.collect();
+        for part in places.split(|place| !is_beside(place)) {
+            line(&mut picture, part, 2, TRUE);
+        }
+        outline(&mut picture, [left, top, right, bottom], 2, TRUE);
         jpeg(&smaller(&picture), "the picture at 6 NM")
     }
 
@@ -115,31 +123,21 @@ impl Shown {
             outline(&mut window, [x0 - x, y0 - y, x1 - x, y1 - y], 2, FOUND);
         }
         let mut picture = self.picture.clone();
-        let [right, bottom] = [width, height].map(|side| f64::from(side) - 1.0);
-        for x in (0..width).step_by(TILE_PX as usize) {
-            line(
-                &mut picture,
-                &[[f64::from(x), 0.0], [f64::from(x), bottom]],
-                2,
-                TILE,
-            );
-        }
-        for y in (0..height).step_by(TILE_PX as usize) {
-            line(
-                &mut picture,
-                &[[0.0, f64::from(y)], [right, f64::from(y)]],
-                2,
-                TILE,
-            );
+        let starts = |length: u32| (0..length).step_by(TILE_PX as usize);
+        for (x, y) in starts(width).flat_map(|x| starts(height).map(move |y| (x, y))) {
+            let end = |start: u32, length: u32| (start + TILE_PX).min(length) - 1;
+            let tile = [x, y, end(x, width), end(y, height)].map(f64::from);
+            outline(&mut picture, tile, 2, TILE);
         }
         let edges = [left, top, left + side, top + side].map(f64::from);
         outline(&mut picture, edges, 2, FOUND);
         let picture = smaller(&picture);
         let height = picture.height();
         let window = imageops::resize(&window, height, height, FilterType::Triangle);
-        let mut both = RgbImage::new(picture.width() + height, height);
+        let left = picture.width() + BETWEEN_PX;
+        let mut both = RgbImage::from_pixel(left + height, height, Rgb([255; 3]));
         imageops::replace(&mut both, &picture, 0, 0);
-        imageops::replace(&mut both, &window, i64::from(picture.width()), 0);
+        imageops::replace(&mut both, &window, i64::from(left), 0);
         jpeg(&both, "the picture of the search")
     }
 }

@@ -11,6 +11,8 @@ use crate::error::Result;
 const FIXES_NM: [f64; 2] = [7.6, 4.4];
 /// Room above the flight.
 const MARGIN: f64 = 1.15;
+/// Distance of a fix's name from its line, nautical miles.
+const NAME_GAP_NM: f64 = 0.05;
 
 /// Height over distance to touchdown.
 pub(super) fn chart(rows: &[TickRow], to_threshold_m: f64) -> Result<String> {
@@ -40,7 +42,7 @@ pub(super) fn chart(rows: &[TickRow], to_threshold_m: f64) -> Result<String> {
             chart.draw_series([PathElement::new(vec![(nm, 0.0), (nm, highest)], INK)])?;
             let name = Text::new(
                 format!("D{fix_nm}"),
-                (nm, highest),
+                (nm + NAME_GAP_NM, highest),
                 (FONT, 13).into_font().color(&INK),
             );
             chart.draw_series([name])?;

@@ -7,6 +7,7 @@ use super::{End, Ends, Facts, Lines, SourceError, Wanted};
 /// Fields of row 100: the first end begins here, and the second.
 const ENDS: [usize; 2] = [8, 17];
 const DISPLACED_M: std::ops::RangeInclusive<f64> = 0.0..=3_000.0;
+const WIDTH_M: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
 
 pub(super) fn is_one(head: &str) -> bool {
     let mut lines = head.lines();
@@ -56,6 +57,7 @@ pub(super) fn read<R: BufRead>(
                     near: end(near)?,
                     far: end(1 - near)?,
                     stated_length_m: None,
+                    width_m: Some(lines.number("the width", fields.get(1).copied(), WIDTH_M)?),
                 });
             }
             _ => {}

@@ -8,6 +8,7 @@ use super::{End, Ends, Facts, Lines, SourceError, Wanted};
 
 const ELEVATION_FT: std::ops::RangeInclusive<f64> = -1_500.0..=16_000.0;
 const LENGTH_FT: std::ops::RangeInclusive<f64> = 100.0..=25_000.0;
+const WIDTH_FT: std::ops::RangeInclusive<f64> = 1.0..=3_000.0;
 const DISPLACED_FT: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;
 
 pub(super) fn is_one(head: &str) -> bool {
@@ -69,6 +70,10 @@ pub(super) fn read<R: BufRead>(
                 elevation_m: feet("the elevation", "elevation_ft", ELEVATION_FT)?,
             })
         };
+        let width_ft = match field("width_ft") {
+            Some(text) => Some(lines.number("the width", Some(text), WIDTH_FT)?),
+            None => None,
+        };
         let length_ft = match field("length_ft") {
             Some(text) => Some(lines.number("the length", Some(text), LENGTH_FT)?),
             None => None,
@@ -78,6 +83,7 @@ pub(super) fn read<R: BufRead>(
             near: end(near)?,
             far: end(1 - near)?,
             stated_length_m: length_ft.map(|feet| feet * METERS_PER_FOOT),
+            width_m: width_ft.map(|feet| feet * METERS_PER_FOOT),
         });
     }
     Ok(())

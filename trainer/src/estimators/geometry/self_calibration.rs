@@ -27,6 +27,7 @@ use crate::config::SelfCalibrationConfig;
 use crate::estimators::geometry::fitted_camera::FittedCamera;
 use crate::estimators::geometry::triangulation::of_one_aircraft;
 use crate::samples::camera_adjustment::{Adjustment, UNKNOWNS};
+use crate::samples::moved_rig::Move;
 use crate::samples::rig::Cameras;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{FARTHEST_M, Observation, Sample, ScenarioSummary};
@@ -120,6 +121,13 @@ impl SelfCalibrated {
             point_sd: PointOnAircraft::from_array(part(&sd, of_aircraft)),
             deviations,
         })
+    }
+
+    /// Moves the cameras with their runway to another one.
+    pub(crate) fn move_with(&mut self, motion: &Move) {
+        for fitted in self.cameras.iter_mut().flatten() {
+            fitted.move_with(motion);
+        }
     }
 
     /// The same with the camera of one view fitted again to other flights, starting from `planned` if it is given and else from the old

@@ -4,7 +4,7 @@
 //! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The paper's
 //! full-batch epochs are mini-batches here. Gradients come from [`gradients`] on the processor; on a GPU, and in a refit, from autodiff.
 //! The stage ends on its plateau ([`crate::networks::stage`]): with every view within the gap threshold of the best, or with the gap that
-//! is left when the lagging views no longer get better.
+//! is left after a cycle of the lagging views alone.
 
 mod gradients;
 
@@ -218,6 +218,14 @@ impl Task for Calibration<'_> {
         self.config.plateau()
     }
 
+    fn observe_plateau(&mut self, errors_pct: &[Option<f64>]) {
+        self.state.balance.observe_plateau(errors_pct);
+    }
+
+    fn is_settled(&self) -> bool {
+        self.state.balance.is_settled()
+    }
+
     fn random(&mut self) -> &mut ChaCha12Rng {
         &mut self.setup.random
     }
@@ -275,7 +283,9 @@ impl Task for Calibration<'_> {
             log,
         } = &mut self.state;
         let before = log.last().map_or(0, |entry| entry.step);
-        balance.observe(done - before, &errors_pct);
+        if self.config.plateau().is_none() {
+            balance.observe(done - before, &errors_pct);
+        }
         let note = errors_pct
             .iter()
             .map(|e| e.map_or("-".into(), |e| format!("{e:.2}")))

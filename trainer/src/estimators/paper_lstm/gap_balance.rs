@@ -1,7 +1,10 @@
 //! Algorithm 1 of the paper as a state machine: which views' calibration networks are trained next.
 //!
 //! All views train until every view's error stagnates. Views that then lag behind the best one train on alone, with the shared head
-//! frozen, until the errors stagnate again. Input: a view's error on the validation side at each log entry.
+//! frozen, until the errors stagnate again. Input: each view's error on the validation side.
+//!
+//! Where a plateau ends the stage, errors stagnate if a whole cycle of the learning rate lowers none of them; otherwise, if the last log
+//! entries hardly differ. Entries within a cycle cannot tell: towards its end the rate falls to nearly nothing, and the errors with it.
 
 use dataset::numbers::spread::mean_and_deviation;
 use serde::{Deserialize, Serialize};
@@ -18,6 +21,7 @@ pub(crate) struct GapBalance {
     optimised: Vec<bool>,
     steps_since_change: usize,
     log: Vec<Vec<Option<f64>>>,
+    is_settled: bool,
 }
 
 impl GapBalance {
@@ -35,6 +39,7 @@ impl GapBalance {
             optimised: vec![true; views],
             steps_since_change: 0,
             log: Vec::new(),
+            is_settled: false,
         }
     }
 
@@ -56,21 +61,38 @@ impl GapBalance {
         if self.steps_since_change <= self.min_steps || !self.on_plateau() {
             return;
         }
-        let best = errors
-            .iter()
-            .flatten()
-            .copied()
-            .fold(f64::INFINITY, f64::min);
-        let lagging: Vec<bool> = errors
-            .iter()
-            .map(|error| error.is_some_and(|error| error - best > self.gap_threshold))
-            .collect();
+        let lagging = self.lagging(errors);
         if lagging.contains(&true) {
             self.optimised = lagging;
             self.steps_since_change = 0;
         } else {
             self.optimised = vec![true; errors.len()];
         }
+    }
+
+    /// Records the errors after a cycle that lowered none of them: lagging views train on alone, unless they just have.
+    pub(crate) fn observe_plateau(&mut self, errors: &[Option<f64>]) {
+        let lagging = self.lagging(errors);
+        self.is_settled = !lagging.contains(&true) || lagging == self.optimised;
+        if !self.is_settled {
+            self.optimised = lagging;
+        }
+    }
+
+    /// True after a plateau on which no view lags, or which the lagging views reached alone.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.is_settled
+    }
+
+    /// For each view, true if its error exceeds the lowest by more than the threshold.
+    fn lagging(&self, errors: &[Option<f64>]) -> Vec<bool> {
+        let best = errors
+            .iter()
+            .flatten()
+            .copied()
+            .fold(f64::INFINITY, f64::min);
+        let lags = |error: &Option<f64>| error.is_some_and(|e| e - best > self.gap_threshold);
+        errors.iter().map(lags).collect()
     }
 
     fn on_plateau(&self) -> bool {
@@ -144,6 +166,24 @@ mod tests {
         for _ in 0..5 {
             balance.observe(100, &[None, Some(9.0)]);
         }
+        assert!(balance.all_optimised());
+    }
+
+    #[test]
+    fn after_a_cycle_without_a_fall_lagging_views_train_alone_until_another() {
+        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
+        balance.observe_plateau(&[Some(3.0), Some(1.0)]);
+        assert_eq!(balance.optimised(), [true, false]);
+        assert!(!balance.is_settled());
+        balance.observe_plateau(&[Some(2.9), Some(1.0)]);
+        assert!(balance.is_settled());
+    }
+
+    #[test]
+    fn a_plateau_without_a_gap_is_the_end() {
+        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
+        balance.observe_plateau(&[Some(1.1), Some(1.0)]);
+        assert!(balance.is_settled());
         assert!(balance.all_optimised());
     }
 }

@@ -90,7 +90,7 @@ impl Cells {
             let id = Some(&record[scenario_at]).filter(|id| !id.is_empty());
             scenario.push(id.map(str::to_owned));
             for (values, &column) in numbers.iter_mut().zip(&columns) {
-                values.push(number(&record, column, names[column])?);
+                values.push(number(bytes, &record, column, names[column])?);
             }
         }
         Ok(Self {
@@ -102,8 +102,21 @@ impl Cells {
     }
 }
 
+/// The line in which a record begins. The reader ends a record before the line feed of a Windows line end.
+fn line_of(bytes: &[u8], record: &StringRecord) -> usize {
+    let end = record.position().map_or(0, |place| place.byte() as usize);
+    let rest = bytes.get(end..).unwrap_or_default();
+    let ends = rest
+        .iter()
+        .take_while(|byte| b"\r\n".contains(byte))
+        .count();
+    let before = bytes.iter().take(end + ends);
+    1 + before.filter(|byte| **byte == b'\n').count()
+}
+
 /// The number in a field; `None` if the field is empty.
 fn number(
+    bytes: &[u8],
     record: &StringRecord,
     column: usize,
     name: &str,
@@ -114,8 +127,23 @@ fn number(
     }
     let number = field.parse();
     number.map(Some).map_err(|_| PredictionsFault::NotANumber {
-        line: record.position().map_or(0, csv::Position::line),
+        line: line_of(bytes, record),
         column: name.to_owned(),
         found: field.chars().take(40).collect(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bad_number_is_in_the_same_line_whatever_the_line_ends_are() {
+        for end in ["\n", "\r\n"] {
+            let rows = ["scenario,tick,m_dtd_m", "a,0,5", "a,1,5 m", ""];
+            let fault = Cells::of_csv(rows.join(end).as_bytes(), String::new()).err();
+            let is_there = matches!(fault, Some(PredictionsFault::NotANumber { line: 3, .. }));
+            assert!(is_there, "{end:?}: {fault:?}");
+        }
+    }
 }

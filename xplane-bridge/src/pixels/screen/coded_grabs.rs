@@ -13,8 +13,8 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
 
+use super::Screen;
 use super::frame_code::{FrameCode, MARGIN_PX, read, read_strip};
-use super::{Grab, Screen};
 use crate::link::PooledPicture;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
@@ -135,8 +135,8 @@ fn grab_all(
         ..region
     };
     let (mut strips, mut pictures) = (screen.open(Some(strip))?, screen.open(Some(region))?);
-    let (mut strip, mut picture) = (RgbPicture::default(), RgbPicture::default());
-    let mut last = None;
+    let (mut strip, mut margins) = (RgbPicture::default(), RgbPicture::default());
+    let (mut last, mut memory) = (None, None);
     while !tell.is_closed() {
         let is_new = !rests.load(Ordering::Relaxed) && {
             strips.grab(&mut strip)?;
@@ -147,16 +147,15 @@ fn grab_all(
             thread::sleep(LOOK_EVERY);
             continue;
         }
-        let Some(code) =
-            grab_whole(pictures.as_mut(), &mut picture)?.filter(|code| Some(*code) != last)
-        else {
-            continue;
-        };
         // Ours is a sender as well: it waits for an image that is dropped.
-        let Ok(mut rgb) = free.recv() else {
+        let Some(mut rgb) = memory.take().or_else(|| free.recv().ok()) else {
             return Ok(());
         };
-        crop(&picture, &mut rgb);
+        pictures.grab_inside(MARGIN_PX, &mut margins, &mut rgb)?;
+        let Some(code) = read(&margins).filter(|code| Some(*code) != last) else {
+            memory = Some(rgb);
+            continue;
+        };
         last = Some(code);
         let rgb = PooledPicture::new(rgb, pool.clone());
         if tell.send(Ok(CodedPicture { code, rgb })).is_err() {
@@ -164,24 +163,4 @@ fn grab_all(
         }
     }
     Ok(())
-}
-
-/// The next grab's code, if it is of a single frame.
-fn grab_whole(
-    grab: &mut dyn Grab,
-    picture: &mut RgbPicture,
-) -> Result<Option<FrameCode>, PixelError> {
-    grab.grab(picture)?;
-    Ok(read(picture))
-}
-
-/// The image without [`MARGIN_PX`] around it.
-fn crop(grab: &RgbPicture, rgb: &mut Vec<u8>) {
-    rgb.clear();
-    for y in MARGIN_PX..grab.height_px - MARGIN_PX {
-        rgb.extend_from_slice(
-            grab.pixels(MARGIN_PX, grab.width_px - MARGIN_PX, y)
-                .as_flattened(),
-        );
-    }
 }

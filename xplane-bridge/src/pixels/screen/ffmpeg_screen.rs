@@ -89,8 +89,9 @@ struct FfmpegGrab {
     call: DeviceCall,
 }
 
-impl Grab for FfmpegGrab {
-    fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError> {
+impl FfmpegGrab {
+    /// Reads the next frame.
+    fn read(&mut self) -> Result<(), PixelError> {
         let device = self.call.device;
         let failed = |error: ffmpeg_next::Error| PixelError::Grab {
             what: format!("{device} says: {error}"),
@@ -105,10 +106,24 @@ impl Grab for FfmpegGrab {
         };
         // Screens are not compressed: one packet is one picture.
         self.decoder.send_packet(&packet).map_err(failed)?;
-        self.decoder
-            .receive_frame(&mut self.frame)
-            .map_err(failed)?;
+        self.decoder.receive_frame(&mut self.frame).map_err(failed)
+    }
+}
+
+impl Grab for FfmpegGrab {
+    fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError> {
+        self.read()?;
         pixel_form::copy(&self.frame, self.call.crop, picture)
+    }
+
+    fn grab_inside(
+        &mut self,
+        margin_px: u32,
+        margins: &mut RgbPicture,
+        inside: &mut Vec<u8>,
+    ) -> Result<(), PixelError> {
+        self.read()?;
+        pixel_form::copy_inside(&self.frame, self.call.crop, margin_px, (margins, inside))
     }
 }
 

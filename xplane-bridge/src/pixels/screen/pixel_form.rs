@@ -3,6 +3,7 @@
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::frame;
 
+use crate::link::rgb_bytes;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
 /// Bytes of a pixel, and which of them are red, green and blue.
@@ -37,23 +38,86 @@ pub(super) fn copy(
     part: Option<Rectangle>,
     picture: &mut RgbPicture,
 ) -> Result<(), PixelError> {
-    let form = PixelForm::of(frame.format())?;
-    let (width_px, height_px) = (frame.width(), frame.height());
-    let part = part.unwrap_or(Rectangle::between(0, 0, width_px, height_px));
-    if part.right_px() > width_px || part.bottom_px() > height_px {
-        return Err(PixelError::Grab {
-            what: format!("{part} is outside the screen, {width_px}x{height_px}"),
-        });
-    }
-    picture.resize(part.width_px, part.height_px);
-    let (stride, data) = (frame.stride(0), frame.data(0));
-    let left = part.x_px as usize * form.bytes;
-    let length = part.width_px as usize * form.bytes;
-    for y in 0..part.height_px {
-        let row = &data[(part.y_px + y) as usize * stride + left..][..length];
-        copy_row(form, row, picture.pixels_mut(0, part.width_px, y));
+    let source = Source::of(frame, part)?;
+    let Rectangle {
+        width_px,
+        height_px,
+        ..
+    } = source.part;
+    picture.resize(width_px, height_px);
+    for y in 0..height_px {
+        source.copy(0, y, picture.pixels_mut(0, width_px, y));
     }
     Ok(())
+}
+
+/// The same, but only what lies in the margin, and the rest to its own place: once over the bytes instead of twice.
+pub(super) fn copy_inside(
+    frame: &frame::Video,
+    part: Option<Rectangle>,
+    margin_px: u32,
+    (margins, inside): (&mut RgbPicture, &mut Vec<u8>),
+) -> Result<(), PixelError> {
+    let source = Source::of(frame, part)?;
+    let Rectangle {
+        width_px,
+        height_px,
+        ..
+    } = source.part;
+    let rest = source.part.inside(margin_px);
+    margins.resize(width_px, height_px);
+    inside.resize(rgb_bytes(rest.width_px, rest.height_px), 0);
+    let mut rows = inside
+        .as_chunks_mut::<3>()
+        .0
+        .chunks_exact_mut(rest.width_px.max(1) as usize);
+    for y in 0..height_px {
+        let is_margin = y < margin_px || y >= height_px - margin_px;
+        let row = if is_margin { None } else { rows.next() };
+        let Some(row) = row else {
+            source.copy(0, y, margins.pixels_mut(0, width_px, y));
+            continue;
+        };
+        source.copy(0, y, margins.pixels_mut(0, margin_px, y));
+        source.copy(margin_px, y, row);
+        let right = width_px - margin_px;
+        source.copy(right, y, margins.pixels_mut(right, width_px, y));
+    }
+    Ok(())
+}
+
+/// A part of a grabbed frame.
+struct Source<'a> {
+    form: PixelForm,
+    data: &'a [u8],
+    stride: usize,
+    part: Rectangle,
+}
+
+impl<'a> Source<'a> {
+    fn of(frame: &'a frame::Video, part: Option<Rectangle>) -> Result<Self, PixelError> {
+        let (width_px, height_px) = (frame.width(), frame.height());
+        let part = part.unwrap_or(Rectangle::between(0, 0, width_px, height_px));
+        if part.right_px() > width_px || part.bottom_px() > height_px {
+            return Err(PixelError::Grab {
+                what: format!("{part} is outside the screen, {width_px}x{height_px}"),
+            });
+        }
+        Ok(Self {
+            form: PixelForm::of(frame.format())?,
+            data: frame.data(0),
+            stride: frame.stride(0),
+            part,
+        })
+    }
+
+    /// Copies pixels of a row of the part, from a column on.
+    fn copy(&self, x_px: u32, y_px: u32, pixels: &mut [[u8; 3]]) {
+        let left = (self.part.x_px + x_px) as usize * self.form.bytes;
+        let row = (self.part.y_px + y_px) as usize * self.stride + left;
+        let length = pixels.len() * self.form.bytes;
+        copy_row(self.form, &self.data[row..row + length], pixels);
+    }
 }
 
 fn copy_row(form: PixelForm, row: &[u8], pixels: &mut [[u8; 3]]) {
@@ -104,6 +168,25 @@ mod tests {
                 "{pixel:?}"
             );
         }
+    }
+
+    #[test]
+    fn a_frame_copied_in_two_is_the_frame_copied_whole() {
+        let mut frame = frame::Video::new(Pixel::BGRZ, 9, 8);
+        for (at, byte) in frame.data_mut(0).iter_mut().enumerate() {
+            *byte = at as u8;
+        }
+        let part = Some(Rectangle::between(1, 1, 8, 7));
+        let (mut whole, mut margins) = (RgbPicture::default(), RgbPicture::default());
+        let mut inside = vec![7; 500];
+        copy(&frame, part, &mut whole).unwrap();
+        copy_inside(&frame, part, 2, (&mut margins, &mut inside)).unwrap();
+        assert_eq!(inside.len(), 3 * 2 * 3);
+        for (row, inside) in (2..4).zip(inside.as_chunks::<3>().0.chunks_exact(3)) {
+            assert_eq!(inside, whole.pixels(2, 5, row));
+            margins.pixels_mut(2, 5, row).copy_from_slice(inside);
+        }
+        assert_eq!(margins, whole);
     }
 
     #[test]

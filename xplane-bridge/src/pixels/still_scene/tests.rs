@@ -224,17 +224,3 @@ fn an_opaque_cover_that_comes_in_gradually_is_found_by_standing_still_in_the_rai
         assert!(is_inside, "seed {seed}: {cover:?}");
     }
 }
-
-#[test]
-fn another_block_begins_without_memory_of_the_last() {
-    let mut scene = StillScene::new(64, 48, WorldTime::Paused);
-    let [dark, bright] = [20, 200].map(|level| vec![level; 64 * 48 * 3]);
-    for _ in 0..9 {
-        assert_eq!(scene.look(&dark, &[]), Ok(()));
-    }
-    assert!(scene.look(&bright, &[]).is_err());
-    scene.restart();
-    for _ in 0..9 {
-        assert_eq!(scene.look(&bright, &[]), Ok(()));
-    }
-}

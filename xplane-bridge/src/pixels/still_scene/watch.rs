@@ -15,7 +15,7 @@ const REMEMBERED: usize = 128;
 
 /// Use of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub(crate) enum Verdict {
     /// No cover.
     Clear,
     /// Covered: images taken from this frame on must be taken again.
@@ -27,7 +27,7 @@ pub enum Verdict {
 
 /// Watches the images of a block, in the order in which they were drawn.
 #[derive(Debug)]
-pub struct CoverWatch {
+pub(crate) struct CoverWatch {
     scene: StillScene,
     frames: VecDeque<u64>,
     last_look: Option<Instant>,
@@ -36,21 +36,13 @@ pub struct CoverWatch {
 
 impl CoverWatch {
     /// Of images of a size.
-    pub fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
+    pub(crate) fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
         Self {
             scene: StillScene::new(width_px, height_px, time),
             frames: VecDeque::new(),
             last_look: None,
             covered_since: None,
         }
-    }
-
-    /// Another block begins.
-    pub fn restart(&mut self) {
-        self.scene.restart();
-        self.frames.clear();
-        self.last_look = None;
-        self.covered_since = None;
     }
 
     /// Looks at the image of a frame, in which only `moving` may differ from the one before.
@@ -60,7 +52,7 @@ impl CoverWatch {
     ///
     /// # Panics
     /// If the image has another size.
-    pub fn look(
+    pub(crate) fn look(
         &mut self,
         frame: u64,
         rgb: &[u8],

@@ -35,15 +35,18 @@ pub(super) enum Outcome {
 pub(super) struct Probe {
     /// The patch in the picture.
     pub(super) patch: Rectangle,
+    /// The lag with which images are taken now, if any.
+    expected: Option<u64>,
     /// The frame in which it was written, once that is known.
     frame: Option<u64>,
     patches: BTreeMap<u64, Vec<u8>>,
 }
 
 impl Probe {
-    pub(super) fn new(patch: Rectangle) -> Self {
+    pub(super) fn new(patch: Rectangle, expected: Option<u64>) -> Self {
         Self {
             patch,
+            expected,
             frame: None,
             patches: BTreeMap::new(),
         }
@@ -61,11 +64,19 @@ impl Probe {
         self.patches = self.patches.split_off(&from);
     }
 
-    /// The frame in which it was written, and its result, once enough grabs have come.
+    /// The frame in which it was written, and its result, once enough grabs have come. A probe that shows where it is expected, and only
+    /// there, has its result at once.
     pub(super) fn outcome(&self) -> Option<(u64, Outcome)> {
         let frame = self.frame?;
         let (last, _) = self.patches.last_key_value()?;
-        (*last >= frame + AFTER).then(|| (frame, self.judge(frame)))
+        if *last >= frame + AFTER {
+            return Some((frame, self.judge(frame)));
+        }
+        let expected = self.expected?;
+        let is_there = |grab| self.patches.contains_key(&grab);
+        let may_confirm = (frame..=frame + expected + 1).all(is_there);
+        let confirmed = Outcome::Behind(expected);
+        (may_confirm && self.judge(frame) == confirmed).then_some((frame, confirmed))
     }
 
     fn judge(&self, frame: u64) -> Outcome {
@@ -145,12 +156,22 @@ mod tests {
         showing: &[u64],
         background: u8,
     ) -> Option<(u64, Outcome)> {
-        let mut probe = Probe::new(Rectangle {
+        told_expecting(None, grabs, showing, background)
+    }
+
+    fn told_expecting(
+        expected: Option<u64>,
+        grabs: impl IntoIterator<Item = u64>,
+        showing: &[u64],
+        background: u8,
+    ) -> Option<(u64, Outcome)> {
+        let patch_px = Rectangle {
             x_px: 0,
             y_px: 0,
             width_px: 5,
             height_px: 2,
-        });
+        };
+        let mut probe = Probe::new(patch_px, expected);
         for grab in grabs {
             let level = if showing.contains(&grab) {
                 background + 30
@@ -178,6 +199,21 @@ mod tests {
     #[test]
     fn it_is_told_only_when_every_grab_may_have_come() {
         assert_eq!(told(97..=104, &[102], 90), None);
+    }
+
+    #[test]
+    fn the_expected_lag_is_confirmed_by_the_grab_after_it() {
+        for lag in 0..MOST_LAG {
+            let told = |last, showing: &[u64]| told_expecting(Some(lag), 97..=last, showing, 90);
+            let shown = [100 + lag];
+            assert_eq!(told(100 + lag, &shown), None);
+            assert_eq!(told(101 + lag, &shown), Some((100, Outcome::Behind(lag))));
+            // Another lag, or two grabs, are told by all grabs.
+            assert_eq!(told(104, &[101 + lag]), None);
+            assert_eq!(told(104, &[100 + lag, 101 + lag]), None);
+        }
+        let without_102 = (97..=103).filter(|grab| *grab != 102);
+        assert_eq!(told_expecting(Some(1), without_102, &[101], 90), None);
     }
 
     #[test]

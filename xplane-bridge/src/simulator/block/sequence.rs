@@ -275,7 +275,11 @@ impl<P: Scene> Sequence<P> {
         self.since_probe = 0;
         let tick = self.next_tick.saturating_sub(1);
         if let Some(patch) = (self.probe_place)(tick) {
-            self.probe = Some(Probe::new(patch));
+            let expected = match self.phase {
+                Phase::Moving { lag } => Some(lag),
+                Phase::Settling { .. } | Phase::Probing | Phase::Held => None,
+            };
+            self.probe = Some(Probe::new(patch, expected));
             return Some(Show::Probe(tick));
         }
         let now = self.shown.keys().next_back().copied().unwrap_or(0);

@@ -251,6 +251,8 @@ pub(super) fn runway(place: &PlaceOnGround) -> Runway {
         touchdown_past_threshold_m: 300.0,
         ils_frequency_mhz: None,
         course_magnetic_deg: None,
+        length_m: None,
+        width_m: None,
     }
 }
 

@@ -839,6 +839,8 @@ fn scenery() -> Runway {
         touchdown_past_threshold_m: 340.1,
         ils_frequency_mhz: Some(110.9),
         course_magnetic_deg: Some(23.0),
+        length_m: None,
+        width_m: None,
     }
 }
 

@@ -1,0 +1,35 @@
+use glam::DVec2;
+
+use super::Ray;
+use crate::geometry::camera::Camera;
+
+/// Ranges of the points that define a line, metres.
+const NEAR_M: f64 = 2_000.0;
+const FAR_M: f64 = 30_000.0;
+
+/// The line of the second view on which is what the first view shows at a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EpipolarLine {
+    far_px: DVec2,
+    /// Unit vector across it, downwards.
+    pub across: DVec2,
+}
+
+impl EpipolarLine {
+    /// `None` if the second camera cannot see along the line of sight, or sees it as a point.
+    pub fn of([first, second]: [&Camera; 2], pixel: DVec2) -> Option<Self> {
+        let ray = Ray::through(first, pixel);
+        let at = |range_m: f64| second.project(ray.origin_m + range_m * ray.direction);
+        let (near, far) = (at(NEAR_M)?, at(FAR_M)?);
+        let along = (far - near).try_normalize()?;
+        Some(Self {
+            far_px: far,
+            across: along.perp() * along.x.signum(),
+        })
+    }
+
+    /// Distance of a pixel of the second view from it, pixels.
+    pub fn off_px(&self, pixel: DVec2) -> f64 {
+        self.across.dot(pixel - self.far_px)
+    }
+}

@@ -1,0 +1,76 @@
+//! Reports of images that were not searched, and of lines that no reader took.
+
+use crate::line::Event;
+use crate::metrics::{Fate, Metrics};
+
+/// Seconds between two reports.
+const BETWEEN_S: f64 = 5.0;
+
+/// What was reported until now.
+pub(crate) struct Overload {
+    reported_s: f64,
+    /// Images by view.
+    not_searched: Vec<u64>,
+    dropped_lines: u64,
+}
+
+impl Overload {
+    pub(crate) fn of(views: usize) -> Self {
+        Self {
+            reported_s: 0.0,
+            not_searched: vec![0; views],
+            dropped_lines: 0,
+        }
+    }
+
+    /// The event about what came since the last report, if it is time for one. `names`: of the views.
+    pub(crate) fn news(
+        &mut self,
+        now_s: f64,
+        metrics: &Metrics,
+        names: &mut dyn Iterator<Item = &String>,
+    ) -> Option<impl FnOnce(f64) -> Event + use<>> {
+        if now_s < self.reported_s + BETWEEN_S {
+            return None;
+        }
+        self.reported_s = now_s;
+        let mut not_searched = Vec::new();
+        for (view, (name, before)) in names.zip(&mut self.not_searched).enumerate() {
+            let now = metrics.images(view, Fate::Overload);
+            not_searched.push((name.clone(), now - std::mem::replace(before, now)));
+        }
+        let now = metrics.dropped_lines();
+        let dropped_lines = now - std::mem::replace(&mut self.dropped_lines, now);
+        let is_news = dropped_lines > 0 || not_searched.iter().any(|(_, images)| *images > 0);
+        is_news.then_some(move |time_s| Event::Overload {
+            time_s,
+            not_searched,
+            dropped_lines,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overload_is_reported_once_and_not_without_cause() {
+        let names = ["left".to_owned(), "right".to_owned()];
+        let metrics = Metrics::new(String::new(), &names);
+        let mut overload = Overload::of(2);
+        let mut news = |now_s| Some(overload.news(now_s, &metrics, &mut names.iter())?(now_s));
+        assert!(news(10.0).is_none());
+        metrics.count(1, Fate::Overload);
+        assert!(news(11.0).is_none(), "too soon");
+        let event = news(16.0).unwrap();
+        let Event::Overload { not_searched, .. } = event else {
+            panic!("{event:?}")
+        };
+        assert_eq!(
+            not_searched,
+            [("left".to_owned(), 0), ("right".to_owned(), 1)]
+        );
+        assert!(news(22.0).is_none());
+    }
+}

@@ -1,0 +1,243 @@
+//! FFmpeg's name and options of a source, and how long a wait may be.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use dataset::corpus::Corpus;
+use dataset::files::outside_file::{self, FileKind};
+use dataset::numbers::units::SimTime;
+use ffmpeg_next::{Dictionary, format};
+
+use crate::clock::RunClock;
+use crate::source::{Source, Transport};
+
+/// Milliseconds that opening may take.
+const OPEN_MS: u64 = 4_000;
+/// Milliseconds in which FFmpeg waits for packets that UDP delivered out of order.
+const REORDER_MS: u32 = 60;
+/// Bytes of the socket's buffer: a key frame comes in a burst.
+const UDP_BUFFER_BYTES: u32 = 4 << 20;
+
+/// Cause of a source that was not opened.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum OpenFault {
+    /// It may be there later.
+    Absent(String),
+    /// It will never do.
+    Useless(String),
+}
+
+/// Limit of FFmpeg's waits.
+pub(crate) struct Patience {
+    pub(crate) clock: RunClock,
+    until_ms: AtomicU64,
+    stop: Arc<AtomicBool>,
+}
+
+impl Patience {
+    pub(crate) fn new(clock: RunClock, stop: Arc<AtomicBool>) -> Arc<Self> {
+        Arc::new(Self {
+            clock,
+            until_ms: AtomicU64::new(0),
+            stop,
+        })
+    }
+
+    pub(crate) fn wait(&self, most_ms: u64) {
+        let now_ms = (self.clock.now_s() * 1e3) as u64;
+        self.until_ms.store(now_ms + most_ms, Ordering::Relaxed);
+    }
+
+    pub(crate) fn is_over(&self) -> bool {
+        let now_ms = (self.clock.now_s() * 1e3) as u64;
+        self.is_stopped() || now_ms > self.until_ms.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Times of a scenario's images, by their timestamps in the video: an image that cannot be decoded shifts no other.
+pub(crate) struct RecordedTimes {
+    /// Seconds by microseconds.
+    by_timestamp: BTreeMap<i64, f64>,
+}
+
+impl RecordedTimes {
+    /// From timestamps in the video and times of the recording, seconds.
+    fn of(images: impl Iterator<Item = (f64, f64)>) -> Self {
+        Self {
+            by_timestamp: images
+                .map(|(timestamp_s, time_s)| (microseconds(timestamp_s), time_s))
+                .collect(),
+        }
+    }
+
+    /// The time of the image with this timestamp; tables and videos have different units, so that one may be rounded otherwise.
+    pub(crate) fn time_s(&self, timestamp_s: f64) -> Option<f64> {
+        let here = microseconds(timestamp_s);
+        let mut found = self.by_timestamp.range(here - 1..=here + 1);
+        found.next().map(|(_, time_s)| *time_s)
+    }
+}
+
+fn microseconds(seconds: f64) -> i64 {
+    // Far from the ends, so that a neighbour exists.
+    (seconds * 1e6).round().clamp(-1e18, 1e18) as i64
+}
+
+/// FFmpeg's name of a source, and what is known of it.
+pub(crate) struct Place {
+    name: String,
+    options: Vec<(&'static str, String)>,
+    pub(crate) is_stream: bool,
+    pub(crate) can_lose: bool,
+    pub(crate) recorded: Option<RecordedTimes>,
+}
+
+impl Place {
+    pub(crate) fn of(source: &Source, view: &str) -> Result<Self, OpenFault> {
+        let useless = |error: dataset::Error| OpenFault::Useless(error.to_string());
+        let file = |path: &Path| {
+            outside_file::open(path, FileKind::VIDEO).map_err(useless)?;
+            Ok::<_, OpenFault>(Self {
+                name: format!("file:{}", text_of(path)?),
+                options: vec![("protocol_whitelist", "file".into())],
+                is_stream: false,
+                can_lose: false,
+                recorded: None,
+            })
+        };
+        match source {
+            Source::File(path) => file(path),
+            Source::Scenario { corpus, id } => {
+                let scenario = Corpus::open(corpus).and_then(|corpus| corpus.scenario(id).open());
+                let scenario = scenario.map_err(useless)?;
+                let frames = scenario.frames().map_err(useless)?;
+                let rate = scenario.record().map_err(useless)?.frame_rate;
+                let path = scenario.video_path(view).map_err(useless)?;
+                let column = frames.views.iter().position(|known| known == view);
+                let column = column.ok_or_else(|| {
+                    OpenFault::Useless(format!("its table of images has no view {view}"))
+                })?;
+                // Timestamps of tables count in fractions of the frame rate.
+                let images = frames.rows.iter().map(|row| {
+                    let timestamp_s = row.views[column].pts as f64 / f64::from(rate.numerator);
+                    (timestamp_s, SimTime(row.time_ns).seconds())
+                });
+                Ok(Self {
+                    recorded: Some(RecordedTimes::of(images)),
+                    ..file(&path)?
+                })
+            }
+            Source::Stream(stream) => {
+                let transport = stream.transport();
+                let mut options = rtp_options();
+                options.push(("rtsp_transport", transport.name().into()));
+                Ok(Self {
+                    name: stream.secret_address(),
+                    options,
+                    is_stream: true,
+                    can_lose: transport == Transport::Udp,
+                    recorded: None,
+                })
+            }
+            Source::Description(path) => {
+                outside_file::open(path, FileKind::SETTINGS).map_err(useless)?;
+                let mut options = rtp_options();
+                options.push(("protocol_whitelist", "file,udp,rtp".into()));
+                Ok(Self {
+                    name: format!("file:{}", text_of(path)?),
+                    options,
+                    is_stream: true,
+                    can_lose: true,
+                    recorded: None,
+                })
+            }
+            Source::Device(path) => Ok(Self {
+                // Without a prefix: FFmpeg recognises devices by their path.
+                name: text_of(path)?,
+                options: Vec::new(),
+                is_stream: false,
+                can_lose: false,
+                recorded: None,
+            }),
+        }
+    }
+
+    /// True if it is a file of this computer, which does not change by itself.
+    fn is_file(&self) -> bool {
+        self.name.starts_with("file:")
+    }
+
+    /// Opens it. `in_pieces`: packets of streams as they come, without FFmpeg's parser.
+    pub(crate) fn open(
+        &self,
+        patience: &Arc<Patience>,
+        in_pieces: bool,
+    ) -> Result<format::context::Input, OpenFault> {
+        let mut options = Dictionary::new();
+        for (name, value) in &self.options {
+            options.set(name, value);
+        }
+        if self.is_stream && in_pieces {
+            options.set("fflags", "+noparse+nofillin");
+        }
+        let waiting = patience.clone();
+        patience.wait(OPEN_MS);
+        let opened = format::input_with_interrupt_and_dictionary(
+            &self.name,
+            move || waiting.is_over(),
+            options,
+        );
+        opened.map_err(|error| match error {
+            ffmpeg_next::Error::HttpUnauthorized => OpenFault::Useless(
+                "it asks for a password; give the user in the address (rtsp://USER@HOST/PATH) and the password in the environment, \
+                 DTD_PASSWORD_VIEW, or with --password-file VIEW=FILE"
+                    .into(),
+            ),
+            ffmpeg_next::Error::Exit => OpenFault::Absent(format!("no answer in {OPEN_MS} ms")),
+            ffmpeg_next::Error::InvalidData if self.is_file() => OpenFault::Useless(
+                "it is no video or description of a stream (SDP) that FFmpeg can read".into(),
+            ),
+            error => OpenFault::Absent(error.to_string()),
+        })
+    }
+}
+
+/// Options of streams that come as RTP: short probing, because the description names the codec.
+fn rtp_options() -> Vec<(&'static str, String)> {
+    vec![
+        ("probesize", "20000".into()),
+        ("max_delay", (REORDER_MS * 1_000).to_string()),
+        ("buffer_size", UDP_BUFFER_BYTES.to_string()),
+    ]
+}
+
+fn text_of(path: &Path) -> Result<String, OpenFault> {
+    path.to_str().map(str::to_owned).ok_or_else(|| {
+        OpenFault::Useless("its path is not UTF-8, which FFmpeg requires; rename it".into())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_that_was_not_decoded_shifts_no_time_of_another() {
+        let rate = 30_000.0 / 1_001.0;
+        let images = (0..100).map(|tick| f64::from(tick) / rate);
+        let recorded = RecordedTimes::of(images.map(|at_s| (at_s, 500.0 + at_s)));
+        for tick in (0..100).filter(|tick| tick % 7 != 3) {
+            // In the unit of a container.
+            let units = (f64::from(tick) / rate * 120_000.0).round();
+            let time_s = recorded.time_s(units / 120_000.0).unwrap();
+            assert!((time_s - 500.0 - f64::from(tick) / rate).abs() < 1e-9);
+        }
+        assert_eq!(recorded.time_s(0.01), None);
+    }
+}

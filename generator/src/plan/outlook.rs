@@ -1,0 +1,180 @@
+//! What a plan means at its runway: where each camera sees the aircraft, and how high profiles and clouds are.
+
+use std::collections::BTreeMap;
+
+use dataset::corpus::scenario::Flight;
+use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::pose::FlightState;
+use dataset::geometry::runway::RunwayCoordinates;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+use dataset::plan::{Plan, PlannedScenario};
+use serde::Serialize;
+
+use super::fly_request;
+use crate::sweep::Sweep;
+use crate::trajectory::Trajectory;
+
+/// Rate at which flights are looked at.
+const LOOKS: FrameRate = FrameRate {
+    numerator: 1,
+    denominator: 1,
+};
+/// A level segment below this height over the field is unusual: the chart of WSSS 02L has one at 450 m.
+const LOWEST_LEVEL_M: f64 = 400.0;
+
+/// Outlook of a plan.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Outlook {
+    /// Views in the order of the rig.
+    pub views: Vec<Sight>,
+    /// Height above the runway at which flights begin, by profile, metres.
+    pub profiles_above_runway_m: BTreeMap<String, f64>,
+    /// Lowest base and highest top of clouds above the runway, by weather, metres.
+    pub clouds_above_runway_m: BTreeMap<String, [f64; 2]>,
+    /// Profiles with a level segment that is unusually low, and its height above the runway, metres.
+    #[serde(skip)]
+    pub low_levels_m: BTreeMap<String, f64>,
+}
+
+/// Where a view sees the aircraft's centre of gravity: distances to go along the course, nautical miles, over one flight of each profile
+/// and each recording. Clouds and haze are not considered.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Sight {
+    /// The view.
+    pub view: String,
+    /// The nearest and the farthest place at which a flight is first seen; absent if none is.
+    pub enters_nm: Option<[f64; 2]>,
+    /// The nearest and the farthest place at which a flight is last seen; negative past the touchdown target.
+    pub leaves_nm: Option<[f64; 2]>,
+}
+
+impl Outlook {
+    /// Outlook of the plan of a sweep.
+    pub fn new(sweep: &Sweep, plan: &Plan) -> Self {
+        let runway = &plan.common.runway;
+        let ground_m = runway.threshold.altitude_msl_m;
+        let mut outlook = Self {
+            views: Vec::new(),
+            profiles_above_runway_m: BTreeMap::new(),
+            clouds_above_runway_m: BTreeMap::new(),
+            low_levels_m: BTreeMap::new(),
+        };
+        let cameras = plan.common.cameras.iter();
+        outlook.views = cameras
+            .map(|camera| Sight {
+                view: camera.id.clone(),
+                enters_nm: None,
+                leaves_nm: None,
+            })
+            .collect();
+        let mut flights = BTreeMap::new();
+        for scenario in &plan.scenarios {
+            if let Some(live) = &scenario.parameters.live {
+                let (name, profile) = (live.profile_name.clone(), &live.profile);
+                let start_m = profile.start_altitude_msl_m() - ground_m;
+                if let Some(level_m) = lowest_level_m(profile, ground_m, LOWEST_LEVEL_M) {
+                    outlook.low_levels_m.insert(name.clone(), level_m);
+                }
+                outlook.profiles_above_runway_m.insert(name, start_m);
+            }
+            for layer in &scenario.parameters.conditions.weather.clouds {
+                let range = outlook
+                    .clouds_above_runway_m
+                    .entry(scenario.weather.clone())
+                    .or_insert([f64::INFINITY, f64::NEG_INFINITY]);
+                widen(range, layer.base_msl_m - ground_m);
+                widen(range, layer.top_msl_m - ground_m);
+            }
+            // Repeats of a flight differ by metres.
+            let flight = match &scenario.parameters.live {
+                Some(live) => &live.profile_name,
+                None => &scenario.trajectory,
+            };
+            flights.entry(flight).or_insert(scenario);
+        }
+        for scenario in flights.values() {
+            outlook.watch(scenario, plan, &states(sweep, plan, scenario));
+        }
+        outlook
+    }
+
+    /// Adds a flight to what the views see.
+    fn watch(&mut self, scenario: &PlannedScenario, plan: &Plan, states: &[FlightState]) {
+        let runway = &plan.common.runway;
+        let target = runway.touchdown_target();
+        let cameras = scenario.parameters.cameras(&plan.common);
+        for (sight, (_, camera)) in self.views.iter_mut().zip(cameras) {
+            let camera = camera.camera();
+            let mut seen = states
+                .iter()
+                .filter(|state| camera.shows(state.pose.position().to_ecef()))
+                .map(|state| {
+                    let place = RunwayCoordinates::of(
+                        state.pose.position(),
+                        target,
+                        runway.course_true_deg,
+                    );
+                    place.along_track_m / METERS_PER_NAUTICAL_MILE
+                });
+            let Some(first_nm) = seen.next() else {
+                continue;
+            };
+            let last_nm = seen.next_back().unwrap_or(first_nm);
+            widen(sight.enters_nm.get_or_insert([first_nm; 2]), first_nm);
+            widen(sight.leaves_nm.get_or_insert([last_nm; 2]), last_nm);
+        }
+    }
+}
+
+/// The states of a scenario's flight until it passes the target, once a second: of its recording, else of the built-in flight model.
+fn states(sweep: &Sweep, plan: &Plan, scenario: &PlannedScenario) -> Vec<FlightState> {
+    let runway = &plan.common.runway;
+    let parameters = &scenario.parameters;
+    let computed;
+    let trajectory: &Trajectory = match &parameters.live {
+        Some(live) => {
+            let request = fly_request(&plan.common, scenario, live);
+            let states = flight_model::fly(&request, &parameters.conditions.weather);
+            let Ok(trajectory) = Trajectory::new(states) else {
+                return Vec::new();
+            };
+            computed = trajectory;
+            &computed
+        }
+        None => {
+            let recordings = sweep
+                .recorded
+                .iter()
+                .flat_map(|flights| &flights.recordings);
+            let is_flown = |blake3: &str| matches!(&parameters.flight, Flight::Recorded { blake3: flown, .. } if flown == blake3);
+            let mut recordings = recordings.filter(|recording| is_flown(&recording.blake3));
+            let Some(recording) = recordings.next() else {
+                return Vec::new();
+            };
+            &recording.trajectory
+        }
+    };
+    trajectory
+        .approach(runway, parameters.start_dtd_m)
+        .map_or_else(|_| Vec::new(), |window| trajectory.resample(window, LOOKS))
+}
+
+/// Height of the lowest level segment above the runway, metres, if it is below `least_m`.
+fn lowest_level_m(profile: &ApproachProfile, ground_m: f64, least_m: f64) -> Option<f64> {
+    let level_m = match *profile {
+        ApproachProfile::GlidePath {
+            level_altitude_msl_m,
+        } => level_altitude_msl_m,
+        ApproachProfile::StepDown {
+            lower_altitude_msl_m,
+            ..
+        } => lower_altitude_msl_m,
+        ApproachProfile::ContinuousDescent { .. } => return None,
+    };
+    Some(level_m - ground_m).filter(|level_m| *level_m < least_m)
+}
+
+fn widen(range: &mut [f64; 2], value: f64) {
+    *range = [range[0].min(value), range[1].max(value)];
+}

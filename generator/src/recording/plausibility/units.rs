@@ -1,0 +1,279 @@
+//! The units of a recording's columns, compared with each other over its approach.
+
+use dataset::geometry::pose::FlightState;
+use dataset::numbers::spread::median;
+use dataset::numbers::units::Degrees;
+
+use super::Implausible;
+
+/// Ratios of two units, and what a number in the wrong one looks like.
+const LENGTH_RATIOS: [(f64, &str); 1] = [(3.280_84, "feet")];
+const SPEED_RATIOS: [(f64, &str); 3] = [
+    (1.943_84, "knots"),
+    (3.6, "kilometres per hour"),
+    (196.85, "feet per minute"),
+];
+/// Agreement with such a ratio.
+const RATIO_TOLERANCE: f64 = 0.12;
+/// Altitude and the integral of the vertical speed may differ by this much, metres, plus a part of the change of altitude.
+const CLIMB_TOLERANCE_M: f64 = 30.0;
+const CLIMB_TOLERANCE: f64 = 0.25;
+/// Airspeed over ground speed.
+const AIRSPEED_RATIOS: std::ops::RangeInclusive<f64> = 0.5..=1.7;
+/// Slower states have no heading that has to agree with the track.
+const MOVING_MPS: f64 = 30.0;
+/// Largest median angle between heading and track: more than any crosswind causes.
+const LARGEST_CRAB_DEG: f64 = 40.0;
+/// Largest pitch and roll, as numbers, that look like radians. No airliner flies a whole approach within 0.2 degrees.
+const RADIANS: f64 = 0.2;
+/// Banks follow from turns over this time, seconds: gusts and steps of the track have no part in them.
+const TURN_S: f64 = 4.0;
+/// Turns tell the unit and the sign of the roll if their banks are larger on average (root mean square), degrees.
+const TURNING_DEG: f64 = 0.4;
+/// Roll in degrees over the bank of a turn: about 1. In radians it is 0.017.
+const ROLL_IN_RADIANS: std::ops::RangeInclusive<f64> = 0.005..=0.04;
+const ROLL_TO_THE_LEFT: f64 = -0.4;
+/// Pitch in degrees varies by more than this, unless it is made up.
+const LEAST_PITCH_RANGE: f64 = 0.005;
+const GRAVITY_MPS2: f64 = 9.81;
+
+/// The name of the unit in which a quantity has this many times its number.
+fn unit_of(ratio: f64, units: &[(f64, &'static str)]) -> Option<&'static str> {
+    let fits = |(factor, _): &&(f64, &str)| (ratio / factor - 1.0).abs() < RATIO_TOLERANCE;
+    units.iter().find(fits).map(|(_, name)| *name)
+}
+
+fn ground_speed_mps(state: &FlightState) -> f64 {
+    state.velocity_north_mps.hypot(state.velocity_east_mps)
+}
+
+/// Way over ground by positions against velocities and times.
+pub(super) fn speeds(approach: &[FlightState]) -> Result<(), Implausible> {
+    let (mut way_m, mut flown_m, mut steps_s) = (0.0, 0.0, Vec::new());
+    for pair in approach.windows(2) {
+        let [before, after] = pair else { continue };
+        let step_s = after.time_s - before.time_s;
+        let (from, to) = (before.pose.position(), after.pose.position());
+        way_m += from.lat_lon().distance_m(to.lat_lon());
+        flown_m += step_s * (ground_speed_mps(before) + ground_speed_mps(after)) / 2.0;
+        steps_s.push(step_s);
+    }
+    if way_m < 100.0 || flown_m <= 0.0 {
+        return Ok(());
+    }
+    let why =
+        format!("positions are {way_m:.0} m apart where velocities and times make {flown_m:.0} m");
+    let ratio = flown_m / way_m;
+    if let Some(looks_like) = unit_of(ratio, &SPEED_RATIOS) {
+        return Err(Implausible::Unit {
+            column: "v_north_mps and v_east_mps",
+            looks_like,
+            why,
+            expected: "metres per second over ground",
+        });
+    }
+    for (looks_like, factor) in [
+        ("milliseconds", 1e3),
+        ("microseconds", 1e6),
+        ("minutes", 1.0 / 60.0),
+    ] {
+        if (ratio / factor - 1.0).abs() < RATIO_TOLERANCE {
+            return Err(Implausible::Unit {
+                column: "t_s",
+                looks_like,
+                why,
+                expected: "seconds",
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Altitude against vertical speed.
+pub(super) fn climb(approach: &[FlightState]) -> Result<(), Implausible> {
+    let integral = approach.windows(2).map(|pair| {
+        let step_s = pair[1].time_s - pair[0].time_s;
+        step_s * (pair[0].velocity_down_mps + pair[1].velocity_down_mps) / 2.0
+    });
+    let sinks_m: f64 = integral.sum();
+    let altitude_m = |state: &FlightState| state.pose.altitude_msl_m;
+    let falls_m = altitude_m(&approach[0]) - altitude_m(&approach[approach.len() - 1]);
+    let allowed_m = CLIMB_TOLERANCE_M + CLIMB_TOLERANCE * falls_m.abs();
+    if (falls_m - sinks_m).abs() <= allowed_m {
+        return Ok(());
+    }
+    let why =
+        format!("altitude_msl_m falls by {falls_m:.0} m where v_down_mps makes {sinks_m:.0} m");
+    let ratio = falls_m / sinks_m;
+    if let Some(looks_like) = unit_of(ratio, &LENGTH_RATIOS) {
+        return Err(Implausible::Unit {
+            column: "altitude_msl_m",
+            looks_like,
+            why,
+            expected: "metres above mean sea level",
+        });
+    }
+    let upwards = (falls_m + sinks_m).abs() <= allowed_m;
+    let feet_per_minute = unit_of(ratio.recip().abs(), &SPEED_RATIOS[2..]);
+    let feet_per_second = unit_of(ratio.recip().abs(), &LENGTH_RATIOS).map(|_| "feet per second");
+    let looks_like = if upwards {
+        Some("velocities upwards")
+    } else {
+        feet_per_minute.or(feet_per_second)
+    };
+    match looks_like {
+        Some(looks_like) => Err(Implausible::Unit {
+            column: "v_down_mps",
+            looks_like,
+            why,
+            expected: "metres per second, downwards positive",
+        }),
+        None => Err(Implausible::Contradiction {
+            why,
+            expected: "both to agree",
+        }),
+    }
+}
+
+/// Airspeed against ground speed.
+pub(super) fn airspeed(approach: &[FlightState]) -> Result<(), Implausible> {
+    let moving = approach
+        .iter()
+        .filter(|state| ground_speed_mps(state) > MOVING_MPS);
+    let mut ratios: Vec<f64> = moving
+        .map(|state| state.true_airspeed_mps / ground_speed_mps(state))
+        .collect();
+    if ratios.is_empty() {
+        return Ok(());
+    }
+    let ratio = median(&mut ratios);
+    if AIRSPEED_RATIOS.contains(&ratio) {
+        return Ok(());
+    }
+    let why = format!("tas_mps is {ratio:.2} times the ground speed");
+    match unit_of(ratio, &SPEED_RATIOS) {
+        Some(looks_like) => Err(Implausible::Unit {
+            column: "tas_mps",
+            looks_like,
+            why,
+            expected: "metres per second",
+        }),
+        None => Err(Implausible::Contradiction {
+            why,
+            expected: "0.5 to 1.7 times",
+        }),
+    }
+}
+
+/// Heading against track, and the size of pitch and roll.
+pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
+    let moving: Vec<&FlightState> = approach
+        .iter()
+        .filter(|state| ground_speed_mps(state) > MOVING_MPS)
+        .collect();
+    if moving.is_empty() {
+        return Ok(());
+    }
+    let crab_deg = |heading: &dyn Fn(&FlightState) -> f64| {
+        let mut angles: Vec<f64> = moving
+            .iter()
+            .map(|state| {
+                let track_deg = state
+                    .velocity_east_mps
+                    .atan2(state.velocity_north_mps)
+                    .to_degrees();
+                Degrees(heading(state) - track_deg).wrapped_180().0.abs()
+            })
+            .collect();
+        median(&mut angles)
+    };
+    let heading_deg = |state: &FlightState| state.pose.heading_true_deg;
+    let as_it_is_deg = crab_deg(&heading_deg);
+    let is_small = |state: &&FlightState| heading_deg(state).abs() <= std::f64::consts::TAU;
+    let as_radians_deg = crab_deg(&|state| heading_deg(state).to_degrees());
+    let unit = |column, looks_like, why, expected| {
+        Err(Implausible::Unit {
+            column,
+            looks_like,
+            why,
+            expected,
+        })
+    };
+    let why = format!("heading and track differ by {as_it_is_deg:.0} degrees (median)");
+    if moving.iter().all(is_small) && as_radians_deg + 5.0 < as_it_is_deg {
+        return unit("heading_true_deg", "radians", why, "degrees, 0 to 360");
+    }
+    if as_it_is_deg > 180.0 - LARGEST_CRAB_DEG {
+        return unit(
+            "heading_true_deg",
+            "headings of an aircraft that flies backwards",
+            why,
+            "where the nose points",
+        );
+    }
+    if as_it_is_deg > LARGEST_CRAB_DEG {
+        return Err(Implausible::Contradiction {
+            why,
+            expected: "at most 40 degrees",
+        });
+    }
+    let largest = |angle: &dyn Fn(&FlightState) -> f64| {
+        approach
+            .iter()
+            .map(|state| angle(state).abs())
+            .fold(0.0, f64::max)
+    };
+    let pitch = largest(&|state| state.pose.pitch_deg);
+    let roll = largest(&|state| state.pose.roll_deg);
+    let lasts_s = approach[approach.len() - 1].time_s - approach[0].time_s;
+    let pitches = approach.iter().map(|state| state.pose.pitch_deg);
+    let (lowest, highest) = pitches.fold((f64::MAX, f64::MIN), |(low, high), pitch| {
+        (low.min(pitch), high.max(pitch))
+    });
+    let varies = highest - lowest > LEAST_PITCH_RANGE;
+    if varies && pitch.max(roll) < RADIANS && lasts_s > 60.0 {
+        let why =
+            format!("no pitch is above {pitch:.3} and no roll above {roll:.3} in {lasts_s:.0} s");
+        return unit("pitch_deg and roll_deg", "radians", why, "degrees");
+    }
+    if let Some(slope) = roll_over_bank(approach) {
+        let why = format!("roll_deg is {slope:.3} times the bank that the turns need");
+        let degrees = "degrees, right wing down positive";
+        if ROLL_IN_RADIANS.contains(&slope) {
+            return unit("roll_deg", "radians", why, degrees);
+        }
+        if slope < ROLL_TO_THE_LEFT {
+            return unit("roll_deg", "rolls to the left", why, degrees);
+        }
+    }
+    Ok(())
+}
+
+/// Slope of the roll over the bank of a coordinated turn; `None` for a flight without turns.
+fn roll_over_bank(approach: &[FlightState]) -> Option<f64> {
+    let track_rad = |state: &FlightState| state.velocity_east_mps.atan2(state.velocity_north_mps);
+    let (mut products, mut squares, mut turns) = (0.0, 0.0, 0);
+    let mut from = 0;
+    while from < approach.len() {
+        let start = &approach[from];
+        let ends = |state: &FlightState| state.time_s - start.time_s >= TURN_S;
+        let Some(length) = approach[from..].iter().position(ends) else {
+            break;
+        };
+        let part = &approach[from..=from + length];
+        let end = &part[length];
+        let turn_deg = (track_rad(end) - track_rad(start)).to_degrees();
+        let rate_deg = Degrees(turn_deg).wrapped_180().0 / (end.time_s - start.time_s);
+        let speed_mps = (ground_speed_mps(start) + ground_speed_mps(end)) / 2.0;
+        let bank_deg = (speed_mps * rate_deg.to_radians() / GRAVITY_MPS2)
+            .atan()
+            .to_degrees();
+        let rolls = part.iter().map(|state| state.pose.roll_deg);
+        products += bank_deg * rolls.sum::<f64>() / part.len() as f64;
+        squares += bank_deg * bank_deg;
+        turns += 1;
+        from += length;
+    }
+    let is_turning = squares > f64::from(turns) * TURNING_DEG * TURNING_DEG;
+    (turns > 0 && is_turning).then(|| products / squares)
+}

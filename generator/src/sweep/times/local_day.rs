@@ -1,0 +1,152 @@
+//! Local time at the airport: `utc_offset_h` as the grid states it, or as its time zone has it on the day.
+
+use std::collections::BTreeMap;
+
+use chrono::{NaiveDate, Offset, TimeZone};
+use chrono_tz::Tz;
+use dataset::conditions::Clock;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::Runway;
+use dataset::geometry::sun;
+use dataset::numbers::limits;
+
+use crate::airports;
+use crate::sweep::fault::{Checked, Fault, fault};
+use crate::sweep::grid::Grid;
+use crate::sweep::limits::Enforce;
+use crate::sweep::runways::AirportTable;
+use crate::time_of_day::TimeOfDay;
+
+/// Local time differs from the sun's by up to three hours, in the west of China, and with daylight saving by up to four.
+const MOST_FROM_SUN_H: f64 = 4.0;
+/// Clocks are changed at night: noon has the offset of the day.
+const NOON_H: u32 = 12;
+
+/// The day of a sweep at its runway.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::sweep) struct LocalDay {
+    pub(in crate::sweep) place: Geodetic,
+    pub(in crate::sweep) day_of_year: u32,
+    pub(in crate::sweep) utc_offset_h: f64,
+}
+
+impl LocalDay {
+    pub(in crate::sweep) fn of(
+        grid: &Grid,
+        runway: &Runway,
+        airports: &BTreeMap<String, AirportTable>,
+    ) -> Checked<Self> {
+        limits::DAY_OF_YEAR.check_key("grid.day_of_year", f64::from(grid.day_of_year))?;
+        let zone = zone(&runway.airport, airports)?;
+        let by_zone_h = zone.and_then(|zone| utc_offset_h(zone, grid.day_of_year));
+        let utc_offset_h = match (grid.utc_offset_h, by_zone_h) {
+            (Some(stated_h), by_zone_h) => {
+                limits::UTC_OFFSET_H.check_key("grid.utc_offset_h", stated_h)?;
+                check_with_sun(stated_h, runway)?;
+                check_with_zone(stated_h, zone.zip(by_zone_h), grid.day_of_year, runway)?;
+                stated_h
+            }
+            (None, Some(by_zone_h)) => by_zone_h,
+            (None, None) => {
+                return fault(
+                    "grid",
+                    format!(
+                        "no utc_offset_h, and the time zone of {0} is not known; expected one of them: time_zone in [airport.{0}] is, for \
+                         example, \"Europe/Zurich\"",
+                        runway.airport
+                    ),
+                );
+            }
+        };
+        Ok(Self {
+            place: runway.threshold,
+            day_of_year: grid.day_of_year,
+            utc_offset_h,
+        })
+    }
+
+    /// The simulator's clock at a time of this day.
+    pub(in crate::sweep) fn clock(&self, time: TimeOfDay) -> Clock {
+        time.clock(self.day_of_year, self.utc_offset_h)
+    }
+}
+
+/// The time zone of an airport, by the sweep or built in.
+fn zone(icao: &str, airports: &BTreeMap<String, AirportTable>) -> Checked<Option<Tz>> {
+    let stated = airports
+        .get(icao)
+        .and_then(|table| table.time_zone.as_deref());
+    let Some(name) = stated.or_else(|| airports::time_zone(icao)) else {
+        return Ok(None);
+    };
+    name.parse().map(Some).map_err(|_| Fault {
+        key: format!("airport.{icao}.time_zone"),
+        message: format!(
+            "{name:?} is not a time zone; expected a name of the IANA time zone database, e.g. \"Europe/Zurich\""
+        ),
+    })
+}
+
+/// Local time minus UTC on a day, in the simulator's year.
+fn utc_offset_h(zone: Tz, day_of_year: u32) -> Option<f64> {
+    let noon = NaiveDate::from_yo_opt(sun::YEAR, day_of_year)?.and_hms_opt(NOON_H, 0, 0)?;
+    let offset = zone.offset_from_local_datetime(&noon).earliest()?;
+    Some(f64::from(offset.fix().local_minus_utc()) / 3_600.0)
+}
+
+fn check_with_zone(
+    stated_h: f64,
+    zone: Option<(Tz, f64)>,
+    day_of_year: u32,
+    runway: &Runway,
+) -> Checked<()> {
+    match zone {
+        Some((zone, by_zone_h)) if stated_h != by_zone_h => fault(
+            "grid.utc_offset_h",
+            format!(
+                "{stated_h} h, but clocks at {} ({zone}) are {by_zone_h} h ahead of UTC on day {day_of_year}; leave utc_offset_h out, or \
+                 give the airport another time_zone",
+                runway.airport
+            ),
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// Rejects a local time that is far from the sun's at the runway: noon would be dark.
+fn check_with_sun(utc_offset_h: f64, runway: &Runway) -> Checked<()> {
+    let sun_h = runway.threshold.longitude_deg / 15.0;
+    // Clocks on both sides of the date line show the same time.
+    let off_h = (utc_offset_h - sun_h + 12.0).rem_euclid(24.0) - 12.0;
+    if off_h.abs() <= MOST_FROM_SUN_H {
+        return Ok(());
+    }
+    fault(
+        "grid.utc_offset_h",
+        format!(
+            "{utc_offset_h} h, but the sun is {sun_h:.1} h ahead of UTC at {} {}; expected a difference of at most {MOST_FROM_SUN_H} h: is \
+             it the offset of another airport?",
+            runway.airport, runway.name
+        ),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn offset_h(zone: &str, day_of_year: u32) -> f64 {
+        utc_offset_h(zone.parse().unwrap(), day_of_year).unwrap()
+    }
+
+    #[test]
+    fn clocks_follow_daylight_saving_of_their_hemisphere() {
+        // The last Sunday of March 2023 is day 85.
+        assert_eq!(offset_h("Europe/Zurich", 84), 1.0);
+        assert_eq!(offset_h("Europe/Zurich", 85), 2.0);
+        assert_eq!(offset_h("Asia/Singapore", 172), 8.0);
+        assert_eq!(offset_h("Australia/Sydney", 1), 11.0);
+        assert_eq!(offset_h("Australia/Sydney", 172), 10.0);
+        assert_eq!(offset_h("Asia/Kathmandu", 172), 5.75);
+    }
+}

@@ -1,0 +1,58 @@
+//! Warnings about a sweep that can be recorded, but hardly as intended.
+
+use std::collections::BTreeSet;
+
+use dataset::plan::Plan;
+use generator::plan::hidden_aircraft;
+use generator::sweep::Sweep;
+
+/// Warns of parts of the sweep that no scenario uses, and of views that never have the aircraft in sight.
+pub(crate) fn warn(sweep: &Sweep, plan: &Plan) {
+    for line in unused(sweep, plan).into_iter().chain(hidden_aircraft(plan)) {
+        eprint_warning!("{line}");
+    }
+}
+
+fn unused(sweep: &Sweep, plan: &Plan) -> Vec<String> {
+    let mut lines = Vec::new();
+    let text: toml::Table = toml::from_str(&sweep.text).unwrap_or_default();
+    let used: BTreeSet<&str> = plan.scenarios.iter().map(|s| s.weather.as_str()).collect();
+    // By default, the grid has all weathers.
+    let listed = text.get("grid").and_then(|grid| grid.get("weathers"));
+    let is_in_grid = |weather: &str| {
+        let listed = listed.and_then(toml::Value::as_array);
+        listed.is_none_or(|listed| listed.iter().any(|name| name.as_str() == Some(weather)))
+    };
+    for weather in sweep.weathers.keys() {
+        if !used.contains(weather.as_str()) {
+            let why = if is_in_grid(weather) {
+                "[[exclude]] omits every combination with it"
+            } else {
+                "name it in `weathers` of [grid]"
+            };
+            lines.push(format!("no scenario has the weather {weather:?}: {why}"));
+        }
+    }
+    let defined = |kind: &str| {
+        let table = text.get(kind).and_then(toml::Value::as_table);
+        let names = table.into_iter().flat_map(toml::Table::keys);
+        names.cloned().collect::<Vec<_>>()
+    };
+    let rigs = defined("rig").into_iter();
+    for rig in rigs.filter(|rig| !rig.eq_ignore_ascii_case(&sweep.rig_name)) {
+        let used = &sweep.rig_name;
+        lines.push(format!(
+            "the rig {rig:?} is not used: `rig` of [approach] is {used:?}"
+        ));
+    }
+    let live = plan
+        .scenarios
+        .iter()
+        .filter_map(|s| s.parameters.live.as_ref());
+    let flown: BTreeSet<&str> = live.map(|live| live.profile_name.as_str()).collect();
+    let profiles = defined("profile").into_iter();
+    for profile in profiles.filter(|profile| !flown.contains(profile.as_str())) {
+        lines.push(format!("no scenario flies the profile {profile:?}"));
+    }
+    lines
+}

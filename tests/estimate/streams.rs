@@ -1,0 +1,176 @@
+//! Kinds of streams: servers with passwords, and descriptions of streams that come without a server.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
+use std::thread;
+
+use rustix::process::Signal;
+use serde_json::{Value, json};
+use testkit::command::{said, text};
+use testkit::free_udp_port;
+
+use crate::running::Running;
+use crate::server::Server;
+use crate::workshop::{VIEWS, Workshop, ffmpeg, videos};
+
+const SECRET: &str = "hid%64en word";
+
+#[test]
+fn passwords_from_the_environment_and_from_files_reach_servers_and_nobody_sees_them() {
+    let workshop = Workshop::shared();
+    let file = workshop.folder.path().join("password");
+    fs::write(&file, format!("{SECRET}\n")).unwrap();
+    let user = &*format!("me:{SECRET}");
+    for options in [&["--user", user][..], &["--user", user, "--digest"]] {
+        let Some(server) = Server::start(options, &cameras(&workshop)) else {
+            return;
+        };
+        let sources = VIEWS.map(|view| server.address(view).replace("rtsp://", "rtsp://me@"));
+        let sources = [&*sources[0], &*sources[1]];
+        let refused = workshop.command(sources).output().unwrap();
+        assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+        assert!(
+            said(&refused).contains("DTD_PASSWORD_VIEW"),
+            "{}",
+            said(&refused)
+        );
+        let with_passwords = |more: &[&str]| {
+            let mut command = workshop.command(sources);
+            command
+                .args(more)
+                .args(["-vv", "--password-file", &format!("left={}", text(&file))])
+                .env("DTD_PASSWORD_RIGHT", SECRET);
+            command
+        };
+        let checked = with_passwords(&["--check"]).output().unwrap();
+        assert!(checked.status.success(), "{}", said(&checked));
+        let found: Value = serde_json::from_slice(&checked.stdout).unwrap();
+        assert_eq!(found[0]["size_px"], json!([1920, 1280]));
+        let mut seen = said(&checked) + &found.to_string();
+        let mut command = with_passwords(&["--metrics", "127.0.0.1:0"]);
+        let mut running = Running::start(command.stderr(Stdio::piped()));
+        let mut stderr = BufReader::new(running.child.stderr.take().unwrap());
+        let address = line_with(&mut stderr, "http://");
+        let reading = thread::spawn(move || {
+            let mut text = String::new();
+            stderr.read_to_string(&mut text).unwrap();
+            text
+        });
+        seen += &running.until_both("up");
+        seen += &metrics(&address);
+        let process = format!("/proc/{}/cmdline", running.child.id());
+        seen += &String::from_utf8_lossy(&fs::read(process).unwrap());
+        running.signal(Signal::TERM);
+        seen += &running.last().to_string();
+        seen += &reading.join().unwrap();
+        for secret in [SECRET, "hid%", "hidden"] {
+            assert!(!seen.contains(secret), "{secret}: {seen}");
+        }
+    }
+}
+
+#[test]
+fn descriptions_name_streams_that_come_without_a_server() {
+    let workshop = Workshop::shared();
+    let stills = stills(&workshop);
+    let senders = VIEWS.map(|view| Sender::start(workshop.folder.path(), view, &stills[view]));
+    let sources = [text(&senders[0].description), text(&senders[1].description)];
+    let mut running = Running::start(&mut workshop.command(sources));
+    let said = running.until_both("up");
+    assert!(said.contains("\"clock\""), "{said}");
+    running.signal(Signal::TERM);
+    assert_eq!(running.last()["cause"], "signal");
+}
+
+/// A camera that sends RTP to this computer.
+struct Sender {
+    process: Child,
+    description: PathBuf,
+}
+
+impl Sender {
+    fn start(folder: &Path, view: &str, video: &Path) -> Self {
+        let description = folder.join(format!("{view}.sdp"));
+        let to = format!("rtp://127.0.0.1:{}", free_udp_port());
+        let process = Command::new("ffmpeg")
+            .args(["-loglevel", "error", "-re", "-i", text(video)])
+            .args([
+                "-c",
+                "copy",
+                "-f",
+                "rtp",
+                "-sdp_file",
+                text(&description),
+                &to,
+            ])
+            .stdin(Stdio::null())
+            .spawn()
+            .unwrap();
+        while !fs::read_to_string(&description).is_ok_and(|text| text.contains("m=video")) {
+            thread::yield_now();
+        }
+        Self {
+            process,
+            description,
+        }
+    }
+}
+
+impl Drop for Sender {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn line_with(stderr: &mut impl BufRead, part: &str) -> String {
+    loop {
+        let mut line = String::new();
+        assert!(stderr.read_line(&mut line).unwrap() > 0, "it ended");
+        if let Some(at) = line.find(part) {
+            return line[at..].trim().into();
+        }
+    }
+}
+
+fn metrics(address: &str) -> String {
+    let place = address.strip_prefix("http://").unwrap();
+    let host = place.strip_suffix("/metrics").unwrap();
+    let mut connection = TcpStream::connect(host).unwrap();
+    write!(
+        connection,
+        "GET /metrics HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"
+    )
+    .unwrap();
+    let mut text = String::new();
+    connection.read_to_string(&mut text).unwrap();
+    assert!(text.contains("dtd_images_total"), "{text}");
+    text
+}
+
+fn cameras(workshop: &Workshop) -> [(&'static str, &'static Path); 2] {
+    let stills = stills(workshop);
+    VIEWS.map(|view| (view, &*stills[view]))
+}
+
+/// A minute of each camera's view at ten images a second, with noise. Made once.
+fn stills(workshop: &Workshop) -> &'static BTreeMap<&'static str, PathBuf> {
+    static VIDEOS: OnceLock<BTreeMap<&'static str, PathBuf>> = OnceLock::new();
+    VIDEOS.get_or_init(|| {
+        let recorded = videos(&workshop.corpus());
+        let made = VIEWS.iter().zip(&recorded).map(|(view, recorded)| {
+            let path = workshop.folder.path().join(format!("{view}.mp4"));
+            let filter = "trim=end_frame=1,loop=loop=599:size=1,setpts=N/10/TB,noise=alls=4:allf=t";
+            let noisy = ["-vf", filter, "-r", "10", "-g", "10", "-c:v", "libx264"];
+            let fast = ["-preset", "ultrafast", "-tune", "zerolatency", "-crf", "30"];
+            ffmpeg(&[&["-i", text(recorded)][..], &noisy, &fast, &[text(&path)]].concat());
+            (*view, path)
+        });
+        made.collect()
+    })
+}

@@ -1,0 +1,155 @@
+//! A corpus with detections and a run of a tiny training, which all tests share.
+
+use std::fs;
+use std::ops::Deref;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+use dataset::corpus::Corpus;
+use serde_json::Value;
+use testkit::TINY_TRAINING;
+use testkit::command::{Dtd, said, text};
+
+pub(crate) const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
+pub(crate) const VIEWS: [&str; 2] = ["left", "right"];
+/// Tests that share the machine, or one that needs it alone.
+static MACHINE: RwLock<()> = RwLock::new(());
+
+pub(crate) struct Workshop {
+    pub(crate) folder: tempfile::TempDir,
+}
+
+/// The workshop, beside other tests or alone, until this is dropped.
+pub(crate) struct Use<Lock> {
+    workshop: &'static Workshop,
+    _lock: Lock,
+}
+
+impl<Lock> Deref for Use<Lock> {
+    type Target = Workshop;
+
+    fn deref(&self) -> &Workshop {
+        self.workshop
+    }
+}
+
+impl Workshop {
+    /// Beside other tests.
+    pub(crate) fn shared() -> Use<RwLockReadGuard<'static, ()>> {
+        let lock = MACHINE.read();
+        Use {
+            workshop: Self::made(),
+            _lock: lock.unwrap_or_else(PoisonError::into_inner),
+        }
+    }
+
+    /// For a test in which time matters.
+    pub(crate) fn alone() -> Use<RwLockWriteGuard<'static, ()>> {
+        let lock = MACHINE.write();
+        Use {
+            workshop: Self::made(),
+            _lock: lock.unwrap_or_else(PoisonError::into_inner),
+        }
+    }
+
+    /// Made once per run of the tests.
+    fn made() -> &'static Self {
+        static SHARED: OnceLock<Workshop> = OnceLock::new();
+        SHARED.get_or_init(|| {
+            let folder = tempfile::tempdir().unwrap();
+            let made = Self { folder };
+            let corpus = made.corpus();
+            let settings = made.folder.path().join("train.toml");
+            fs::write(&settings, TINY_TRAINING).unwrap();
+            let run = made.run();
+            for arguments in [
+                &["generate", "tests/data/chain.toml", "--out", text(&corpus)][..],
+                &["label", text(&corpus)],
+                &["detect", text(&corpus)],
+                &[
+                    "train",
+                    text(&corpus),
+                    "--out",
+                    text(&run),
+                    "--config",
+                    text(&settings),
+                ],
+            ] {
+                let output = DTD.run(arguments);
+                assert!(output.status.success(), "{}", said(&output));
+            }
+            made
+        })
+    }
+
+    pub(crate) fn corpus(&self) -> PathBuf {
+        self.folder.path().join("corpus")
+    }
+
+    pub(crate) fn run(&self) -> PathBuf {
+        self.folder.path().join("run")
+    }
+
+    /// Videos of the end of an approach, five images a second. Recorded once.
+    pub(crate) fn flight(&self) -> &'static [PathBuf; 2] {
+        static FLIGHT: OnceLock<[PathBuf; 2]> = OnceLock::new();
+        FLIGHT.get_or_init(|| {
+            let corpus = self.folder.path().join("live");
+            let output = DTD.run(&["generate", "tests/data/live.toml", "--out", text(&corpus)]);
+            assert!(output.status.success(), "{}", said(&output));
+            videos(&corpus)
+        })
+    }
+
+    /// Identifiers of the scenarios.
+    pub(crate) fn scenarios(&self) -> Vec<String> {
+        let corpus = Corpus::open(&self.corpus()).unwrap();
+        let mut ids: Vec<String> = (corpus.scenarios().unwrap().iter())
+            .map(|folder| folder.id())
+            .collect();
+        ids.sort();
+        ids
+    }
+
+    /// The first scenario as a source.
+    pub(crate) fn source(&self) -> String {
+        format!("corpus:{}/{}", text(&self.corpus()), self.scenarios()[0])
+    }
+
+    pub(crate) fn command(&self, sources: [&str; 2]) -> Command {
+        let mut command = DTD.command(&["estimate", text(&self.run())]);
+        for (view, source) in VIEWS.iter().zip(sources) {
+            command.args(["--view", &format!("{view}={source}")]);
+        }
+        command
+    }
+
+    pub(crate) fn lines(&self, sources: [&str; 2], more: &[&str]) -> Vec<Value> {
+        let output = self.command(sources).args(more).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        let lines = String::from_utf8(output.stdout).unwrap();
+        let lines = lines.lines();
+        lines
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect()
+    }
+}
+
+/// The videos of a corpus's first scenario.
+pub(crate) fn videos(corpus: &Path) -> [PathBuf; 2] {
+    let corpus = Corpus::open(corpus).unwrap();
+    let scenarios = corpus.scenarios().unwrap();
+    let first = scenarios.iter().min_by_key(|folder| folder.id()).unwrap();
+    let scenario = first.open().unwrap();
+    VIEWS.map(|view| scenario.video_path(view).unwrap())
+}
+
+pub(crate) fn ffmpeg(arguments: &[&str]) {
+    let output = Command::new("ffmpeg")
+        .args(["-loglevel", "error", "-y"])
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+}

@@ -1,0 +1,107 @@
+"""How soon `dtd estimate` notices that a view over RTSP fails: killed, stopped, frozen, black, each several times.
+
+    live_failures.py DTD RUN TIMES BLACK.mp4 VIEW=VIDEO.mp4 ...
+
+Serves the videos with rtsp_server.py, which causes the failures of the first view, and prints JSON: seconds until the program says so, on
+stdout, and until the view is `up` again. The black video has as many images a second as the others.
+"""
+
+import json
+import signal
+import statistics
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+QUIET_S, FAILS_S, MOST_S = 6.0, 2.5, 8.0
+
+
+class Program:
+    """`dtd estimate`, with the times at which it said that a view has a state."""
+
+    def __init__(self, command):
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.said = []
+        threading.Thread(target=self.read, daemon=True).start()
+
+    def read(self):
+        for line in self.process.stdout:
+            line = json.loads(line)
+            if line.get("event") == "view":
+                self.said.append((time.time(), line["view"], line["state"]))
+
+    def wait(self, view, states, since_s):
+        """Seconds from a time until a view has one of these states."""
+        while time.time() < since_s + MOST_S:
+            for at_s, of_view, state in list(self.said):
+                if at_s >= since_s and of_view == view and state in states:
+                    return at_s - since_s
+            time.sleep(0.005)
+        sys.exit(f"view {view} has none of the states {states}: {self.said[-5:]}")
+
+
+def percentile(numbers, part):
+    ordered = sorted(numbers)
+    return ordered[min(len(ordered) - 1, round(part * len(ordered)))]
+
+
+def main():
+    dtd, run, times, black, *videos = sys.argv[1:]
+    view = videos[0].split("=")[0]
+    script = Path(__file__).with_name("rtsp_server.py")
+    server = subprocess.Popen(
+        ["/usr/bin/python3", script, *videos, f"{view}:black={black}"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    port = int(server.stdout.readline())
+    names = [video.split("=")[0] for video in videos]
+    sources = [part for name in names for part in ("--view", f"{name}=rtsp://127.0.0.1:{port}/{name}")]
+    program = Program([dtd, "estimate", run, *sources])
+    try:
+        print(json.dumps(measured(program, server, view, int(times)), indent=1))
+    finally:
+        program.process.terminate()
+        server.kill()
+
+
+def measured(program, server, view, times):
+    def command(text):
+        server.stdin.write(text + "\n")
+        server.stdin.flush()
+
+    def at_next_key_frame(text):
+        command(text)
+        return float(server.stdout.readline().split()[1])
+
+    # What begins and ends a failure, and what it is called.
+    failures = {
+        "killed": (lambda: command(f"drop {view}"), lambda: command(f"offer {view}"), ["late", "down"]),
+        "stopped": (lambda: server.send_signal(signal.SIGSTOP), lambda: server.send_signal(signal.SIGCONT), ["late", "down"]),
+        "frozen": (lambda: command(f"freeze {view}"), lambda: command(f"thaw {view}"), ["frozen"]),
+        "black": (lambda: at_next_key_frame(f"switch {view} black"), lambda: at_next_key_frame(f"switch {view}"), ["dark"]),
+    }
+    server.stdout.readline()  # They are playing.
+    program.wait(view, ["up"], time.time() - 1)
+    result = {}
+    for name, (begin, end, states) in failures.items():
+        noticed, back = [], []
+        for _ in range(times):
+            time.sleep(QUIET_S)
+            began_s = time.time()
+            began_s = begin() or began_s
+            noticed.append(program.wait(view, states, began_s))
+            time.sleep(max(0, began_s + FAILS_S - time.time()))
+            ended_s = time.time()
+            ended_s = end() or ended_s
+            back.append(program.wait(view, ["up"], ended_s))
+        result[name] = {
+            "times": len(noticed),
+            "noticed_p50_s": round(statistics.median(noticed), 3),
+            "noticed_p95_s": round(percentile(noticed, 0.95), 3),
+            "up_again_p95_s": round(percentile(back, 0.95), 3),
+        }
+    return result
+
+
+main()

@@ -1,0 +1,30 @@
+//! A run at another runway than that of its training: the cameras that it knows move with the runway. All other numbers of a run are
+//! pixels and distances, which do not depend on the place.
+
+use crate::run::trained::TrainedRun;
+use crate::samples::Samples;
+use crate::samples::moved_rig::Move;
+
+impl TrainedRun {
+    /// The run as if it had been trained at the runway of these samples. Images of the ground stay where they were taken.
+    #[must_use]
+    pub(crate) fn at_runway_of(mut self, samples: &Samples) -> Self {
+        let to = samples.scenarios.first().map(|scenario| &scenario.runway);
+        let runways = self.summary.runway.as_ref().zip(to);
+        let Some(motion) = runways.and_then(|(from, to)| Move::between(from, to)) else {
+            return self;
+        };
+        let summary = &mut self.summary;
+        summary.cameras = motion.entries(&summary.cameras);
+        summary.planned_cameras = summary
+            .planned_cameras
+            .as_ref()
+            .map(|all| motion.entries(all));
+        if let Some(fitted) = &mut self.baselines.self_calibrated {
+            fitted.move_with(&motion);
+        }
+        self.backgrounds = None;
+        self.is_elsewhere = true;
+        self
+    }
+}
