@@ -27,7 +27,7 @@ fn make(sweep: &str, folder: &Path) {
 fn recorded() -> PathBuf {
     static MADE: LazyLock<MadeOnce> = LazyLock::new(|| {
         MadeOnce::made("recorded", |folder| {
-            make("tests/data/recorded.toml", folder)
+            make("tests/data/recorded.toml", folder);
         })
     });
     MADE.path().join("corpus")
