@@ -14,9 +14,10 @@ mkdir -p "$out"
 [ $# -gt 0 ] || set -- BIKF/19 FIMP/32 HAAB/25R KLAX/25L LSZH/14 SBGR/28L SKBO/14R WSSS/02L
 for place; do
     airport=${place%/*}
-    sed -e "s/^airport = .*/airport = \"$airport\"/" -e "s/^runway = .*/runway = \"${place#*/}\"/" tests/data/airport.toml >"$out/$airport.toml"
-    "$dtd" plan "$out/$airport.toml"
-    "$dtd" generate "$out/$airport.toml" --sim mock --out "$out/$airport"
-    "$dtd" label "$out/$airport"
-    "$dtd" verify "$out/$airport"
+    name=$airport-${place#*/}
+    sed -e "s/^airport = .*/airport = \"$airport\"/" -e "s/^runway = .*/runway = \"${place#*/}\"/" tests/data/airport.toml >"$out/$name.toml"
+    "$dtd" plan "$out/$name.toml"
+    "$dtd" generate "$out/$name.toml" --sim mock --out "$out/$name"
+    "$dtd" label "$out/$name"
+    "$dtd" verify "$out/$name"
 done

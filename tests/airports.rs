@@ -116,12 +116,20 @@ fn a_time_that_the_sun_does_not_have_and_another_places_clock_are_refused() {
         message.contains("does not pass -6 degrees in the evening of day 172"),
         "{message}"
     );
-    let winter_time = [("day_of_year = 172", "day_of_year = 172\nutc_offset_h = 1")];
-    let message = refused(("LSZH", "14"), &winter_time);
+    let own_zone =
+        "day_of_year = 172\nutc_offset_h = 1\n[airport.LSZH]\ntime_zone = \"Europe/Zurich\"\n";
+    let message = refused(("LSZH", "14"), &[("day_of_year = 172", own_zone)]);
     assert!(
         message.contains("(Europe/Zurich) are 2 h ahead of UTC on day 172"),
         "{message}"
     );
+    // Against the built-in time zone it is only said.
+    let winter_time = [("day_of_year = 172", "day_of_year = 172\nutc_offset_h = 1")];
+    let path = sweep(folder.path(), ("LSZH", "14"), &winter_time);
+    let output = DTD.run(&["plan", path.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", said(&output));
+    let words = "2 h by the time zone of LSZH on day 172";
+    assert!(said(&output).contains(words), "{}", said(&output));
 }
 
 #[test]

@@ -71,6 +71,8 @@ pub struct Sweep {
     pub day_of_year: u32,
     /// Local time minus UTC, hours.
     pub utc_offset_h: f64,
+    /// The same by the time zone of the airport, if it is known.
+    pub zone_offset_h: Option<f64>,
     /// Size and rate of the pictures.
     pub picture: Picture,
     /// Video settings.

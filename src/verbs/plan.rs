@@ -15,7 +15,7 @@ use dataset::geometry::sun::Sun;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::{Change, Plan, PlannedScenario};
 use generator::against::{Against, Standing};
-use generator::plan::{Estimate, Outlook, Pacing, expand};
+use generator::plan::{Estimate, Outlook, Pacing, Sight, expand, hidden_aircraft};
 use generator::sweep::Sweep;
 use serde::Serialize;
 use store::{CorpusLocation, CorpusStore, StoreUrl};
@@ -167,6 +167,21 @@ impl<'a> Report<'a> {
                 "the profile {name:?} flies level {level_m:.0} m above the runway, and approaches usually at 400 m or more: are its altitudes \
                  those of another airport?"
             );
+        }
+        let said = hidden_aircraft(self.plan);
+        for Sight {
+            view, enters_nm, ..
+        } in &self.outlook.views
+        {
+            let is_said = || {
+                let start = format!("view {view} ");
+                said.iter().any(|line| line.starts_with(&start))
+            };
+            if enters_nm.is_none() && !is_said() {
+                eprint_warning!(
+                    "view {view} never has the aircraft in its picture on the flights of this plan: do they reach the runway?"
+                );
+            }
         }
     }
 

@@ -119,6 +119,7 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         combinations,
         day_of_year: day.day_of_year,
         utc_offset_h: day.utc_offset_h,
+        zone_offset_h: day.zone_offset_h,
         picture,
         video,
         start,

@@ -66,14 +66,24 @@ impl ProfileTable {
     /// The profile at a runway.
     fn at(&self, name: &str, runway: &Runway) -> Checked<ApproachProfile> {
         let ground_m = runway.threshold.altitude_msl_m;
-        let altitude = |what: &str, msl_m: Option<f64>, above_m: Option<f64>| match (msl_m, above_m)
-        {
-            (Some(msl_m), None) => Ok(Some(msl_m)),
-            (None, above_m) => Ok(above_m.map(|above_m| ground_m + above_m)),
-            (Some(_), Some(_)) => fault(
-                format!("profile.{name}.{what}_above_runway_m"),
-                format!("{what}_altitude_msl_m is given as well; expected one of them"),
-            ),
+        let over_runway = Limits::new(
+            OVER_RUNWAY_M.0,
+            OVER_RUNWAY_M.1,
+            "a height in metres above the runway",
+        );
+        let altitude = |what: &str, msl_m: Option<f64>, above_m: Option<f64>| {
+            let key = format!("profile.{name}.{what}_above_runway_m");
+            match (msl_m, above_m) {
+                (Some(_), Some(_)) => fault(
+                    key,
+                    format!("{what}_altitude_msl_m is given as well; expected one of them"),
+                ),
+                (msl_m, None) => Ok(msl_m),
+                (None, Some(above_m)) => {
+                    over_runway.check_key(key, above_m)?;
+                    Ok(Some(ground_m + above_m))
+                }
+            }
         };
         let needed = |what: &str, altitude_m: Option<f64>| {
             altitude_m.ok_or_else(|| Fault {
@@ -102,6 +112,14 @@ impl ProfileTable {
             } => {
                 let upper_m = altitude("upper", upper_altitude_msl_m, upper_above_runway_m)?;
                 let lower_m = altitude("lower", lower_altitude_msl_m, lower_above_runway_m)?;
+                // Where one level is above the runway, the chart's other one is as well.
+                let is_lifted = upper_above_runway_m.or(lower_above_runway_m).is_some();
+                let charted_m = |feet: f64| {
+                    let higher_m = ground_m - CHARTED_ELEVATION_M;
+                    is_lifted.then_some(feet * METERS_PER_FOOT + higher_m)
+                };
+                let upper_m = upper_m.or(charted_m(2_500.0));
+                let lower_m = lower_m.or(charted_m(1_500.0));
                 ApproachProfile::step_down(upper_m, step_from_threshold_m, lower_m)
             }
             Self::ContinuousDescent {

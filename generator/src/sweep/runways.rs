@@ -162,6 +162,8 @@ impl RunwayTable {
             longitude_deg: t.longitude_deg,
             altitude_msl_m: t.altitude_msl_m,
         });
+        // The built-in pavement is not that of a runway which the sweep places itself.
+        let pavement = known.filter(|_| self.threshold.is_none());
         Ok(Runway {
             airport: icao.into(),
             name: name.into(),
@@ -186,8 +188,8 @@ impl RunwayTable {
             course_magnetic_deg: self
                 .course_magnetic_deg
                 .or(known.and_then(|k| k.course_magnetic_deg)),
-            length_m: self.length_m.or(known.and_then(|k| k.length_m)),
-            width_m: self.width_m.or(known.and_then(|k| k.width_m)),
+            length_m: self.length_m.or(pavement.and_then(|k| k.length_m)),
+            width_m: self.width_m.or(pavement.and_then(|k| k.width_m)),
         })
     }
 }

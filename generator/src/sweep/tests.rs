@@ -179,6 +179,9 @@ fn the_sweep_can_change_a_known_runway_and_define_a_new_one() {
     let whole = half
         + "threshold = { latitude_deg = 48.366, longitude_deg = 11.821, altitude_msl_m = 448 }\nglide_path_deg = 3\ntouchdown_past_threshold_m = 300\n";
     assert_eq!(parse(&whole).unwrap().runway.name, "26R");
+    // The built-in pavement of 26L does not belong to a runway that the sweep places itself.
+    let own = parse(&whole.replace("26R", "26L")).unwrap().runway;
+    assert_eq!((own.length_m, own.width_m), (None, None));
 }
 
 #[test]
@@ -235,6 +238,10 @@ fn heights_above_the_runway_are_those_above_the_sea_and_its_elevation() {
         sweep.profiles["level"].start_altitude_msl_m(),
         ground_m + 500.0
     );
+    let steps = "\n[profile.steps]\nkind = \"step_down\"\nlower_above_runway_m = 450\n";
+    let steps = parse(&(zurich.clone() + steps)).unwrap().profiles["steps"];
+    let upper_m = steps.start_altitude_msl_m() - ground_m;
+    assert!((upper_m - (762.0 - 6.71)).abs() < 0.01, "{upper_m}");
     let both = format!("{zurich}{level}level_altitude_msl_m = 900\n");
     assert!(
         parse(&both)

@@ -177,8 +177,31 @@ impl CloudTable {
         key: impl Fn(&str) -> String,
     ) -> Checked<f64> {
         limits::COVER_RATIO.check_spread(key("cover_ratio"), &self.cover_ratio)?;
-        limits::CLOUD_BASE_MSL_M.check_spread(key("base_msl_m"), base)?;
-        limits::CLOUD_TOP_MSL_M.check_spread(key("top_msl_m"), top)?;
+        for (above, msl, above_m, msl_m, limits) in [
+            (
+                "base_above_runway_m",
+                "base_msl_m",
+                &self.base_above_runway_m,
+                base,
+                limits::CLOUD_BASE_MSL_M,
+            ),
+            (
+                "top_above_runway_m",
+                "top_msl_m",
+                &self.top_above_runway_m,
+                top,
+                limits::CLOUD_TOP_MSL_M,
+            ),
+        ] {
+            match above_m {
+                // Its own limits first: they are those of the schema.
+                Some(above_m) => {
+                    limits.check_spread(key(above), above_m)?;
+                    limits.check_spread(key(above), msl_m)?;
+                }
+                None => limits.check_spread(key(msl), msl_m)?,
+            }
+        }
         let (lowest_base, highest_base) = base.range();
         let (lowest_top, highest_top) = top.range();
         if lowest_top < highest_base {

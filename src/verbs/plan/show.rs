@@ -34,7 +34,7 @@ impl Report<'_> {
 
     fn show_scenarios(&self) {
         let mut heading = vec![
-            "scenario", "flight", "from NM", "vis. km", "sun deg", "azimuth", "ticks",
+            "scenario", "flight", "from NM", "vis. km", "sun", "az.", "ticks",
         ];
         if self.compared.is_some() {
             heading.push("status");
@@ -64,7 +64,7 @@ impl Report<'_> {
             format!("{start_nm:.2}"),
             format!("{visibility_km:.1}"),
             format!("{:.1}", sun.elevation_deg),
-            format!("{:.1}", sun.azimuth_deg),
+            format!("{:.0}", sun.azimuth_deg),
             scenario.ticks.to_string(),
         ]
     }
@@ -92,7 +92,7 @@ impl Report<'_> {
                     weather.to_owned(),
                     flight.to_owned(),
                     format!("{:.1}", sun.elevation_deg),
-                    format!("{:.1}", sun.azimuth_deg),
+                    format!("{:.0}", sun.azimuth_deg),
                     count.to_string(),
                     ticks.to_string(),
                 ]
@@ -102,8 +102,8 @@ impl Report<'_> {
             "time",
             "weather",
             "flight",
-            "sun deg",
-            "azimuth",
+            "sun",
+            "az.",
             "scenarios",
             "ticks",
         ];

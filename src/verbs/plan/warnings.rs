@@ -6,7 +6,8 @@ use dataset::plan::Plan;
 use generator::plan::hidden_aircraft;
 use generator::sweep::Sweep;
 
-/// Warns of parts of the sweep that no scenario uses, and of views that never have the aircraft in sight.
+/// Warns of a local time that the airport does not have, of parts of the sweep that no scenario uses, and of views
+/// that never have the aircraft in sight.
 pub(crate) fn warn(sweep: &Sweep, plan: &Plan) {
     for line in unused(sweep, plan).into_iter().chain(hidden_aircraft(plan)) {
         eprint_warning!("{line}");
@@ -15,6 +16,16 @@ pub(crate) fn warn(sweep: &Sweep, plan: &Plan) {
 
 fn unused(sweep: &Sweep, plan: &Plan) -> Vec<String> {
     let mut lines = Vec::new();
+    if let Some(zone_h) = sweep
+        .zone_offset_h
+        .filter(|zone_h| *zone_h != sweep.utc_offset_h)
+    {
+        lines.push(format!(
+            "local time is {} h ahead of UTC by utc_offset_h, and {zone_h} h by the time zone of {} on day {}; without utc_offset_h it is the \
+             latter",
+            sweep.utc_offset_h, sweep.runway.airport, sweep.day_of_year
+        ));
+    }
     let text: toml::Table = toml::from_str(&sweep.text).unwrap_or_default();
     let used: BTreeSet<&str> = plan.scenarios.iter().map(|s| s.weather.as_str()).collect();
     // By default, the grid has all weathers.

@@ -28,6 +28,8 @@ pub(in crate::sweep) struct LocalDay {
     pub(in crate::sweep) place: Geodetic,
     pub(in crate::sweep) day_of_year: u32,
     pub(in crate::sweep) utc_offset_h: f64,
+    /// By the time zone of the airport, if it is known.
+    pub(in crate::sweep) zone_offset_h: Option<f64>,
 }
 
 impl LocalDay {
@@ -43,10 +45,18 @@ impl LocalDay {
             (Some(stated_h), by_zone_h) => {
                 limits::UTC_OFFSET_H.check_key("grid.utc_offset_h", stated_h)?;
                 check_with_sun(stated_h, runway)?;
-                check_with_zone(stated_h, zone.zip(by_zone_h), grid.day_of_year, runway)?;
+                // A built-in zone may be wrong for the sweep; `plan` and `generate` warn.
+                let states_zone = airports
+                    .get(&runway.airport)
+                    .is_some_and(|table| table.time_zone.is_some());
+                let own = zone.zip(by_zone_h).filter(|_| states_zone);
+                check_with_zone(stated_h, own, grid.day_of_year, runway)?;
                 stated_h
             }
-            (None, Some(by_zone_h)) => by_zone_h,
+            (None, Some(by_zone_h)) => {
+                check_with_sun(by_zone_h, runway)?;
+                by_zone_h
+            }
             (None, None) => {
                 return fault(
                     "grid",
@@ -62,6 +72,7 @@ impl LocalDay {
             place: runway.threshold,
             day_of_year: grid.day_of_year,
             utc_offset_h,
+            zone_offset_h: by_zone_h,
         })
     }
 

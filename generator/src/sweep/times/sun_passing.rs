@@ -99,6 +99,7 @@ mod tests {
             },
             day_of_year,
             utc_offset_h,
+            zone_offset_h: None,
         }
     }
 

@@ -1,6 +1,8 @@
 //! The country around an airport that is not by the sea: fields and woods to the horizon, and hills behind. Everything follows from the
 //! airport's code, so that no two places look alike and each always looks the same.
 
+use std::f64::consts::TAU;
+
 use glam::{DVec2, DVec3, Vec3};
 
 use crate::render::curves::smoothstep;
@@ -57,7 +59,8 @@ impl Inland {
             crops: std::array::from_fn(|i| PALETTE[(first + i).min(PALETTE.len() - 1)]),
             woods: 0.05 + 0.3 * random(4),
             hills_m: between(5, LOWEST_HILLS_M, HIGHEST_HILLS_M),
-            ridge_rad: between(6, 0.5, 1.6),
+            // It fits around the horizon without a seam.
+            ridge_rad: TAU / (TAU / between(6, 0.5, 1.6)).round(),
         })
     }
 
