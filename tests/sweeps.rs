@@ -178,7 +178,7 @@ const CASES: &[Case] = &[
     ("id = \"left\"", "id = \"le/ft\"", "\"le/ft\"", "letters, digits", Schema),
     ("id = \"left\"", "id = \"right\"", "\"right\"\nbeyond_threshold", "two cameras", CommandOnly),
     ("beyond_touchdown_m = 1500\n", "", "[[rig.pair", "either beyond_touchdown_m or beyond_threshold_m", Schema),
-    ("inward_deg = 5.3", "inward_deg = 5.3\nheading_true_deg = 200", "[[rig.pair", "either inward_deg or heading_true_deg", Schema),
+    ("inward_deg = 5.3", "inward_deg = 5.3\nheading_true_deg = 199.5", "199.5", "either inward_deg or heading_true_deg", Schema),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 0\n\n[[rig", "0\n\n[[rig", "field of view", Schema),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k1 = -200 }\n\n[[rig", "distortion", "folds the picture over", CommandOnly),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k4 = 1 }\n\n[[rig", "k4", "unknown field `k4`", Schema),
