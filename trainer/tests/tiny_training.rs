@@ -202,7 +202,7 @@ fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
         .run;
     judge(&run, &corpus).unwrap();
     for (name, empty, [train_count, validation]) in
-        [("one", "Validation", [1, 0]), ("other", "Train", [0, 1])]
+        [("one", "validation", [1, 0]), ("other", "training", [0, 1])]
     {
         let corpus = sides(name, train_count, validation, 0);
         let out = folder.path().join(format!("run-{name}"));
@@ -432,13 +432,13 @@ fn sides_without_a_box_that_can_be_used_are_explained() {
     with_boxes(&corpus, Side::Validation, speck);
     let validation = message(&corpus);
     assert!(
-        validation.contains("Validation") && validation.contains("sizes of the boxes"),
+        validation.contains("validation side") && validation.contains("sizes of the boxes"),
         "{validation}"
     );
     with_boxes(&corpus, Side::Train, speck);
     let training = message(&corpus);
     assert!(
-        training.contains("Train") && training.contains("no box of theirs is where"),
+        training.contains("training side") && training.contains("no box of theirs is where"),
         "{training}"
     );
 }
@@ -496,7 +496,7 @@ fn a_folder_without_a_run_and_a_corpus_without_a_validation_side_are_explained()
     let message = train(&corpus, &folder.path().join("run"), &small(), &Silent)
         .unwrap_err()
         .to_string();
-    assert!(message.contains("Validation"), "{message}");
+    assert!(message.contains("validation side"), "{message}");
     let nowhere = RunFolder::at(&folder.path().join("nowhere"));
     let message = judge(&nowhere, &corpus).unwrap_err().to_string();
     assert!(message.contains("dtd train"), "{message}");

@@ -127,7 +127,7 @@ mod tests {
             place.to_ecef()
         };
         let found = motion.to_m + motion.rotation * (camera(&here) - motion.from_m);
-        assert!(found.distance(camera(&there)) < 0.05);
+        assert!(found.distance(camera(&there)) < SAME_PLACE_M);
         assert!(Move::between(&here, &changi_02l()).is_none());
     }
 }

@@ -324,7 +324,13 @@ fn a_renamed_copy_of_a_recording_is_the_same_flight_and_may_not_be_on_two_sides(
     // 0006 is on the test side.
     replay(&corpus, "0006", "held-out.csv", &content);
     let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
-    for needed in ["0000", "0006", "the same flight", "Train", "Test"] {
+    for needed in [
+        "0000",
+        "0006",
+        "the same flight",
+        "training side",
+        "test side",
+    ] {
         assert!(message.contains(needed), "{needed}: {message}");
     }
 }

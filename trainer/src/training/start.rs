@@ -229,7 +229,7 @@ mod tests {
         samples.rig.cameras.remove("left");
         let message = Start::of(&continued(folder), &corpus, &samples);
         let message = message.err().unwrap().to_string();
-        assert!(message.contains("\"left\", 1920"), "{message}");
+        assert!(message.contains("left 1920x1280"), "{message}");
 
         // A training flight of the run becomes one that judges.
         let mut splits = Splits::read(&corpus.splits_path()).unwrap();
