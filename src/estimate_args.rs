@@ -26,8 +26,8 @@ pub(crate) struct EstimateArgs {
     pub(crate) without: Vec<String>,
     /// Seconds to add to the times of a view's images, e.g. right=+0.120, or auto
     ///
-    /// Offsets of streams whose clocks run free are measured, from the aircraft that both views see. With `auto`, so are those of a video
-    /// file; otherwise all files are taken to begin at the same time.
+    /// Offsets of streams whose clocks run free are measured, from the aircraft that both views see. With `auto`, offsets of
+    /// video files are measured too; otherwise all files are taken to begin at the same time.
     #[arg(long = "offset", value_name = "VIEW=SECONDS")]
     pub(crate) offsets: Vec<OfView<GivenOffset>>,
     /// Keep measured offsets in this file (JSON), and begin with those that it has

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Draws both-views.jpg: a tick of a demo's corpus in both views, its ground-truth boxes, the true distance, and an estimate.
 
-    PYTHONPATH=python .venv/bin/python docs/images/both_views.py DEMO SCENARIO TICK
+    PYTHONPATH=python .venv/bin/python docs/images/both_views.py DEMO 1200-cloudy-r1 145        (DEMO of `dtd demo`, a scenario, a tick)
 """
 
 import pathlib

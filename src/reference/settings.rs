@@ -286,7 +286,8 @@ fn type_of(value: &Value, schema: &Value) -> String {
         if is_spread(value) {
             return "number or [spread](../sweeps.md#spreads)".into();
         }
-        let types: Vec<_> = parts.iter().map(|part| type_of(part, schema)).collect();
+        let mut types: Vec<_> = parts.iter().map(|part| type_of(part, schema)).collect();
+        types.dedup();
         return types.join(" or ");
     }
     if let Some(parts) = value["oneOf"].as_array() {

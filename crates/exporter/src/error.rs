@@ -100,10 +100,7 @@ pub enum Error {
     #[error("nothing to export: no scenario is left with these options")]
     Nothing,
     /// The videos of every selected scenario are damaged.
-    #[error(
-        "nothing to export: every selected scenario is damaged; the first one: {0}; move their folders away and run `dtd generate` or `dtd \
-         fetch` again"
-    )]
+    #[error("nothing to export: every selected scenario is damaged; the first one: {0}")]
     AllLost(String),
     /// A video does not have the pictures of its scenario.
     #[error(

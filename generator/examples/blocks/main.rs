@@ -106,7 +106,7 @@ async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), 
 
 async fn speed(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
     let recording = Recording::start(size_px, None, 0).await?;
-    for recorded in recording.record(0.5).await? {
+    for recorded in recording.record(1.0).await? {
         let stage = Stage {
             xvfb: &recording.xvfb,
             window: recording.window.as_ref(),

@@ -123,7 +123,7 @@ fn on_day(passing: SunPassing, key: &str, day: &LocalDay) -> Checked<TimeOfDay> 
     passing.on(day).map_err(|[lowest, highest]| Fault {
         key: key.to_owned(),
         message: format!(
-            "the sun does not pass {} degrees in the {} of day {}: it is between {lowest:.1} and {highest:.1} degrees there",
+            "the sun does not pass {} degrees in the {} of day {}: it is between {lowest:.1} and {highest:.1} degrees then",
             passing.elevation_deg,
             match passing.half {
                 Half::Morning => "morning",

@@ -74,7 +74,10 @@ pub(crate) fn select(
             }),
             Err(error) if error.is_damage() => lost.push(LostScenario {
                 id,
-                reason: error.to_string(),
+                reason: format!(
+                    "{error}; move its folder out of {}/scenarios and run `dtd generate` or `dtd fetch` again",
+                    corpus.root().display()
+                ),
             }),
             Err(error) => return Err(error.into()),
         }
