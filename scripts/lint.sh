@@ -4,8 +4,9 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 workspace=(--release --locked --workspace)
-built=${CARGO_TARGET_DIR:-target}/release/.fingerprint
-if [ -n "${RUSTC_WRAPPER:-}" ] || compgen -G "$built/dataset-*" >/dev/null; then
+target=$(cargo metadata --no-deps --format-version 1 --locked | python3 -c 'import json, sys; print(json.load(sys.stdin)["target_directory"])')
+# What is fresh is not compiled, and not linted on the way.
+if [ -n "${RUSTC_WRAPPER:-}${CARGO_BUILD_RUSTC_WRAPPER:-}" ] || compgen -G "$target/release/.fingerprint/*" >/dev/null; then
     cargo clippy "${workspace[@]}" --all-targets -- -D warnings
 else
     export RUSTC_WRAPPER=$PWD/scripts/lint_and_build.sh

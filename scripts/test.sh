@@ -19,6 +19,8 @@ cargo fmt --all --check
     (cd python && ../.venv/bin/python -m mypy --strict --cache-dir=/dev/null dtd)
 ) &
 others=$!
+trap 'kill "$others" 2>/dev/null || true; wait "$others" 2>/dev/null || true' EXIT
 bash scripts/lint.sh
 wait "$others"
+trap - EXIT
 .venv/bin/python scripts/run_tests.py

@@ -44,6 +44,9 @@ use crate::samples::moved_rig::differences_elsewhere;
 use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
+/// Warning about a run that aligns backgrounds, at another airport.
+pub(crate) const UNALIGNED: &str = "align_backgrounds: the run has no background of this airport, so its cameras are taken to be as calibrated";
+
 /// Input and output of an evaluation.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EvaluationConfig {
@@ -100,8 +103,12 @@ pub fn evaluate(
             None => split_again(corpus, &mut samples, trained.config.leave_out.as_deref())?,
         },
     }
+    let is_aligned = trained.backgrounds.is_some();
     let trained = trained.at_runway_of(&samples);
     check_cameras(run, corpus, &trained, &samples)?;
+    if is_aligned && trained.backgrounds.is_none() {
+        watch.say(UNALIGNED);
+    }
     check_unseen(run, corpus, &trained, &samples, config.side)?;
     let backgrounds = trained.backgrounds.as_ref();
     let alignment = backgrounds

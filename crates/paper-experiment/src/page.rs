@@ -92,11 +92,15 @@ fn introduction(results: &Results) -> String {
         let named: Vec<String> = deviations.iter().map(ToString::to_string).collect();
         format!("differs from the paper in {}", named.join(", "))
     };
+    let knowledge = match recommended.as_str() {
+        "self_calibrated" => "; it also knows the cameras' planned positions",
+        _ => "",
+    };
     format!(
         "# The paper's experiment\n\n\
          Made by `{command}` (version {dtd}); [paper.json](results/paper.json) has the figures. The images are from\n\
          {}; the paper's are from X-Plane 11, of other flights. `paper_lstm` {networks}; it trains\n\
-         in mini-batches. `{recommended}` is the estimator that its run recommends; it also knows the cameras' positions to 2 m. Errors are\n\
+         in mini-batches. `{recommended}` is the estimator that its run recommends{knowledge}. Errors are\n\
          absolute percentage errors from 1 to 10 NM: mean (MAPE), with the standard deviation (SD) in parentheses.",
         corpus.simulators.join(" and ")
     )
@@ -255,16 +259,16 @@ fn ranges(results: &Results) -> String {
         .ranges
         .iter()
         .find_map(|range| range.weather.as_deref());
-    let missing = if results.ranges.iter().any(|range| range.is_pretrained) {
-        ""
+    let others = if results.ranges.iter().any(|range| range.is_pretrained) {
+        "was trained on photographs, as the pretrained one here"
     } else {
-        "\nNo other detector was judged: `--pretrained-detector FILE` names one."
+        "was trained on photographs; no such one was judged here: `--pretrained-detector FILE` names one"
     };
     format!(
         "## Detection range\n\n{}\n\n\
          In {} weather (the paper does not state its own), cut off at {} NM, the farthest image that shows the aircraft; the paper's flights\n\
-         begin at 10 NM. Tiles have 640 pixels, or the only size that a model takes. The paper's detector was trained on photographs, as the\n\
-         pretrained one here. CPU times include decoding.{missing}",
+         begin at 10 NM. Tiles have 640 pixels, or the only size that a model takes. The paper's detector\n\
+         {others}. CPU times include decoding.",
         table.markdown(),
         weather.unwrap_or("-"),
         number(farthest, 1)

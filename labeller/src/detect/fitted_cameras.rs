@@ -16,18 +16,33 @@ pub struct FittedCameras {
 }
 
 impl FittedCameras {
-    /// The cameras of a scenario's views.
-    pub(super) fn of_views(&self, scenario: &str, views: &[String]) -> Result<Vec<Camera>> {
-        let camera = |view: &String| {
-            self.cameras.get(view).copied().ok_or_else(|| {
+    /// The cameras of a scenario's views, whose images have the sizes of these stated cameras.
+    pub(super) fn of_views(
+        &self,
+        scenario: &str,
+        views: &[String],
+        stated: &[Camera],
+    ) -> Result<Vec<Camera>> {
+        let camera = |(view, stated): (&String, &Camera)| {
+            let camera = self.cameras.get(view).copied().ok_or_else(|| {
                 let known: Vec<&str> = self.cameras.keys().map(String::as_str).collect();
                 let message = format!(
                     "the run has no fitted camera of view {view}, only of {}; name a run that was trained with this view",
                     known.join(", ")
                 );
                 Error::scenario(scenario, message)
-            })
+            })?;
+            let size = |of: &Camera| format!("{}x{}", of.width_px, of.height_px);
+            if size(&camera) != size(stated) {
+                let message = format!(
+                    "view {view} has images of {} pixels, the run's camera has {}; name a run that was trained with these cameras",
+                    size(stated),
+                    size(&camera)
+                );
+                return Err(Error::scenario(scenario, message));
+            }
+            Ok(camera)
         };
-        views.iter().map(camera).collect()
+        views.iter().zip(stated).map(camera).collect()
     }
 }

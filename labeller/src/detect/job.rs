@@ -126,7 +126,10 @@ impl ScenarioJob {
         }
         let cameras = cameras_of(&scenario, &record)?;
         let pairs = match fitted {
-            Some(fitted) => pairs_of(&record, &fitted.of_views(&record.id, &record.views)?),
+            Some(fitted) => pairs_of(
+                &record,
+                &fitted.of_views(&record.id, &record.views, &cameras)?,
+            ),
             None => pairs_of(&record, &cameras),
         };
         let views = ViewTicks::of(&frames);

@@ -81,6 +81,11 @@ pub enum RunFault {
         "has fitted no cameras, because fewer than two views saw the aircraft often enough; name a run that was trained on more flights"
     )]
     NoFittedCameras,
+    /// The cameras of a run that has several.
+    #[error(
+        "was trained on cameras that differ from scenario to scenario, so its fitted cameras are an average; name a run of cameras that stand still"
+    )]
+    CamerasVary,
     /// The filter is not of these fits.
     #[error(
         "flight_filter has not one error of positive size for each fit of inverse_range; train again"

@@ -11,8 +11,8 @@ use serde::{Serialize, Serializer};
 use crate::error::{CorpusFault, Error, Result};
 use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::answers::Answered;
-use crate::evaluation::check_cameras;
 use crate::evaluation::prediction_table::add_answers;
+use crate::evaluation::{UNALIGNED, check_cameras};
 use crate::live::{InSight, Judged, Phase, check_causal};
 use crate::run::estimator::{Estimator, Task};
 use crate::run::folder::RunFolder;
@@ -64,8 +64,12 @@ pub fn predict(
     }
     let model = detections.unwrap_or(&trained.summary.model_hash);
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model), moment)?;
+    let is_aligned = trained.backgrounds.is_some();
     let trained = trained.at_runway_of(&corpus_read);
     check_cameras(run, corpus, &trained, &corpus_read)?;
+    if is_aligned && trained.backgrounds.is_none() {
+        watch.say(UNALIGNED);
+    }
     if flights.is_empty() {
         return Err(Error::corpus(corpus.root(), CorpusFault::NoScenarios));
     }

@@ -4,11 +4,17 @@
 use crate::run::trained::TrainedRun;
 use crate::samples::Samples;
 use crate::samples::moved_rig::Move;
+use crate::samples::rig::are_same;
 
 impl TrainedRun {
     /// The run as if it had been trained at the runway of these samples. Images of the ground stay where they were taken.
     #[must_use]
     pub(crate) fn at_runway_of(mut self, samples: &Samples) -> Self {
+        // Cameras that stand where they stood have not moved with the runway.
+        let comparable = self.summary.comparable(&samples.rig);
+        if comparable.is_some_and(|[here, there]| are_same(here, there)) {
+            return self;
+        }
         let to = samples.scenarios.first().map(|scenario| &scenario.runway);
         let runways = self.summary.runway.as_ref().zip(to);
         let Some(motion) = runways.and_then(|(from, to)| Move::between(from, to)) else {

@@ -16,6 +16,9 @@ use crate::run::trained::TrainedRun;
 pub fn fitted_cameras(folder: &RunFolder) -> Result<(String, BTreeMap<String, Camera>)> {
     let sealed = SealedRun::read(folder)?;
     let run = TrainedRun::of(&sealed)?;
+    if run.summary.cameras_vary {
+        return Err(Error::run(folder.root(), RunFault::CamerasVary));
+    }
     let fitted = (run.baselines.self_calibrated.as_ref())
         .ok_or_else(|| Error::run(folder.root(), RunFault::NoFittedCameras))?;
     let views = run.normalisation.views.into_iter().zip(fitted.cameras());

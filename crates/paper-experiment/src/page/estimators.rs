@@ -137,8 +137,8 @@ pub(super) fn by_condition(results: &Results) -> String {
          A dash: the estimator does not answer all of these ticks, or there are none. The paper's overall MAPE is {MAPE_PCT} %, without a\n\
          word on which ticks it is of; `paper_lstm` has {} %{interval} of at least one view, scenarios drawn.\n\n\
          `dtd train corpus --out run` keeps the scenarios of a flight together; with `--split-by-scenario 0.3` scenarios are drawn, as in\n\
-         the paper, and {} of {} test scenarios share their flight with the training. On other flights the MAPE of `paper_lstm` is higher by\n\
-         {} points: one draw, one seed, other test scenarios.",
+         the paper, and {} of {} test scenarios share their flight with the training. The MAPE of `paper_lstm` on other flights less that\n\
+         on the drawn ones is {} points: one draw, one seed, other test scenarios.",
         table.markdown(),
         number(drawn[1].map(|of| of.mape_pct), DECIMALS),
         results.by_scenario.split.test_scenarios_sharing_flights,
@@ -236,10 +236,9 @@ pub(super) fn by_distance(results: &Results) -> String {
     let near = |name: &str, is_near: bool| {
         let bins = metrics.estimators.get(name)?.by_distance_nm.iter();
         let bins = bins.filter(|bin| NEAR_STEP_NM.contains(&bin.from_nm.round()) == is_near);
-        let (sum, count) = bins.fold((0.0, 0), |(sum, count), bin| {
-            let of = &bin.figures;
-            let part = of.mape_pct.unwrap_or(0.0) * of.samples as f64;
-            (sum + part, count + of.samples)
+        let answered = bins.filter_map(|bin| Some((bin.figures.mape_pct?, bin.figures.samples)));
+        let (sum, count) = answered.fold((0.0, 0), |(sum, count), (mape_pct, samples)| {
+            (sum + mape_pct * samples as f64, count + samples)
         });
         (count > 0).then(|| sum / count as f64)
     };

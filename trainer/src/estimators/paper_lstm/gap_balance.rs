@@ -21,6 +21,7 @@ pub(crate) struct GapBalance {
     optimised: Vec<bool>,
     steps_since_change: usize,
     log: Vec<Vec<Option<f64>>>,
+    #[serde(default)]
     is_settled: bool,
 }
 
