@@ -31,6 +31,8 @@ pub(crate) struct EstimateArgs {
     #[arg(long = "offset", value_name = "VIEW=SECONDS")]
     pub(crate) offsets: Vec<OfView<GivenOffset>>,
     /// Keep measured offsets in this file (JSON), and begin with those that it has
+    ///
+    /// They are of these cameras. No other process may use the file meanwhile.
     #[arg(long, value_name = "FILE")]
     pub(crate) keep_offsets: Option<PathBuf>,
     /// File with the password of a view's server, on its first line

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::thread;
+use std::time::Duration;
 
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -111,13 +112,20 @@ impl Sender {
             .stdin(Stdio::null())
             .spawn()
             .unwrap();
-        while !fs::read_to_string(&description).is_ok_and(|text| text.contains("m=video")) {
-            thread::yield_now();
-        }
-        Self {
+        let mut sender = Self {
             process,
             description,
+        };
+        while !sender.is_described() {
+            assert!(sender.process.try_wait().unwrap().is_none(), "it ended");
+            thread::sleep(Duration::from_millis(20));
         }
+        sender
+    }
+
+    fn is_described(&self) -> bool {
+        let text = fs::read_to_string(&self.description);
+        text.is_ok_and(|text| text.contains("m=video"))
     }
 }
 

@@ -1,7 +1,7 @@
 """Serves videos as cameras over RTSP, and breaks them: all begin together with the first client, so that their wall clocks mean what the
 images show.
 
-    rtsp_server.py [--port PORT] [--user NAME:PASSWORD [--digest]] NAME[:VARIANT]=VIDEO.mp4 ...
+    rtsp_server.py [--port PORT] [--user NAME:PASSWORD [--digest]] [--absent NAME] NAME[:VARIANT]=VIDEO.mp4 ...
 
 Packets are copied, not encoded. A client that comes later sees the stream from the next key frame on. A camera has one address and may have
 variants (`left:small=..`), which run beside it; the first one is shown. The first line on stdout is the port, on the loopback device; `playing`

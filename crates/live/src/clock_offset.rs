@@ -6,8 +6,9 @@
 use dataset::geometry::rays::Lag;
 use serde::{Deserialize, Serialize};
 
-/// Standard deviation of the drift of clocks that nobody compared.
-const DRIFT_SD: f64 = 100e-6;
+/// Standard deviation of the drift of clocks that nobody compared: of recordings, and of streams, whose images arrivals place.
+pub(crate) const RECORDING_DRIFT_SD: f64 = 100e-6;
+pub(crate) const STREAM_DRIFT_SD: f64 = 2e-6;
 /// An offset that was kept is of another start: its images came by other ways, seconds.
 const RESTART_SD_S: f64 = 0.015;
 
@@ -21,6 +22,15 @@ pub(crate) struct Offset {
     /// By how much that grows, seconds per million seconds.
     pub(crate) drift_ppm: f64,
     pub(crate) drift_sd_ppm: f64,
+}
+
+impl Offset {
+    /// True if its numbers can be those of a measurement.
+    pub(crate) fn is_sound(&self) -> bool {
+        let sds = [self.sd_s, self.drift_sd_ppm];
+        let mut numbers = [self.offset_s, self.drift_ppm].into_iter().chain(sds);
+        numbers.all(|number| number.is_finite()) && sds.iter().all(|sd| *sd > 0.0)
+    }
 }
 
 /// What was measured of a clock: weights of a line, least squares.
@@ -37,11 +47,11 @@ pub(crate) struct ClockOffset {
 }
 
 impl ClockOffset {
-    /// Of a clock of which nothing is known, or what was kept of an earlier start.
-    pub(crate) fn of(kept: Option<Offset>) -> Self {
+    /// Of a clock of which only this is known about its drift, or what was kept of an earlier start.
+    pub(crate) fn of(kept: Option<Offset>, drift_sd: f64) -> Self {
         let (drift, drift_sd) = match kept {
             Some(kept) => (kept.drift_ppm * 1e-6, kept.drift_sd_ppm * 1e-6),
-            None => (0.0, DRIFT_SD),
+            None => (0.0, drift_sd),
         };
         let weight = kept.map_or(0.0, |kept| kept.sd_s.hypot(RESTART_SD_S).powi(-2));
         Self {
@@ -52,6 +62,12 @@ impl ClockOffset {
             lag: kept.map_or(0.0, |kept| kept.offset_s * weight),
             lag_times_time: drift * drift_sd.powi(-2),
         }
+    }
+
+    /// The same, known for this time.
+    pub(crate) fn since(mut self, time_s: f64) -> Self {
+        self.zero_s = Some(time_s);
+        self
     }
 
     /// With the lag of one more arrival.
@@ -102,7 +118,7 @@ mod tests {
 
     #[test]
     fn several_arrivals_tell_the_drift_too() {
-        let clock = ClockOffset::of(None);
+        let clock = ClockOffset::of(None, RECORDING_DRIFT_SD);
         assert!(clock.at(100.0).is_none());
         let first = clock.with(lag(100.0, 0.514)).at(100.0).unwrap();
         assert!((first.offset_s - 0.514).abs() < 1e-9 && first.drift_ppm == 0.0);
@@ -128,7 +144,8 @@ mod tests {
             drift_ppm: 80.0,
             drift_sd_ppm: 10.0,
         };
-        let clock = ClockOffset::of(Some(kept));
+        assert!(kept.is_sound() && !Offset { sd_s: 0.0, ..kept }.is_sound());
+        let clock = ClockOffset::of(Some(kept), RECORDING_DRIFT_SD);
         let at_start = clock.at(7.0).unwrap();
         assert!((at_start.offset_s - 0.5).abs() < 1e-9);
         assert!(at_start.sd_s > kept.sd_s && at_start.sd_s < 0.02);

@@ -211,6 +211,9 @@ impl Conductor {
                 if matches!(report, Report::Lost(_)) {
                     self.metrics.count_reopened(view);
                 }
+                if matches!(report, Report::FirstImage { .. }) {
+                    self.clocks.connected(view, self.last_s.unwrap_or(0.0));
+                }
                 self.news[view].take(report);
             }
         }
