@@ -24,7 +24,7 @@ const LATE_READER_S: f64 = 0.5;
 /// Seconds after a fault in which its views are used again.
 const BACK_S: f64 = 5.0;
 /// Longest time between two fresh answers of a view without fault, seconds.
-const GAP_S: f64 = 1.0;
+const GAP_S: f64 = 1.5;
 /// Bytes of the pipe to the reader, so that it is full soon.
 const PIPE_BYTES: usize = 4_096;
 
@@ -284,7 +284,11 @@ impl Said {
             let used_s = self.used_s(view);
             if !fault.views.contains(&view) {
                 // At the start, an aircraft is known after some seconds.
-                let mut before_s = if from_s == 0.0 { BACK_S } else { from_s };
+                let mut before_s = if from_s == 0.0 {
+                    to_s - 1.25 * GAP_S
+                } else {
+                    from_s
+                };
                 let meanwhile = used_s
                     .iter()
                     .filter(|at_s| (before_s..to_s).contains(*at_s));
@@ -419,7 +423,8 @@ impl Films {
         ];
         let made = made.map(|(name, recorded, filter, codec)| {
             let path = to(&format!("{}.mp4", name.replace(':', "-")));
-            let input = ["-i", text(recorded), "-filter_complex", &filter];
+            // As long as it is served.
+            let input = ["-t", "82", "-i", text(recorded), "-filter_complex", &filter];
             let arguments = [&input[..], codec, &[text(&path)]];
             ffmpeg(&arguments.concat());
             (name, path)

@@ -8,8 +8,9 @@ use std::sync::{OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard
 
 use dataset::corpus::Corpus;
 use serde_json::Value;
-use testkit::TINY_TRAINING;
 use testkit::command::{Dtd, said, text};
+use testkit::files::copy_folder;
+use testkit::{MadeOnce, TINY_TRAINING};
 
 pub(crate) const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 pub(crate) const VIEWS: [&str; 2] = ["left", "right"];
@@ -63,22 +64,15 @@ impl Workshop {
             let settings = made.folder.path().join("train.toml");
             fs::write(&settings, TINY_TRAINING).unwrap();
             let run = made.run();
-            for arguments in [
-                &["generate", "tests/data/chain.toml", "--out", text(&corpus)][..],
-                &["label", text(&corpus)],
-                &["detect", text(&corpus)],
-                &[
-                    "train",
-                    text(&corpus),
-                    "--out",
-                    text(&run),
-                    "--config",
-                    text(&settings),
-                ],
-            ] {
-                let output = DTD.run(arguments);
-                assert!(output.status.success(), "{}", said(&output));
-            }
+            let chain = MadeOnce::made("chain", |folder| {
+                let corpus = folder.join("corpus");
+                done(&["generate", "tests/data/chain.toml", "--out", text(&corpus)]);
+                done(&["label", text(&corpus)]);
+            });
+            copy_folder(&chain.path().join("corpus"), &corpus);
+            done(&["detect", text(&corpus)]);
+            let out = ["--out", text(&run), "--config", text(&settings)];
+            done(&[&["train", text(&corpus)][..], &out].concat());
             made
         })
     }
@@ -96,8 +90,7 @@ impl Workshop {
         static FLIGHT: OnceLock<[PathBuf; 2]> = OnceLock::new();
         FLIGHT.get_or_init(|| {
             let corpus = self.folder.path().join("live");
-            let output = DTD.run(&["generate", "tests/data/live.toml", "--out", text(&corpus)]);
-            assert!(output.status.success(), "{}", said(&output));
+            done(&["generate", "tests/data/live.toml", "--out", text(&corpus)]);
             videos(&corpus)
         })
     }
@@ -134,6 +127,11 @@ impl Workshop {
             .map(|line| serde_json::from_str(line).unwrap())
             .collect()
     }
+}
+
+fn done(arguments: &[&str]) {
+    let output = DTD.run(arguments);
+    assert!(output.status.success(), "{}", said(&output));
 }
 
 /// The videos of a corpus's first scenario.
