@@ -30,6 +30,8 @@ const RADIANS: f64 = 0.2;
 const TURN_S: f64 = 4.0;
 /// Turns tell the unit and the sign of the roll if their banks are larger on average (root mean square), degrees.
 const TURNING_DEG: f64 = 0.4;
+/// Fewer of them, a minute, may all be one gust.
+const FEWEST_TURNS: u32 = 15;
 /// Roll in degrees over the bank of a turn: about 1. In radians it is 0.017.
 const ROLL_IN_RADIANS: std::ops::RangeInclusive<f64> = 0.005..=0.04;
 const ROLL_TO_THE_LEFT: f64 = -0.4;
@@ -252,7 +254,7 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
 /// Slope of the roll over the bank of a coordinated turn; `None` for a flight without turns.
 fn roll_over_bank(approach: &[FlightState]) -> Option<f64> {
     let track_rad = |state: &FlightState| state.velocity_east_mps.atan2(state.velocity_north_mps);
-    let (mut products, mut squares, mut turns) = (0.0, 0.0, 0);
+    let (mut products, mut squares, mut turns) = (0.0, 0.0, 0_u32);
     let mut from = 0;
     while from < approach.len() {
         let start = &approach[from];
@@ -275,5 +277,5 @@ fn roll_over_bank(approach: &[FlightState]) -> Option<f64> {
         from += length;
     }
     let is_turning = squares > f64::from(turns) * TURNING_DEG * TURNING_DEG;
-    (turns > 0 && is_turning).then(|| products / squares)
+    (turns >= FEWEST_TURNS && is_turning).then(|| products / squares)
 }
