@@ -203,7 +203,7 @@ fn data(results: &Results) -> String {
         "## Data\n\n{}\n\n\
          The boxes that train and judge are of a weaker detector, so that as many ticks as in the paper miss one view: it {shrunk}drops\n\
          boxes with scores below {} (`first_pass_shrink`, `least_score`). With the detector itself, one view alone sees {} % of the ticks,\n\
-         and any view {} %; fog hides the others. With the weaker one:\n\n{}\n\n\
+         and any view {} %; the others are in fog, or past both images. With the weaker one:\n\n{}\n\n\
          Boxes unlike any of the training are left out before judging ({} of the test with other flights); the paper has no such rule.",
         table.markdown(),
         weaker.least_score,
