@@ -6,7 +6,7 @@
 use dataset::geometry::rays::Lag;
 use serde::{Deserialize, Serialize};
 
-/// Standard deviation of the drift of clocks that nobody compared: of recordings, and of streams, whose images arrivals place.
+/// Standard deviation of the unmeasured drift of a clock: of a recording, and of a stream, whose clock is followed by arrival times.
 pub(crate) const RECORDING_DRIFT_SD: f64 = 100e-6;
 pub(crate) const STREAM_DRIFT_SD: f64 = 2e-6;
 /// An offset that was kept is of another start: its images came by other ways, seconds.
@@ -25,7 +25,7 @@ pub(crate) struct Offset {
 }
 
 impl Offset {
-    /// True if its numbers can be those of a measurement.
+    /// True if a measurement can have given its numbers.
     pub(crate) fn is_sound(&self) -> bool {
         let sds = [self.sd_s, self.drift_sd_ppm];
         let mut numbers = [self.offset_s, self.drift_ppm].into_iter().chain(sds);
@@ -33,7 +33,7 @@ impl Offset {
     }
 }
 
-/// What was measured of a clock: weights of a line, least squares.
+/// Offset and drift of a clock: sums for a straight line by least squares.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ClockOffset {
     /// The times of the line are counted from here.
@@ -124,7 +124,7 @@ mod tests {
         assert!((first.offset_s - 0.514).abs() < 1e-9 && first.drift_ppm == 0.0);
         assert!((first.sd_s - 0.007).abs() < 1e-9);
         let later = clock.with(lag(100.0, 0.514)).at(1_100.0).unwrap();
-        assert!(later.sd_s > 0.09, "nobody knows its drift: {later:?}");
+        assert!(later.sd_s > 0.09, "its drift is unknown: {later:?}");
         let four = [0.004, -0.006, 0.003, -0.002].into_iter().zip(0..);
         let four = four.fold(clock, |clock, (error_s, number)| {
             let time_s = 100.0 + 300.0 * f64::from(number);

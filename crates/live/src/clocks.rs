@@ -1,4 +1,4 @@
-//! The clocks of all views: which are compared with that of the first one, what is known of them, and what is kept for the next start.
+//! The clocks of all views: comparison with the first view's, their offsets, and the file that keeps these for the next start.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -65,7 +65,7 @@ impl Clocks {
         })
     }
 
-    /// True if a view's times can be compared with those of the first one.
+    /// True if a view's times can be compared with the first view's.
     pub(crate) fn is_known(&self, view: usize) -> bool {
         self.clocks[view].as_ref().is_none_or(FreeClock::is_known)
     }

@@ -7,7 +7,7 @@ use crate::clock_offset::{ClockOffset, Offset};
 
 /// An offset is used once its standard deviation is below this, seconds.
 const MOST_SD_S: f64 = 0.03;
-/// A known offset is unknown again above this: nobody saw an aircraft for long.
+/// Above this, a known offset counts as unknown: the last arrival was long ago.
 const LOST_SD_S: f64 = 0.06;
 /// An arrival whose lag differs from the known offset by more standard deviations is the first one of a clock that was changed.
 const MOST_DEVIATIONS: f64 = 5.0;
@@ -23,7 +23,7 @@ pub(crate) enum News {
     Known(Offset),
 }
 
-/// The clock of a view, compared with that of the first one.
+/// The clock of a view, compared with the first view's.
 #[derive(Debug)]
 pub(crate) struct FreeClock {
     cameras: [Camera; 2],
@@ -39,7 +39,7 @@ pub(crate) struct FreeClock {
 }
 
 impl FreeClock {
-    /// For the first view's camera and that of the view, with what was kept of an earlier start. `drift_sd`: see [`ClockOffset::of`].
+    /// For the cameras of the first view and of this one, with the offset that an earlier start kept. `drift_sd`: see [`ClockOffset::of`].
     pub(crate) fn of(cameras: [Camera; 2], kept: Option<Offset>, drift_sd: f64) -> Self {
         Self {
             arrival: VerticalLag::between([&cameras[0], &cameras[1]]),
@@ -120,7 +120,7 @@ impl FreeClock {
         lag.is_some()
     }
 
-    /// What is known with the lag of one more arrival.
+    /// The offset with the lag of one more arrival.
     fn joined(&self, lag: Lag) -> ClockOffset {
         let is_other = self.before.at(lag.time_s).is_some_and(|known| {
             let sd_s = known.sd_s.hypot(lag.sd_s);

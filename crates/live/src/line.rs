@@ -112,7 +112,7 @@ pub enum Event {
     End {
         /// Time, as of answers.
         time_s: f64,
-        /// `recordings`, `signal`, or `reader` if nobody reads the lines any more.
+        /// `recordings`, `signal`, or `reader` if the reader of the lines is gone.
         cause: &'static str,
         /// Searched and other images by view.
         images: Vec<(String, u64, u64)>,

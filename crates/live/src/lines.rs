@@ -68,7 +68,7 @@ impl Lines {
         self.queue.changed.notify_all();
     }
 
-    /// False once nobody reads the lines any more.
+    /// False once the reader of the lines is gone.
     ///
     /// # Errors
     /// The output takes no more lines for another reason.

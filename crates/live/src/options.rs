@@ -26,7 +26,7 @@ pub struct Options {
     pub without: Vec<String>,
     /// Seconds that are added to the times of a view's images.
     pub offsets_s: BTreeMap<String, f64>,
-    /// Views whose recordings have clocks of their own, which are compared with that of the first view.
+    /// Views whose recordings have separate clocks, to be compared with the first view's.
     pub measured: BTreeSet<String>,
     /// File in which measured offsets are kept for the next start.
     pub keep_offsets: Option<PathBuf>,

@@ -6,7 +6,7 @@ use crate::metrics::{Fate, Metrics};
 /// Seconds between two reports.
 const BETWEEN_S: f64 = 5.0;
 
-/// What was reported until now.
+/// Counts that were reported.
 pub(crate) struct Overload {
     reported_s: f64,
     /// Images by view.

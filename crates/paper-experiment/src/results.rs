@@ -5,6 +5,9 @@ use trainer::Metrics;
 
 use crate::single_views::SingleViews;
 
+/// The paper's estimator.
+pub(crate) const PAPER: &str = "paper_lstm";
+
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {
@@ -121,12 +124,17 @@ pub struct StageTime {
 }
 
 impl Results {
-    /// The figures without those of each flight, which nobody compares with the paper.
+    /// The figures without what the page does not compare with the paper: each flight, each view, and pairs of weather and time of other
+    /// estimators than the paper's.
     #[must_use]
-    pub fn without_flights(mut self) -> Self {
+    pub fn compared(mut self) -> Self {
         for metrics in [&mut self.by_trajectory, &mut self.by_scenario] {
-            for estimator in metrics.estimators.values_mut() {
+            for (name, estimator) in &mut metrics.estimators {
                 estimator.by_flight.clear();
+                estimator.single_views.clear();
+                if name != PAPER {
+                    estimator.by_weather_and_time.clear();
+                }
             }
         }
         self

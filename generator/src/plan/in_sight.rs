@@ -13,7 +13,7 @@ const POINTS: u32 = 400;
 /// Scenarios of a weather that a camera is asked about, at most: each has an approach of its own, and there may be a million.
 const MOST_APPROACHES: u32 = 200;
 
-/// What the cameras of a rig can see of the approaches of one weather.
+/// View of the approaches in one weather.
 #[derive(Default)]
 struct Seen {
     /// A point is in the picture.

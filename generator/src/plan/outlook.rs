@@ -1,4 +1,4 @@
-//! What a plan means at its runway: where each camera sees the aircraft, and how high profiles and clouds are.
+//! Outlook of a plan: the parts of the approach that each camera shows, and heights of profiles and clouds above the runway.
 
 use std::collections::BTreeMap;
 

@@ -43,7 +43,7 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
         by_scenario: metrics(Place::ByScenario)?,
         stages: notes.times(),
     }
-    .without_flights();
+    .compared();
     let out = &experiment.args.out;
     let charted: Vec<&str> = CHARTED.into_iter().chain([&*recommended]).collect();
     let run = experiment.run_folder(Place::ByScenario);

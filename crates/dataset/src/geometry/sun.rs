@@ -21,12 +21,12 @@ pub struct Sun {
 }
 
 impl Sun {
-    /// Where the sun is (geometric, without refraction).
+    /// The geometric position, without refraction.
     pub fn true_at(place: Geodetic, clock: &Clock) -> Self {
         Self::at(place, clock, None)
     }
 
-    /// Where the sun is seen, through air at 1010 hPa and 10 degrees Celsius.
+    /// The apparent position, through air at 1010 hPa and 10 degrees Celsius.
     pub fn apparent_at(place: Geodetic, clock: &Clock) -> Self {
         Self::at(place, clock, Some(RefractionCorrection::standard()))
     }

@@ -34,7 +34,7 @@ pub struct ViewHealth {
     pub lag: Option<ViewLag>,
 }
 
-/// Lag of the images of a view behind those of the first view.
+/// Lag of a view's images behind the first view's.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct ViewLag {
     /// Time by which the view shows an earlier aircraft than the first one in images of the same tick, milliseconds; negative if it is the

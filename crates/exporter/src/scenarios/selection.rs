@@ -37,7 +37,7 @@ pub struct LostScenario {
     pub reason: String,
 }
 
-/// The scenarios that a request asks for, by name; and those of them that are lost, because a video is missing or truncated.
+/// The scenarios that a request asks for, by name, and the lost ones among them, which miss a video or have a truncated one.
 pub(crate) fn select(
     corpus: &Corpus,
     request: &ExportRequest,

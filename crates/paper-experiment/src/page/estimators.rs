@@ -8,10 +8,8 @@ use trainer::paper::{
 use trainer::{ErrorFigures, EstimatorMetrics, Metrics, SplitFigures};
 
 use super::table::{Table, number};
-use crate::results::Results;
+use crate::results::{PAPER, Results};
 
-/// The paper's estimator.
-const PAPER: &str = "paper_lstm";
 /// The formula that sees the same boxes.
 const SAME_BOXES: &str = "inverse_range";
 /// Monoscopic networks.

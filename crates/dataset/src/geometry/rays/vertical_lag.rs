@@ -25,7 +25,7 @@ const SD_PART: f64 = 0.003;
 /// No lag of one arrival has a smaller one, seconds: light and shade change which parts the views show.
 const LEAST_SD_S: f64 = 0.005;
 
-/// Where two cameras see an aircraft in images that are said to be of one time.
+/// An aircraft in the images of two cameras that have the same time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
     /// The time, seconds.
