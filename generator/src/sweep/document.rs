@@ -54,7 +54,7 @@ pub(super) struct Document {
     #[serde(default)]
     #[schemars(transform = legal_names)]
     pub(super) profile: BTreeMap<String, ProfileTable>,
-    /// Airports by ICAO code; those of `generator/src/airports.toml` need no definition.
+    /// Airports by ICAO code; the ones in `generator/src/airports.toml` need no definition.
     #[serde(default)]
     pub(super) airport: BTreeMap<String, AirportTable>,
     #[serde(default)]

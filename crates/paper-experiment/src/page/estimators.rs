@@ -247,7 +247,7 @@ pub(super) fn by_distance(results: &Results) -> String {
     format!(
         "## Errors by distance\n\n{}\n\n\
          MAPE, scenarios drawn; each estimator over the ticks that it answers. In the paper the errors near 7 NM, where its flights descend\n\
-         between two levels, exceed those of its monoscopic model and reach 0.75 %. Here {}.",
+         between two levels, exceed its monoscopic model's and reach 0.75 %. Here {}.",
         table.markdown(),
         told.join(", ")
     )
@@ -295,7 +295,7 @@ pub(super) fn all(results: &Results) -> String {
          time since the start, and by weather. An estimator that is no better has learned nothing from the images.\n\n\
          `{SAME_BOXES}` has {dual} % (two views) and {combination} % (at least one) from the boxes of `paper_lstm` and the shifts between\n\
          the views: cameras, profile and images are no cause of an error above that.\n\n{}\n\n\
-         Each network over the ticks of its view, `paper_lstm` over those of at least one view.",
+         Each network over the ticks of its view, `paper_lstm` over the ticks of at least one view.",
         table.markdown(),
         against.markdown()
     )
