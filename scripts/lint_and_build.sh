@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
 # lint_and_build.sh RUSTC ARGUMENTS...: a RUSTC_WRAPPER that runs clippy on the workspace's crates before they are compiled.
 #
-# `cargo clippy` checks all dependencies a second time, which is three quarters of its time. Lints need only their metadata, and during a
-# build that is there.
+# `cargo clippy` checks all dependencies a second time. Lints need only their metadata, and during a build that is there.
 set -euo pipefail
 
 if [ -n "${CARGO_PRIMARY_PACKAGE:-}" ]; then

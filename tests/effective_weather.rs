@@ -11,6 +11,7 @@ use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::seal_folder;
 use serde_json::Value;
+use testkit::TINY_TRAINING;
 use testkit::command::{Dtd, Server, json, said, text};
 use testkit::sweep::four_weathers;
 use testkit::synthetic::SyntheticCorpus;
@@ -202,20 +203,6 @@ fn mark(corpus: &Corpus, id: &str) {
     seal_folder(folder.root(), &record.config_hash).unwrap();
 }
 
-const SETTINGS: &str = "
-[calibration]
-hidden = [8]
-features = 8
-head_hidden = [8]
-optimisation = { steps = 10, batch_size = 32, learning_rate = 0.003 }
-[estimator]
-lstm = [8]
-head_hidden = [8]
-optimisation = { steps = 10, batch_size = 32, learning_rate = 0.003 }
-[mono]
-optimisation = { steps = 10, batch_size = 32, learning_rate = 0.003 }
-";
-
 #[test]
 fn a_training_leaves_marked_scenarios_out_unless_they_are_accepted() {
     let folder = tempfile::tempdir().unwrap();
@@ -224,7 +211,7 @@ fn a_training_leaves_marked_scenarios_out_unless_they_are_accepted() {
         .unwrap();
     mark(&corpus, "0001");
     let settings = folder.path().join("train.toml");
-    fs::write(&settings, SETTINGS).unwrap();
+    fs::write(&settings, TINY_TRAINING).unwrap();
     let trained_on = |name: &str, more: &[&str]| {
         let run = folder.path().join(name);
         let arguments = [
