@@ -125,8 +125,8 @@ pub enum PixelError {
     },
     /// A cover does not go.
     #[error(
-        "something has covered {rectangle} of the pictures for {waited:.0?}: a message, a window, a notification or a pointer. Close it, or \
-         move it away, and keep it from coming again"
+        "{rectangle} of the pictures has not looked like the beginning of the block for {waited:.0?}: a message, a window, a notification \
+         or a pointer covers the scene, or covered it then and has gone. Close it, or move it away, and keep it from coming again"
     )]
     StaysCovered {
         /// Covered rectangle, from the images' top left.
