@@ -1,5 +1,5 @@
 //! Ctrl-C in the verbs that take long: they end with 75 and say what to do, and the same command then arrives at the bytes of an
-//! undisturbed one.
+//! undisturbed one. So does a training with the settings that another one saved.
 
 mod tiny;
 
@@ -211,6 +211,17 @@ fn trainings_resume_to_the_same_weights() {
     )
     .resumes()
     .made_the_same("new.onnx");
+}
+
+#[test]
+fn the_settings_that_a_run_saved_make_the_same_run_again() {
+    let tiny = Tiny::made().copy();
+    run(&tiny, "train corpus --out again --config run/config.json");
+    for name in ["config.json", "weights.safetensors"] {
+        let [again, first] =
+            ["again", "run"].map(|run| fs::read(tiny.path(run).join(name)).unwrap());
+        assert!(again == first, "{name} differs");
+    }
 }
 
 #[test]
