@@ -62,25 +62,7 @@ fn dtd() -> Command {
 /// A recorded corpus, made once per run of the tests.
 fn sound() -> &'static Path {
     static CORPUS: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = CORPUS.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        let sweep = folder.path().join("sweep.toml");
-        fs::write(&sweep, sweep_toml()).unwrap();
-        fs::create_dir(folder.path().join("flights")).unwrap();
-        let flight = "01_calm_ils.csv";
-        fs::copy(
-            repository().join("tests/data/flights").join(flight),
-            folder.path().join("flights").join(flight),
-        )
-        .unwrap();
-        let corpus = folder.path().join("corpus");
-        let output = dtd()
-            .args(["generate", text(&sweep), "--out", text(&corpus)])
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-        folder
-    });
+    let folder = CORPUS.get_or_init(|| DTD.recorded(&sweep_toml()));
     Box::leak(folder.path().join("corpus").into_boxed_path())
 }
 

@@ -638,32 +638,9 @@ fn webdataset_iterates_samples_of_all_views() {
     }
 }
 
-/// Three views, a lens, refraction, and 30000/1001 pictures a second; labelled.
-fn three_views() -> tempfile::TempDir {
-    recorded(THREE_VIEWS)
-}
-
-/// A labelled corpus of a sweep.
-fn recorded(sweep: &str) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("three.toml"), sweep).unwrap();
-    for arguments in [
-        &["generate", "three.toml", "--out", "corpus"][..],
-        &["label", "corpus"],
-    ] {
-        let output = DTD
-            .command(arguments)
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-    }
-    folder
-}
-
 #[test]
 fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_their_videos() {
-    let folder = three_views();
+    let folder = DTD.recorded(THREE_VIEWS);
     let path = |name: &str| folder.path().join(name);
     let corpus = Corpus::open(&path("corpus")).unwrap();
     let scenario = corpus.scenarios().unwrap().remove(0);
@@ -877,7 +854,7 @@ fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> 
 
 #[test]
 fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_videos_of_the_corpus() {
-    let folder = recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30"));
+    let folder = DTD.recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30"));
     let path = |name: &str| folder.path().join(name);
     let run = |out: &str, more: &[&str]| {
         let common = [
@@ -936,7 +913,7 @@ fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_vide
 
 #[test]
 fn lerobot_merges_our_datasets_with_a_picture_for_every_frame() {
-    let folder = recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30"));
+    let folder = DTD.recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30"));
     let path = |name: &str| folder.path().join(name);
     let corpus = Corpus::open(&path("corpus")).unwrap();
     let ids: Vec<String> = (corpus.scenarios().unwrap().iter())

@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use dataset::corpus::{Corpus, ScenarioFolder};
 use rustix::process::{Pid, Signal, kill_process};
+use testkit::TINY_TRAINING;
 use testkit::command::{json, said};
 use testkit::files::{assert_same_contents, contents};
 use tiny::{SCENARIOS, Tiny, label_otherwise};
@@ -191,9 +192,7 @@ fn labels_and_transfers_resume_with_the_scenarios_that_were_left() {
 #[test]
 fn trainings_resume_to_the_same_weights() {
     let trained = interrupted("train corpus --out new --config long.toml", |tiny| {
-        let settings = fs::read_to_string(tiny.path("training.toml")).unwrap();
-        let long = settings.replace("steps = 10", "steps = 60");
-        fs::write(tiny.path("long.toml"), long).unwrap();
+        fs::write(tiny.path("long.toml"), TINY_TRAINING).unwrap();
     });
     trained.resumes();
     for name in [

@@ -17,7 +17,6 @@ use dataset::work::watch::Silent;
 use serde_json::Value;
 use testkit::command::{Dtd, text};
 use testkit::files::copy_folder;
-use testkit::repository;
 use testkit::sweep::SmallSweep;
 
 /// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog, with slightly misplaced and degraded cameras.
@@ -67,29 +66,7 @@ const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 /// The valid corpus, made once per run of the tests.
 fn sound() -> &'static Path {
     static CORPUS: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = CORPUS.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        let sweep = folder.path().join("sweep.toml");
-        fs::write(&sweep, sweep_toml()).unwrap();
-        fs::create_dir(folder.path().join("flights")).unwrap();
-        let flight = "01_calm_ils.csv";
-        let flights = repository().join("tests/data/flights");
-        fs::copy(
-            flights.join(flight),
-            folder.path().join("flights").join(flight),
-        )
-        .unwrap();
-        let corpus = folder.path().join("corpus");
-        for arguments in [
-            &["generate", text(&sweep), "--out", text(&corpus)][..],
-            &["label", text(&corpus)][..],
-        ] {
-            let output = DTD.run(arguments);
-            let said = String::from_utf8_lossy(&output.stderr);
-            assert!(output.status.success(), "{arguments:?}: {said}");
-        }
-        folder
-    });
+    let folder = CORPUS.get_or_init(|| DTD.recorded(&sweep_toml()));
     Box::leak(folder.path().join("corpus").into_boxed_path())
 }
 
