@@ -4,7 +4,8 @@
 //! runs a verb that reads it. If a seal, a hash or a plan covers the file, the verb either fails, or does exactly what it does
 //! without the change. For settings and resealed forgeries only crashes, hangs and resource use are checked.
 //!
-//! `DTD_MUTATIONS` is the number of cases (150, five for each kind of file), `DTD_MUTATION_SEED` draws them (1), `DTD_MUTATION_CASE` runs only one of them.
+//! `DTD_MUTATIONS` is the number of cases (150, five for each kind of file), `DTD_MUTATION_SEED` draws them (1), `DTD_MUTATION_CASE` runs
+//! only one of them.
 
 #[path = "mutations/json.rs"]
 mod json;
