@@ -9,7 +9,6 @@ use std::sync::Mutex;
 use dataset::work::watch::{Silent, Watch};
 use hardly_trained::narrow;
 use testkit::synthetic::SyntheticCorpus;
-use trainer::config::Loss;
 use trainer::{EvaluationConfig, RunFolder, Search, TrainConfig, evaluate, search};
 
 fn with_lstm(width: usize, learning_rate: f64) -> TrainConfig {
