@@ -804,11 +804,6 @@ pub(crate) struct DemoArgs {
     /// Folder for the corpus and the run
     #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
-    /// Remove what an earlier demo made in this folder and start over
-    ///
-    /// A folder with anything else in it is rejected.
-    #[arg(long)]
-    pub(crate) fresh: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -208,7 +208,7 @@ Examples:
 pub(crate) const DEMO: &str = "\
 Examples:
   dtd demo                                    results in target/demo
-  dtd demo --out /tmp/demo --fresh";
+  dtd demo --out /tmp/demo";
 
 pub(crate) const PAPER: &str = "\
 Examples:
