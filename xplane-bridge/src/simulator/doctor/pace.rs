@@ -65,13 +65,13 @@ pub(super) async fn measure(
 /// The size of the images, if the window has margins around them and time need not run.
 fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize> {
     let description = simulator.description();
-    let has_margins = picture_size(description) == Some(intent.pictures.with_margins());
+    let has_margins = simulator.may_have_margins(simulator.pixels())
+        && picture_size(description) == Some(intent.pictures.with_margins());
     let time_has_to_run = description
         .profile
         .current()
         .is_some_and(Profile::time_has_to_run);
-    let may_be = simulator.pixels() == PixelKind::Screen && has_margins && !time_has_to_run;
-    may_be.then_some(intent.pictures)
+    (has_margins && !time_has_to_run).then_some(intent.pictures)
 }
 
 /// The pace in blocks; `None` if they are not possible, or not equal to settled images.
