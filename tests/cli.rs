@@ -372,3 +372,17 @@ fn an_output_that_is_a_device_a_fifo_or_a_link_to_one_is_refused_before_anything
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), before);
 }
+
+#[test]
+fn help_has_help_as_every_verb_has() {
+    let shown = |arguments: &[&str]| {
+        let output = DTD.run(arguments);
+        assert!(output.status.success(), "{arguments:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let all = shown(&["help"]);
+    assert!(all.contains("mock-xplane"), "{all}");
+    for flag in ["--help", "-h"] {
+        assert_eq!(shown(&["help", flag]), all);
+    }
+}
