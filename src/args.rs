@@ -4,6 +4,7 @@
 //! `view CORPUS --run RUN`. `push` copies, from one argument to the other.
 
 use std::env;
+use std::ffi::OsString;
 use std::net::IpAddr;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -97,10 +98,18 @@ impl Args {
     /// The arguments of this process; ends it with a message if they are wrong.
     pub(crate) fn of_process() -> Self {
         let matches = Self::grouped_command()
-            .try_get_matches()
+            .try_get_matches_from(arguments(env::args_os().collect()))
             .unwrap_or_else(|error| exit_without_secrets(&error));
         Self::from_arg_matches(&matches).unwrap_or_else(|error| exit_without_secrets(&error))
     }
+}
+
+/// Arguments for clap, whose `help` takes only verbs: `dtd help --help` is `dtd help`.
+fn arguments(mut given: Vec<OsString>) -> Vec<OsString> {
+    if given.len() == 3 && given[1] == "help" && (given[2] == "--help" || given[2] == "-h") {
+        given.pop();
+    }
+    given
 }
 
 /// Ends with the error of an argument. It repeats the argument, but not its credentials: logs keep what is printed.
@@ -672,7 +681,7 @@ pub(crate) struct MockXplaneArgs {
     pub(crate) faults: Faults,
     /// Awkward habits of a live X-Plane to imitate
     ///
-    /// All of this X-Plane version, none, quick (those that do not slow clients down), or names from docs/simulator.md separated by
+    /// All of this X-Plane version, none, quick (those that do not slow clients down), or names from docs/reference/quirks.md separated by
     /// commas; a - before a name excludes it, e.g. all,-late_clouds. With all of them a first scenario takes minutes.
     #[arg(
         long,
@@ -706,7 +715,6 @@ pub(crate) struct MockXplaneArgs {
     /// States of an X-Plane that a client meets rarely, for tests
     #[arg(
         long,
-        hide = true,
         value_enum,
         value_name = "STATE,..",
         value_delimiter = ',',
@@ -745,7 +753,7 @@ pub(crate) struct DoctorArgs {
     /// The default is DTD_WEB_API, else port 8086 if X-Plane runs on this computer.
     #[arg(long, value_name = "HOST:PORT|off")]
     pub(crate) web_api: Option<WebApiPlace>,
-    /// The sweep to record: the window must be as large as its pictures [default: demo.toml if it exists]
+    /// The sweep to record, whose pictures must fit the window [default: demo.toml if it exists]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
     /// Measure what reports disagree on, even if this installation has a profile
@@ -820,7 +828,7 @@ pub(crate) struct PaperArgs {
     /// The sweep to record [default: the paper.toml that ships]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
-    /// Pictures per second, e.g. 30 as in the paper [default: the sweep's, 2]
+    /// Pictures per second: 30 as in the paper, or a fraction such as 1/4 [default: the sweep's, 2]
     #[arg(long, value_name = "N", value_parser = frame_rate)]
     pub(crate) frame_rate: Option<FrameRate>,
     /// The simulator, or several that share the work, separated by commas

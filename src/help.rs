@@ -214,6 +214,7 @@ pub(crate) const PAPER: &str = "\
 Examples:
   dtd paper --out paper --scale small         a first look, in three minutes
   dtd paper --out paper                       100 scenarios: hours; resumes
+  dtd paper --out paper --frame-rate 1/4      an eighth of the pictures
   dtd paper --out paper --pretrained-detector yolo11n.onnx
 
 Environment:

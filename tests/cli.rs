@@ -388,3 +388,17 @@ fn a_demo_refuses_a_sweep_a_model_and_a_folder_that_are_none_before_it_begins() 
         assert!(!Path::new(&out).exists());
     }
 }
+
+#[test]
+fn help_has_help_as_every_verb_has() {
+    let shown = |arguments: &[&str]| {
+        let output = DTD.run(arguments);
+        assert!(output.status.success(), "{arguments:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let all = shown(&["help"]);
+    assert!(all.contains("mock-xplane"), "{all}");
+    for flag in ["--help", "-h"] {
+        assert_eq!(shown(&["help", flag]), all);
+    }
+}

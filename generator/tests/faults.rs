@@ -71,7 +71,7 @@ async fn two_simulators_share_the_work_and_the_tables_do_not_tell_which() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
     let corpus = tempdir().unwrap();
-    let (dying, server) = stand_in_with(0, Arc::new(BuiltIn)).await;
+    let (dying, server) = stand_in_with(Arc::new(BuiltIn)).await;
     let both = vec![SimulatorTarget::Address(dying), stand_in().await];
     let mut options = options(both, &[]);
     options.patience.simulator = Duration::from_millis(50);
@@ -95,7 +95,7 @@ async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_simulator_that_is_gone_for_good_ends_the_run_early_and_the_next_one_goes_on() {
     let corpus = tempdir().unwrap();
-    let (address, server) = stand_in_with(0, Arc::new(BuiltIn)).await;
+    let (address, server) = stand_in_with(Arc::new(BuiltIn)).await;
     let mut options = options(SimulatorTarget::Address(address), &[]);
     options.patience.simulator = Duration::from_millis(50);
     let stopped = run_until(small_sweep(), corpus.path(), &options, |event| {
@@ -178,7 +178,7 @@ async fn a_simulator_that_freezes_is_noticed_and_its_scenario_made_again() {
     let corpus = tempdir().unwrap();
     let faults = Arc::new(Faulty::default());
     faults.freeze_in.store(60, Ordering::SeqCst);
-    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults))).await;
+    let (address, _) = stand_in_with(Arc::new(FaultyEngine(faults))).await;
     let mut options = options(SimulatorTarget::Address(address), &[]);
     options.patience.answer = Duration::from_millis(500);
     let mut reasons = Vec::new();
@@ -206,7 +206,7 @@ async fn a_scenario_that_can_never_be_flown_is_set_aside_after_one_attempt_and_t
     ));
     let faults = Arc::new(Faulty::default());
     faults.lost_in_fog.store(true, Ordering::SeqCst);
-    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults.clone()))).await;
+    let (address, _) = stand_in_with(Arc::new(FaultyEngine(faults.clone()))).await;
     let options = options(SimulatorTarget::Address(address), &[]);
     let foggy = IDS[3];
 
@@ -242,7 +242,7 @@ async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_st
     ));
     let faults = Arc::new(Faulty::default());
     faults.lost_in_fog.store(true, Ordering::SeqCst);
-    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults.clone()))).await;
+    let (address, _) = stand_in_with(Arc::new(FaultyEngine(faults.clone()))).await;
     let bucket = tempdir().unwrap();
     let url = format!("file://{}", bucket.path().display());
     let foggy = IDS[3];

@@ -112,7 +112,7 @@ async fn computed_flights_are_only_shown_by_the_simulator_and_the_corpus_says_so
     let [one, other] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let live = sweep_toml();
     let computed = sweep_of(&live.replace("speed_mps = 72", "speed_mps = 72\nfly = \"computed\""));
-    let (address, _) = stand_in_with(0, Arc::new(OnlyDraws)).await;
+    let (address, _) = stand_in_with(Arc::new(OnlyDraws)).await;
     let only_draws = SimulatorTarget::Address(address);
     let made = run(&computed, one.path(), only_draws.clone(), &[]).await;
     assert_eq!(made.unwrap().committed, IDS);

@@ -113,6 +113,7 @@ class PipeWorld:
     def place_user(self, latitude: float, longitude: float, altitude: float, heading: float, speed: float) -> None:
         # The origin may move.
         self._converted.clear()
+        self._origin = None
         self._change("place_user", latitude, longitude, altitude, heading, speed)
 
     def publish(self, name: str, value: float) -> None:

@@ -17,7 +17,7 @@ use generator::generate::{
     generate,
 };
 use generator::sweep::Sweep;
-use mock_xplane::server::{Engine, ServerOptions};
+use mock_xplane::server::Engine;
 use testkit::repository;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit_simulator::{quiet, serving, serving_with};
@@ -81,9 +81,9 @@ pub async fn stand_in() -> SimulatorTarget {
     SimulatorTarget::Address(serving(quiet()).await)
 }
 
-/// The same on a given port and with a given engine, and with a way to make it disappear.
-pub async fn stand_in_with(port: u16, engine: Arc<dyn Engine>) -> (SocketAddr, AbortHandle) {
-    let (addresses, server) = serving_with(ServerOptions { port, ..quiet() }, engine).await;
+/// The same with a given engine, and with a way to make it disappear.
+pub async fn stand_in_with(engine: Arc<dyn Engine>) -> (SocketAddr, AbortHandle) {
+    let (addresses, server) = serving_with(quiet(), engine).await;
     (addresses.udp, server)
 }
 

@@ -151,7 +151,9 @@ impl PluginScene {
         Some(match what {
             "kind" => self.kind(text(0)?),
             "want" => {
-                self.wanted.push((text(0)?.to_owned(), index()?));
+                let (name, at) = (text(0)?, index()?);
+                self.get(name, at)?;
+                self.wanted.push((name.to_owned(), at));
                 Value::Null
             }
             "want_nothing" => {
