@@ -1,0 +1,123 @@
+"""Judges a run where the world is not ideal, row by row, and writes one JSON with what each row showed.
+
+Usage: not_ideal.py RUN DEMO OUT [ROW ..]; without rows all of them. RUN: of `dtd train`; DEMO: the corpus of `dtd demo`, for the rows whose
+calibration is wrong. Needs pyarrow, PyAV and b3sum, and the program as $DTD (default target/release/dtd). Rows that OUT has already are not
+made again. OUT/not-ideal.json holds all finished rows; docs/results.md says what they mean.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import not_ideal_figures as figures
+
+HERE = Path(__file__).parent
+DTD = os.environ.get("DTD", "target/release/dtd")
+# Recorded by disturbed-corpora.sh.
+RECORDED = [
+    "untouched",
+    "late-490ms",
+    "late-450ms",
+    "late-200ms",
+    "shake-2px",
+    "frozen-4pct",
+    "turned-0.3deg",
+    "tilt-2arcsec",
+    "tilt-5arcsec",
+    "tower-camera",
+]
+# Composed by compose_boxes.py from the untouched corpus.
+COMPOSED = ["still", "moving", "replaced", "arrival-behind", "arrival-ahead", "one-view-arrival"]
+# Yaw, pitch and roll, degrees; focal length, percent; move to the north, metres.
+MISCALIBRATED = {
+    "calibration-true": [0, 0, 0, 0, 0],
+    "calibration-yaw": [0.2, 0, 0, 0, 0],
+    "calibration-pitch": [0, 0.1, 0, 0, 0],
+    "calibration-all": [0.5, 0.2, 1, 3, 5],
+}
+ROWS = [*RECORDED, *COMPOSED, *MISCALIBRATED]
+
+
+def dtd(*arguments):
+    """Runs the program; its losses (exit 3) are no failure."""
+    done = subprocess.run([DTD, *map(str, arguments)], stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode not in (0, 3):
+        sys.exit(f"dtd {' '.join(map(str, arguments))}: exit {done.returncode}")
+    return done.stdout
+
+
+def fresh(folder):
+    """The folder, without what an interrupted call left of it."""
+    shutil.rmtree(folder, ignore_errors=True)
+    return folder
+
+
+def recorded(run, out, row):
+    """A corpus of disturbed-corpora.sh, judged and verified."""
+    subprocess.run(["bash", HERE / "disturbed-corpora.sh", out, row], check=True)
+    judged = fresh(out / "judged" / row)
+    dtd("evaluate", run, "--corpus", out / row, "--side", "all", "--out", judged)
+    found = subprocess.run([DTD, "verify", out / row, "--json"], stdout=subprocess.PIPE, text=True, check=False)
+    return {
+        **figures.of_judged(judged),
+        "health": figures.of_health(out / row, out / "untouched", row),
+        "verify": figures.of_verify(json.loads(found.stdout)),
+    }
+
+
+def composed(run, out, row):
+    """The untouched corpus with false boxes."""
+    fresh(out / row)
+    subprocess.run([sys.executable, HERE / "compose_boxes.py", out / "untouched", out / row, row], check=True)
+    judged = fresh(out / "judged" / row)
+    dtd("evaluate", run, "--corpus", out / row, "--side", "all", "--out", judged)
+    shutil.rmtree(out / row)
+    return figures.of_judged(judged)
+
+
+def miscalibrated(demo, out, row):
+    """A training whose calibration is wrong, registered again with the cameras that it fitted."""
+    corpus, first, again = out / row, out / f"{row}-first", out / f"{row}-again"
+    fresh(corpus)
+    example = Path(DTD).parent / "examples" / "miscalibrated_corpus"
+    subprocess.run([example, demo, corpus, *map(str, MISCALIBRATED[row])], check=True)
+    dtd("detect", corpus, "--force")
+    dtd("train", corpus, "--out", fresh(first), "--quick")
+    dtd("evaluate", first, "--corpus", corpus)
+    dtd("detect", corpus, "--registration-of", first)
+    dtd("train", corpus, "--out", fresh(again), "--quick")
+    dtd("evaluate", again, "--corpus", corpus)
+    made = {"as_detected": figures.of_judged(first), "registered_again": figures.of_judged(again)}
+    for folder in (corpus, first, again):
+        shutil.rmtree(folder)
+    return made
+
+
+def main():
+    run, demo, out = map(Path, sys.argv[1:4])
+    wanted = sys.argv[4:] or ROWS
+    unknown = [row for row in wanted if row not in ROWS]
+    if unknown:
+        sys.exit(f"unknown row {unknown[0]}, expected {', '.join(ROWS)}")
+    (out / "rows").mkdir(parents=True, exist_ok=True)
+    for row in wanted:
+        path = out / "rows" / f"{row}.json"
+        if path.exists():
+            continue
+        if row in RECORDED:
+            made = recorded(run, out, row)
+        elif row in COMPOSED:
+            made = composed(run, out, row)
+        else:
+            made = miscalibrated(demo, out, row)
+        path.write_text(json.dumps(made, indent=1))
+        print(f"{row}: done", flush=True)
+    made = {row: out / "rows" / f"{row}.json" for row in ROWS}
+    rows = {row: json.loads(path.read_text()) for row, path in made.items() if path.exists()}
+    (out / "not-ideal.json").write_text(json.dumps(figures.beside_untouched(rows), indent=1) + "\n")
+
+
+main()
