@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Records the same twenty approaches at an image every two seconds, once as they are, once with each fault of the right camera (0.49, 0.45
+# Records the same eight approaches at an image every two seconds, once as they are, once with each fault of the right camera (0.49, 0.45
 # or 0.2 s late, shaking by 2 px RMS, 4 % of the images frozen, turned by 0.3 degrees in mid flight), and through air that tilts images by
 # 2" and 5" at 10 km, or by the preset tower-camera. The stand-in draws the faults (`dtd mock-xplane --faults`); tables and calibration do
 # not mention them. All corpora are labelled and detected.
@@ -35,7 +35,7 @@ for name; do
 done
 
 sed -e 's/^name = .*/name = "disturbed"/' -e 's/^seed = 20 .*/seed = 40/' -e 's/^frame_rate = 30 .*/frame_rate = "1\/2"/' \
-    -e 's/^repeats = .*/repeats = 1/' scenarios.toml >"$out/disturbed.toml"
+    -e 's/^times = .*/times = ["08:00", "17:00"]/' -e 's/^repeats = .*/repeats = 1/' scenarios.toml >"$out/disturbed.toml"
 
 for name; do
     printf '%s\n' "$(cat "$out/disturbed.toml")" "${imaging[$name]:-}" >"$out/$name.toml"

@@ -31,6 +31,8 @@ RECORDED = [
 ]
 # Composed by compose_boxes.py from the untouched corpus.
 COMPOSED = ["still", "moving", "replaced", "arrival-behind", "arrival-ahead", "one-view-arrival"]
+# Trained on such a corpus, and judged on its test side.
+TRAINED = {f"trained-{name}": name for name in ("untouched", "tilt-2arcsec", "tilt-5arcsec", "tower-camera")}
 # Yaw, pitch and roll, degrees; focal length, percent; move to the north, metres.
 MISCALIBRATED = {
     "calibration-true": [0, 0, 0, 0, 0],
@@ -38,7 +40,7 @@ MISCALIBRATED = {
     "calibration-pitch": [0, 0.1, 0, 0, 0],
     "calibration-all": [0.5, 0.2, 1, 3, 5],
 }
-ROWS = [*RECORDED, *COMPOSED, *MISCALIBRATED]
+ROWS = [*RECORDED, *COMPOSED, *TRAINED, *MISCALIBRATED, "lamps"]
 
 
 def dtd(*arguments):
@@ -78,6 +80,25 @@ def composed(run, out, row):
     return figures.of_judged(judged)
 
 
+def trained(out, row):
+    """A training on a corpus of disturbed-corpora.sh."""
+    run = fresh(out / row)
+    dtd("train", out / TRAINED[row], "--out", run, "--quick")
+    dtd("evaluate", run, "--corpus", out / TRAINED[row])
+    made = figures.of_judged(run)
+    shutil.rmtree(run)
+    return made
+
+
+def lamps(out, row):
+    """Lamps in rain, and far arrivals in clear air."""
+    corpus = out / row
+    dtd("generate", HERE.parent / "docs/results/lamps.toml", "--sim", "mock", "--out", corpus)
+    dtd("label", corpus)
+    dtd("detect", corpus)
+    return figures.of_tracks(corpus)
+
+
 def miscalibrated(demo, out, row):
     """A training whose calibration is wrong, registered again with the cameras that it fitted."""
     corpus, first, again = out / row, out / f"{row}-first", out / f"{row}-again"
@@ -111,6 +132,10 @@ def main():
             made = recorded(run, out, row)
         elif row in COMPOSED:
             made = composed(run, out, row)
+        elif row in TRAINED:
+            made = trained(out, row)
+        elif row == "lamps":
+            made = lamps(out, row)
         else:
             made = miscalibrated(demo, out, row)
         path.write_text(json.dumps(made, indent=1))

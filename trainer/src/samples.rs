@@ -462,13 +462,17 @@ impl Samples {
             let at = (self.scenarios.len(), row.tick, row.time_ns);
             Observation::of(at, &found, &registered)
         };
-        if moment == Moment::Live {
-            let observations = frames.rows.iter().map(observe).collect();
-            return Ok((summary, frames, observations));
-        }
         let late_s = late_views(&health);
         let late_s = self.views.iter().map(|view| late_s.get(view.as_str()));
         let late_s: Vec<f64> = late_s.map(|s| s.copied().unwrap_or_default()).collect();
+        if moment == Moment::Live {
+            let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
+            let boxes = observations.iter().flat_map(|of| of.boxes.iter().zip(&late_s));
+            let late = boxes.filter(|(seen, late_s)| seen.is_some() && **late_s > 0.0);
+            corrections.late_kept = late.count();
+            summary.corrections = corrections;
+            return Ok((summary, frames, observations));
+        }
         let health = CameraHealth::of(&self.views, &summary.cameras, health);
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))
