@@ -18,15 +18,24 @@ FAULTS = {"shake-2px": ("shaking", 0), "turned-0.3deg": ("moved", 120), "frozen-
 LATE_MS = {"late-490ms": 490, "late-450ms": 450, "late-200ms": 200}
 
 
-def of_judged(folder):
-    """Of a folder that `dtd evaluate` wrote."""
+def of_judged(folder, others=None):
+    """Of a folder that `dtd evaluate` wrote. `others`: distances of a second aircraft by scenario and tick, about which an answer may be."""
     metrics = json.loads((folder / "metrics.json").read_text())
     table = pq.read_table(folder / "predictions.parquet")
     flights = np.array(table["scenario"].to_pylist())
     number = lambda column: np.array(table[column].to_pylist(), dtype=float)
     dtd_m = number("dtd_m")
     judged = (dtd_m >= NM) & (dtd_m <= 10 * NM)
+    two_views = np.array(table["detections"].to_pylist()) >= 2
     error_pct = {name: 100 * np.abs(number(f"{name}_dtd_m") / dtd_m - 1) for name in ESTIMATORS}
+    if others is not None:
+        ticks = table["tick"].to_pylist()
+        other_m = np.array([others[flight].get(str(tick), np.nan) for flight, tick in zip(flights, ticks)])
+        is_judged = (other_m >= NM) & (other_m <= 10 * NM)
+        for name, of_ours in error_pct.items():
+            of_other = 100 * np.abs(number(f"{name}_dtd_m") / other_m - 1)
+            nearest = np.fmin(of_ours, of_other)
+            error_pct[name] = np.where((of_other < of_ours) & ~is_judged, np.nan, nearest)
     row = {"ticks": metrics["ticks"], "disbelieved_boxes": metrics["disbelieved_boxes"]}
     row["dropped_training_boxes"] = metrics["dropped_training_boxes"]
     for name in ESTIMATORS:
@@ -34,10 +43,14 @@ def of_judged(folder):
         of = metrics["estimators"][name]
         row[name] = {
             **{key: of[key] for key in ("mape_pct", "median_pct", "p95_pct", "coverage", "coverage_in_sight")},
+            "of_either_aircraft_mape_pct": float(error_pct[name][answered].mean()),
             "largest_pct": float(error_pct[name][answered].max(initial=0)),
             "above_1_pct": int((error_pct[name][answered] > 1).sum()),
+            "above_1_pct_of_two_views": int((error_pct[name][answered & two_views] > 1).sum()),
         }
-        if f"{name}_dtd_m_from" not in table.column_names:
+        if others is None:
+            del row[name]["of_either_aircraft_mape_pct"]
+        if others is not None or f"{name}_dtd_m_from" not in table.column_names:
             continue
         ends = np.array([number(f"{name}_dtd_m_{end}") for end in ("from", "to")])
         row[name]["intervals_90"] = intervals(number(f"{name}_dtd_m"), ends, dtd_m, answered, flights)
