@@ -342,8 +342,12 @@ impl Samples {
 
     /// True if all registered views were registered with cameras that a run has fitted.
     pub(crate) fn are_registered_with_a_run(&self) -> bool {
-        let mut with = self.scenarios.iter().filter_map(|s| s.registered_with.as_ref());
-        with.next().is_some_and(|with| *with != RegisteredWith::Calibration)
+        let mut with = self
+            .scenarios
+            .iter()
+            .filter_map(|s| s.registered_with.as_ref());
+        with.next()
+            .is_some_and(|with| *with != RegisteredWith::Calibration)
     }
 
     fn add_scenario(
@@ -467,7 +471,9 @@ impl Samples {
         let late_s: Vec<f64> = late_s.map(|s| s.copied().unwrap_or_default()).collect();
         if moment == Moment::Live {
             let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
-            let boxes = observations.iter().flat_map(|of| of.boxes.iter().zip(&late_s));
+            let boxes = observations
+                .iter()
+                .flat_map(|of| of.boxes.iter().zip(&late_s));
             let late = boxes.filter(|(seen, late_s)| seen.is_some() && **late_s > 0.0);
             corrections.late_kept = late.count();
             summary.corrections = corrections;

@@ -75,8 +75,8 @@ pub enum CorpusFault {
     },
     /// A scenario whose views were registered with other cameras than those of the first.
     #[error(
-        "its views were registered with {found}, the views of scenario {first} with {expected}, and shifts by different cameras do not fit each \
-         other; register all again: `dtd detect CORPUS --registration-of RUN`, or `dtd detect CORPUS --force` for calibration.json"
+        "its views were registered with {found}, the views of scenario {first} with {expected}, and shifts by different cameras do not fit \
+         each other; register all again: `dtd detect CORPUS --registration-of RUN`, or `dtd detect CORPUS --force` for calibration.json"
     )]
     OtherRegistration {
         found: RegisteredWith,

@@ -84,7 +84,9 @@ impl fmt::Display for Corrections {
         }
         if self.contradicting > 0 {
             let shifts = self.contradicting;
-            parts.push(format!("shifts between views that contradict each other: {shifts} left out"));
+            parts.push(format!(
+                "shifts between views that contradict each other: {shifts} left out"
+            ));
         }
         f.write_str(&parts.join("; "))
     }

@@ -97,7 +97,10 @@ impl fmt::Display for RegisteredWith {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Calibration => f.write_str("the cameras of calibration.json"),
-            Self::Run(blake3) => write!(f, "the cameras of run {}", &blake3[..blake3.len().min(12)]),
+            Self::Run(blake3) => {
+                let start: String = blake3.chars().take(12).collect();
+                write!(f, "the cameras of run {start}")
+            }
         }
     }
 }
@@ -163,8 +166,8 @@ pub fn registered_with(folder: &ScenarioFolder, model: &str) -> Result<Option<Re
     let Some(bytes) = record(folder, model)? else {
         return Ok(None);
     };
-    let record: RecordedRegistration = serde_json::from_slice(&bytes)
-        .map_err(|error| without_origin(&error, folder, model))?;
+    let record: RecordedRegistration =
+        serde_json::from_slice(&bytes).map_err(|error| without_origin(&error, folder, model))?;
     let registration = record.registration;
     Ok(registration.map(|made| match made.cameras_of_run {
         Some(blake3) => RegisteredWith::Run(blake3),
@@ -411,6 +414,8 @@ fn parse(bytes: &[u8], folder: &ScenarioFolder, model: &str) -> Result<Provenanc
 fn without_origin(error: &serde_json::Error, folder: &ScenarioFolder, model: &str) -> Error {
     Error::corpus(
         &record_path(folder, model),
-        format!("does not say what its table was made from ({error}); run `dtd detect` on the corpus with that model again"),
+        format!(
+            "does not say what its table was made from ({error}); run `dtd detect` on the corpus with that model again"
+        ),
     )
 }

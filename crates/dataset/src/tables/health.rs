@@ -198,7 +198,11 @@ pub fn health_columns(rows: &[ViewHealth]) -> TableWriter {
     table
         .optional_f64_within(LAG.0, LAG.1, lags.clone().map(|lag| Some(lag?.lag_ms)))
         .optional_f64_within(LAG_SD.0, LAG_SD.1, lags.map(|lag| Some(lag?.lag_sd_ms)))
-        .optional_f64_within(VERTICAL.0, VERTICAL.1, rows.iter().map(|row| row.vertical_px))
+        .optional_f64_within(
+            VERTICAL.0,
+            VERTICAL.1,
+            rows.iter().map(|row| row.vertical_px),
+        )
 }
 
 /// Reads the content of `health/<model>.parquet` of a scenario with this many images, each with at most one row; messages name it as

@@ -233,5 +233,7 @@ fn a_wrong_calibration_is_named_and_a_true_one_is_not() {
     );
     let said = |registered_again| contradictions_line(&found, registered_again);
     assert!(said(false).contains("--registration-of RUN"));
-    assert!(!said(true).contains("--registration-of") && said(true).contains("only `triangulation`"));
+    assert!(
+        !said(true).contains("--registration-of") && said(true).contains("only `triangulation`")
+    );
 }
