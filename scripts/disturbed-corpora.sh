@@ -3,11 +3,12 @@
 # or 0.2 s late, shaking by 2 px RMS, 4 % of the images frozen, turned by 0.3 degrees in mid flight), and through air that tilts images by
 # 2" and 5" at 10 km, or by the preset tower-camera. The stand-in draws the faults (`dtd mock-xplane --faults`); tables and calibration do
 # not mention them. All corpora are labelled and detected.
-# Usage: scripts/disturbed-corpora.sh OUT [NAME ..]; without names all of them. Run it again to resume.
+# Usage: scripts/disturbed-corpora.sh OUT [NAME ..]; without names all of them. Run it again to resume. ONLY=ID,.. records these approaches
+# alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-[ $# -gt 0 ] || { sed -n '2,6s/^# //p' "$0" >&2; exit 2; }
+[ $# -gt 0 ] || { sed -n '2,7s/^# //p' "$0" >&2; exit 2; }
 out=$1
 shift
 dtd=${DTD:-${CARGO_TARGET_DIR:-target}/release/dtd}
@@ -44,9 +45,10 @@ for name; do
     simulator=$SIMULATOR_PID
     read -r addresses <&"${SIMULATOR[0]}"
     address=$(python3 -c 'import json, sys; print(json.loads(sys.argv[1])["udp"])' "$addresses")
-    "$dtd" generate "$out/$name.toml" --sim "$address" --out "$out/$name"
+    "$dtd" generate "$out/$name.toml" --sim "$address" --out "$out/$name" ${ONLY:+--only "$ONLY"}
     kill "$simulator"
     wait "$simulator" || true
     "$dtd" label "$out/$name"
-    "$dtd" detect "$out/$name"
+    # The rows in which the aircraft are.
+    "$dtd" detect "$out/$name" --rows 380:1020
 done

@@ -1,7 +1,7 @@
 """Judges a run where the world is not ideal, row by row, and writes one JSON with what each row showed.
 
 Usage: not_ideal.py RUN DEMO OUT [ROW ..]; without rows all of them. RUN: of `dtd train`; DEMO: the corpus of `dtd demo`, for the rows whose
-calibration is wrong. Needs pyarrow, PyAV and b3sum, and the program as $DTD (default target/release/dtd). Rows that OUT has already are not
+calibration is wrong. ONLY: see disturbed-corpora.sh. Needs pyarrow, PyAV and b3sum, and the program as $DTD (default target/release/dtd). Rows that OUT has already are not
 made again. OUT/not-ideal.json holds all finished rows; docs/results.md says what they mean.
 """
 
@@ -113,15 +113,25 @@ def lamps(out, row):
     return figures.of_tracks(corpus)
 
 
+def forget_registrations(corpus):
+    """The same boxes, to be registered again with the calibration."""
+    for path in corpus.glob("scenarios/*/detections/*.json"):
+        record = json.loads(path.read_text())
+        for key in ("registration", "registrations_blake3"):
+            record.pop(key)
+        path.write_text(json.dumps(record))
+
+
 def miscalibrated(demo, out, row):
     """A training whose calibration is wrong, registered again with the cameras that it fitted."""
     corpus, first, again = out / row, out / f"{row}-first", out / f"{row}-again"
     fresh(corpus)
     example = Path(DTD).parent / "examples" / "miscalibrated_corpus"
     subprocess.run([example, demo, corpus, *map(str, MISCALIBRATED[row])], check=True)
-    dtd("detect", corpus, "--rows", "training", "--force")
+    forget_registrations(corpus)
+    dtd("detect", corpus)
     made = {"as_detected": train(corpus, first)}
-    dtd("detect", corpus, "--rows", "training", "--registration-of", first)
+    dtd("detect", corpus, "--registration-of", first)
     made["registered_again"] = train(corpus, again)
     for folder in (corpus, first, again):
         shutil.rmtree(folder)
