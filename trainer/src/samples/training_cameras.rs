@@ -101,7 +101,8 @@ impl TrainingCameras {
         }
         let contradictions = self.contradictions(&samples.views);
         if !contradictions.is_empty() {
-            watch.warn(&contradictions_line(&contradictions));
+            let registered_again = samples.are_registered_with_a_run();
+            watch.warn(&contradictions_line(&contradictions, registered_again));
         }
         dropped.by_view
     }

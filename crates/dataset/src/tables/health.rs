@@ -32,6 +32,9 @@ pub struct ViewHealth {
     pub state_live: Option<HealthState>,
     /// Lag of the view in the whole flight. In the table, numbers are null of the first view, and where it was not measured.
     pub lag: Option<ViewLag>,
+    /// Distance of the aircraft from where it should be by the first view and the flight, across the line on which the first view sees it,
+    /// pixels down. Null of the first view, where the views were not registered, and in tables of earlier versions.
+    pub vertical_px: Option<f64>,
 }
 
 /// Lag of a view's images behind the first view's.
@@ -104,17 +107,20 @@ pub enum HealthState {
     Shaking,
     /// The image repeats an earlier one, although the aircraft moves.
     Frozen,
+    /// It cannot show the same aircraft as the first view: rows contradict. Either view may be wrong.
+    Inconsistent,
     /// The background shows too little to measure the direction.
     Unknown,
 }
 
 impl HealthState {
     /// All conditions.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Steady,
         Self::Moved,
         Self::Shaking,
         Self::Frozen,
+        Self::Inconsistent,
         Self::Unknown,
     ];
 
@@ -125,13 +131,14 @@ impl HealthState {
             Self::Moved => "moved",
             Self::Shaking => "shaking",
             Self::Frozen => "frozen",
+            Self::Inconsistent => "inconsistent",
             Self::Unknown => "unknown",
         }
     }
 
     /// True unless boxes of such an image are off or old.
     pub fn is_well(self) -> bool {
-        matches!(self, Self::Steady | Self::Unknown)
+        matches!(self, Self::Steady | Self::Unknown | Self::Inconsistent)
     }
 
     fn of_word(word: &str) -> Option<Self> {
@@ -151,6 +158,9 @@ const STATE_LIVE: &str = "state_live";
 /// The columns of [`ViewLag`], which earlier versions did not write either.
 const LAG: (&str, Limits) = ("lag_ms", limits::VIEW_LAG_MS);
 const LAG_SD: (&str, Limits) = ("lag_sd_ms", limits::VIEW_LAG_SD_MS);
+
+/// Also missing in earlier tables.
+const VERTICAL: (&str, Limits) = ("vertical_px", limits::SHIFT_PX);
 
 /// Name of a number, its limits, and its accessor.
 type TurnField = (&'static str, Limits, fn(&CameraTurn) -> f64);
@@ -188,6 +198,11 @@ pub fn health_columns(rows: &[ViewHealth]) -> TableWriter {
     table
         .optional_f64_within(LAG.0, LAG.1, lags.clone().map(|lag| Some(lag?.lag_ms)))
         .optional_f64_within(LAG_SD.0, LAG_SD.1, lags.map(|lag| Some(lag?.lag_sd_ms)))
+        .optional_f64_within(
+            VERTICAL.0,
+            VERTICAL.1,
+            rows.iter().map(|row| row.vertical_px),
+        )
 }
 
 /// Reads the content of `health/<model>.parquet` of a scenario with this many images, each with at most one row; messages name it as
@@ -226,14 +241,14 @@ fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
     } else {
         vec![None; ticks.len()]
     };
-    let [lags, lag_sds] = [LAG, LAG_SD].map(|(name, limits)| {
+    let [lags, lag_sds, verticals] = [LAG, LAG_SD, VERTICAL].map(|(name, limits)| {
         if table.has(name) {
             table.optional_f64_within(name, limits)
         } else {
             Ok(vec![None; ticks.len()])
         }
     });
-    let (lags, lag_sds) = (lags?, lag_sds?);
+    let (lags, lag_sds, verticals) = (lags?, lag_sds?, verticals?);
     let keys = ticks.into_iter().zip(table.text("view")?);
     let rows = keys.zip(states.into_iter().zip(live)).enumerate();
     rows.map(|(row, ((tick, view), (state, state_live)))| {
@@ -262,6 +277,7 @@ fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
             state_live,
             lag: (lags[row].zip(lag_sds[row]))
                 .map(|(lag_ms, lag_sd_ms)| ViewLag { lag_ms, lag_sd_ms }),
+            vertical_px: verticals[row],
         })
     })
     .collect()
@@ -304,6 +320,7 @@ mod tests {
                     lag_ms: 450.0,
                     lag_sd_ms: 20.0,
                 }),
+                vertical_px: Some(-0.5),
             })
             .collect()
     }
@@ -339,11 +356,12 @@ mod tests {
         for row in &mut earlier {
             row.state_live = None;
             row.lag = None;
+            row.vertical_px = None;
         }
         for rows in [rows(), earlier, Vec::new()] {
             write_health(&path, &rows).unwrap();
             let content = std::fs::read(&path).unwrap();
-            assert_eq!(parse_health(content, &path, 5).unwrap(), rows);
+            assert_eq!(parse_health(content, &path, 6).unwrap(), rows);
         }
     }
 

@@ -832,6 +832,7 @@ fn damaged_and_foreign_health_and_two_states_of_a_picture_are_found() {
         motion: None,
         state_live: None,
         lag: None,
+        vertical_px: None,
     };
     let watched = |rows: &[ViewHealth]| {
         let tables = NewTables {
