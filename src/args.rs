@@ -591,6 +591,9 @@ pub(crate) struct AirportImportArgs {
     /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; better several
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     pub(crate) from: Vec<PathBuf>,
+    /// Tracks of arrivals as in `dtd tracks import`: how far they fly beside the runway
+    #[arg(long, num_args = 1.., value_name = "FILE")]
+    pub(crate) tracks: Vec<PathBuf>,
     /// Take the recommended figures where the files differ
     #[arg(long)]
     pub(crate) accept: bool,

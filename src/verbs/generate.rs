@@ -11,7 +11,7 @@ use generator::generate::{
     Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
     Simulators, Stopped, free_bytes, generate as record,
 };
-use generator::plan::expand;
+use generator::plan::{Outlook, expand};
 use generator::sweep::Sweep;
 use indicatif::DecimalBytes;
 use store::{CorpusLocation, CorpusStore};
@@ -31,7 +31,8 @@ use crate::signals::CleanStop;
 pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let began = Instant::now();
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
-    warn(&sweep, &expand(&sweep));
+    let plan = expand(&sweep);
+    warn(&sweep, &plan, &Outlook::new(&sweep, &plan));
     let (corpus, remote) = place(args)?;
     let timeout = Duration::from_secs(args.timeout_s);
     let options = GenerateOptions {
