@@ -1,6 +1,7 @@
 """Adds false boxes to the detections of a copy of a corpus, with scores above the aircraft's, to judge what estimators do with them.
 
-Usage: compose_boxes.py CORPUS OUT KIND. Needs pyarrow and b3sum. Images and registrations stay as they are. KIND is one of
+Usage: compose_boxes.py CORPUS OUT KIND. Needs pyarrow and b3sum. Images, registrations and health stay as they
+are, so these rows judge pairing alone. KIND is one of
 
 - still, moving: one box in one view at a time, for 1 to 60 seconds, every 75 seconds;
 - replaced: the same, and the box of the aircraft is missing in that view meanwhile;
@@ -116,7 +117,9 @@ def main():
         dropped = lambda r: (r["tick"], r["view"]) in where and (kind in ("replaced", "missing") or r["cx_px"] is None)
         kept = [r for r in rows_of[number] if not dropped(r)]
         if kind == "missing":
-            added = []
+            none = dict.fromkeys(("cx_px", "cy_px", "width_px", "height_px", "score", "tile", "track"))
+            none |= {"mode": "full", "confirmed": False, "counts_live": False, "reason": "nothing"}
+            added = [{"tick": tick, "view": view, **none} for tick, view in where]
         replace(paths[number], sorted(kept + added, key=lambda r: r["tick"]), tables[number].schema)
         print(f"{folder.name}: {len(added)} boxes")
     if others:

@@ -1,8 +1,8 @@
 """Judges a run where the world is not ideal, row by row, and writes one JSON with what each row showed.
 
 Usage: not_ideal.py RUN DEMO OUT [ROW ..]; without rows all of them. RUN: of `dtd train`; DEMO: the corpus of `dtd demo`, for the rows whose
-calibration is wrong. ONLY: see disturbed-corpora.sh. Needs pyarrow, PyAV and b3sum, and the program as $DTD (default target/release/dtd). Rows that OUT has already are not
-made again. OUT/not-ideal.json holds all finished rows; docs/results.md says what they mean.
+calibration is wrong. ONLY: see disturbed-corpora.sh. Needs pyarrow, PyAV and b3sum, and the program as $DTD (default target/release/dtd).
+Rows that OUT has already are not made again. OUT/not-ideal.json holds all finished rows.
 """
 
 import json
@@ -15,7 +15,8 @@ from pathlib import Path
 import not_ideal_figures as figures
 
 HERE = Path(__file__).parent
-DTD = os.environ.get("DTD", "target/release/dtd")
+DTD = Path(os.environ.get("DTD", HERE.parent / "target/release/dtd")).resolve()
+os.environ["DTD"] = str(DTD)
 # Recorded by disturbed-corpora.sh.
 RECORDED = [
     "untouched",
@@ -74,7 +75,7 @@ def train(corpus, run):
 
 def recorded(run, out, row):
     """A corpus of disturbed-corpora.sh, judged and verified."""
-    subprocess.run(["bash", HERE / "disturbed-corpora.sh", out, row], check=True)
+    subprocess.run(["bash", HERE / "disturbed-corpora.sh", out, "untouched", row], check=True)
     judged = fresh(out / "judged" / row)
     dtd("evaluate", run, "--corpus", out / row, "--side", "all", "--out", judged)
     found = subprocess.run([DTD, "verify", out / row, "--json"], stdout=subprocess.PIPE, text=True, check=False)
@@ -87,6 +88,7 @@ def recorded(run, out, row):
 
 def composed(run, out, row):
     """The untouched corpus with false boxes."""
+    subprocess.run(["bash", HERE / "disturbed-corpora.sh", out, "untouched"], check=True)
     fresh(out / row)
     subprocess.run([sys.executable, HERE / "compose_boxes.py", out / "untouched", out / row, row], check=True)
     judged = fresh(out / "judged" / row)
@@ -99,6 +101,7 @@ def composed(run, out, row):
 
 def trained(out, row):
     """A training on a corpus of disturbed-corpora.sh."""
+    subprocess.run(["bash", HERE / "disturbed-corpora.sh", out, TRAINED[row]], check=True)
     made = train(out / TRAINED[row], out / row)
     shutil.rmtree(out / row)
     return made
@@ -126,7 +129,7 @@ def miscalibrated(demo, out, row):
     """A training whose calibration is wrong, registered again with the cameras that it fitted."""
     corpus, first, again = out / row, out / f"{row}-first", out / f"{row}-again"
     fresh(corpus)
-    example = Path(DTD).parent / "examples" / "miscalibrated_corpus"
+    example = DTD.parent / "examples" / "miscalibrated_corpus"
     subprocess.run([example, demo, corpus, *map(str, MISCALIBRATED[row])], check=True)
     forget_registrations(corpus)
     dtd("detect", corpus)
@@ -139,7 +142,7 @@ def miscalibrated(demo, out, row):
 
 
 def main():
-    run, demo, out = map(Path, sys.argv[1:4])
+    run, demo, out = (Path(argument).resolve() for argument in sys.argv[1:4])
     wanted = sys.argv[4:] or ROWS
     unknown = [row for row in wanted if row not in ROWS]
     if unknown:

@@ -19,7 +19,7 @@ LATE_MS = {"late-490ms": 490, "late-450ms": 450, "late-200ms": 200}
 
 
 def of_judged(folder, others=None):
-    """Of a folder that `dtd evaluate` wrote. `others`: distances of a second aircraft by scenario and tick, about which an answer may be."""
+    """Of a folder that `dtd evaluate` wrote. `others`: distances of a second aircraft, by scenario and tick; an answer may be about it."""
     metrics = json.loads((folder / "metrics.json").read_text())
     table = pq.read_table(folder / "predictions.parquet")
     flights = np.array(table["scenario"].to_pylist())
@@ -44,6 +44,7 @@ def of_judged(folder, others=None):
         row[name] = {
             **{key: of[key] for key in ("mape_pct", "median_pct", "p95_pct", "coverage", "coverage_in_sight")},
             "of_either_aircraft_mape_pct": float(error_pct[name][answered].mean()),
+            "answered": {str(flight): int(answered[flights == flight].sum()) for flight in np.unique(flights)},
             "largest_pct": float(error_pct[name][answered].max(initial=0)),
             "above_1_pct": int((error_pct[name][answered] > 1).sum()),
             "above_1_pct_of_two_views": int((error_pct[name][answered & two_views] > 1).sum()),
@@ -85,6 +86,8 @@ def intervals(answer_m, ends_m, dtd_m, answered, flights):
 
 def beside(error_pct, single_pct, common, flights):
     """MAPE of a filter relative to single ticks, where both answer; on each flight likewise."""
+    if not common.any():
+        return None
     ratios = {}
     worse = []
     for flight in np.unique(flights[common]):
@@ -116,12 +119,14 @@ def of_health(corpus, untouched, row):
             rows = [line for line in health if line["view"] == view]
             lag = next(((line["lag_ms"], line["lag_sd_ms"]) for line in rows if line["lag_ms"] is not None), None)
             is_late = lag is not None and abs(lag[0]) >= max(100, 5 * lag[1])
+            if row in LATE_MS:
+                is_late = is_late and abs(lag[0] - LATE_MS[row]) <= 3 * lag[1]
             if lag:
                 lags.append([folder.name, *(round(number, 1) for number in lag)])
             faulty = view == "right" and (row in FAULTS or row in LATE_MS)
             if not faulty and row != "tower-camera":
                 seconds += time_s[rows[-1]["tick"]]
-                ill = [line["state"] in ("moved", "shaking", "frozen") for line in rows]
+                ill = [line["state"] not in ("steady", "unknown") for line in rows]
                 alarms += sum(state for state, _ in groupby(ill)) + is_late
             if not faulty:
                 continue
@@ -136,7 +141,7 @@ def of_health(corpus, untouched, row):
                     counts = since[0] >= SOON_S and since[1] >= SOON_TICKS
                 if counts and (tick, view) in seen:
                     affected += 1
-                    noticed += is_late if expected == "late" else line["state"] in ("moved", "shaking", "frozen")
+                    noticed += is_late if expected == "late" else line["state"] == expected
     found = {"affected": affected, "noticed": noticed, "false_alarms": alarms, "healthy_view_hours": seconds / 3600}
     return {**found, "lags_ms": lags}
 
@@ -193,7 +198,7 @@ def repeats(folder, untouched):
 
 
 def of_verify(report):
-    """Number of findings, views that are late by them, and the first messages."""
+    """Number of findings, views whose messages give a way along the track (late or out of step), and the first messages."""
     findings = report["findings"]
     late = [found for found in findings if "along its track" in found["message"]]
     views = {(found["scenario"], found["view"]) for found in late}
@@ -205,12 +210,15 @@ def beside_untouched(rows):
     """All rows, and coverage beside the untouched corpus's."""
     untouched = rows.get("untouched")
     for name, row in rows.items():
-        if untouched and "inverse_range" in row:
+        if untouched and "inverse_range" in row and not name.startswith("trained-"):
             for estimator in ESTIMATORS:
-                row[estimator]["coverage_of_untouched"] = row[estimator]["coverage"] / untouched[estimator]["coverage"]
-    kept = [name for name in rows if "inverse_range" in rows[name] and not name.startswith("trained-")]
+                usual = sum(untouched[estimator]["answered"][flight] for flight in row[estimator]["answered"])
+                here = sum(row[estimator]["answered"].values())
+                row[estimator]["coverage_of_untouched"] = here / usual if usual else None
     summary = {}
     for estimator in ("inverse_range_filtered", "inverse_range_smoothed"):
+        judged = [name for name in rows if not name.startswith("trained-")]
+        kept = [name for name in judged if "intervals_90" in rows[name].get(estimator, {})]
         shares = [rows[name][estimator]["intervals_90"]["held_by_flight"] for name in kept]
         flights = np.array([share for of_row in shares for share in of_row])
         summary[estimator] = {

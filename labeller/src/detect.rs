@@ -249,9 +249,9 @@ impl Unhealthy {
                 HealthState::Steady | HealthState::Unknown => {}
             }
         }
-        for (view, late_s) in late_views(rows) {
+        for (view, late) in late_views(rows) {
             if let Some(here) = views.get_mut(view) {
-                here.late_ms = (late_s * 1e3).round() as u64;
+                here.late_ms = (late.seconds * 1e3).round() as u64;
             }
         }
         let all = views.into_values();

@@ -44,7 +44,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::{HealthState, ViewHealth, late_views};
+use dataset::tables::health::{HealthState, Late, ViewHealth, late_views};
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
@@ -340,14 +340,10 @@ impl Samples {
         }
     }
 
-    /// True if all registered views were registered with cameras that a run has fitted.
-    pub(crate) fn are_registered_with_a_run(&self) -> bool {
-        let mut with = self
-            .scenarios
-            .iter()
-            .filter_map(|s| s.registered_with.as_ref());
-        with.next()
-            .is_some_and(|with| *with != RegisteredWith::Calibration)
+    /// The cameras that all registered views were registered with.
+    pub(crate) fn registered_with(&self) -> Option<&RegisteredWith> {
+        let mut scenarios = self.scenarios.iter();
+        scenarios.find_map(|scenario| scenario.registered_with.as_ref())
     }
 
     fn add_scenario(
@@ -466,15 +462,15 @@ impl Samples {
             let at = (self.scenarios.len(), row.tick, row.time_ns);
             Observation::of(at, &found, &registered)
         };
-        let late_s = late_views(&health);
-        let late_s = self.views.iter().map(|view| late_s.get(view.as_str()));
-        let late_s: Vec<f64> = late_s.map(|s| s.copied().unwrap_or_default()).collect();
+        let late = late_views(&health);
+        let late = self.views.iter().map(|view| late.get(view.as_str()));
+        let late: Vec<Late> = late.map(|of| of.copied().unwrap_or_default()).collect();
         if moment == Moment::Live {
             let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
             let boxes = observations
                 .iter()
-                .flat_map(|of| of.boxes.iter().zip(&late_s));
-            let late = boxes.filter(|(seen, late_s)| seen.is_some() && **late_s > 0.0);
+                .flat_map(|of| of.boxes.iter().zip(&late));
+            let late = boxes.filter(|(seen, late)| seen.is_some() && late.seconds > 0.0);
             corrections.late_kept = late.count();
             summary.corrections = corrections;
             return Ok((summary, frames, observations));
@@ -483,7 +479,7 @@ impl Samples {
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))
             .collect();
-        let observations = in_time(observations, &late_s, &mut corrections);
+        let observations = in_time(observations, &late, &mut corrections);
         summary.corrections = corrections;
         Ok((summary, frames, observations))
     }

@@ -27,6 +27,8 @@ const MOST_MS: f64 = 10_000.0;
 /// Two views do not show the same aircraft if rows contradict by so many pixels and standard deviations of the flight.
 const INCONSISTENT_PX: f64 = 1.0;
 const INCONSISTENT_SD: f64 = 8.0;
+/// ... and by this part of the aircraft's width: the views see it from two sides.
+const INCONSISTENT_PART: f64 = 0.01;
 /// Rows that contradict by more are not told apart, pixels.
 const MOST_PX: f64 = 1_000.0;
 
@@ -44,6 +46,7 @@ struct Flight<'a> {
 struct Seen {
     tick: u32,
     time_s: f64,
+    width_px: f64,
     places_px: [DVec2; 2],
 }
 
@@ -51,13 +54,12 @@ struct Seen {
 #[derive(Default)]
 struct Compared {
     lag: Option<ViewLag>,
-    /// By tick, pixels.
-    vertical_px: BTreeMap<u32, f64>,
-    /// Larger ones are inconsistent.
-    most_px: f64,
+    /// By tick, pixels, and whether it is inconsistent.
+    vertical_px: BTreeMap<u32, (f64, bool)>,
 }
 
-/// Adds the lag of each view of a scenario to its rows. `cameras`: of the views.
+/// Adds to the rows of a scenario the lag of each view and how far rows contradict, and names the ticks at which they do. `cameras`: of the
+/// views.
 pub(super) fn add_lags(
     views: &[ViewTicks],
     cameras: &[Camera],
@@ -81,11 +83,9 @@ pub(super) fn add_lags(
             continue;
         };
         row.lag = compared.lag;
-        row.vertical_px = compared.vertical_px.get(&row.tick).copied();
-        let contradicts = row
-            .vertical_px
-            .is_some_and(|px| px.abs() > compared.most_px);
-        if contradicts && row.state.is_well() {
+        let vertical = compared.vertical_px.get(&row.tick);
+        row.vertical_px = vertical.map(|(px, _)| *px);
+        if vertical.is_some_and(|(_, contradicts)| *contradicts) && row.state.is_well() {
             row.state = HealthState::Inconsistent;
         }
     }
@@ -106,23 +106,20 @@ impl Flight<'_> {
             let second_px = first_px + DVec2::new(shift.dx_px, shift.dy_px);
             let (first, second) = (row.reference.as_str(), row.view.as_str());
             let found = [(first, first_px), (second, second_px)].map(|(view, place_px)| {
-                let track = self.track_at(row.tick, view, place_px)?;
+                let seen = self.box_at(row.tick, view, place_px)?;
                 let usual_px = self.usual_px(rows.get(&(row.tick, view))?, place_px)?;
-                Some((track, usual_px))
+                Some((seen, usual_px))
             });
-            let [
-                Some((first_track, first_px)),
-                Some((second_track, second_px)),
-            ] = found
-            else {
+            let [Some((in_first, first_px)), Some((in_second, second_px))] = found else {
                 continue;
             };
             reference = Some(first);
             let time_s = *self.times_s.get(&row.tick)?;
-            let of_tracks = seen.entry([first_track, second_track]).or_default();
-            of_tracks.push(Seen {
+            let of_tracks = seen.entry([in_first.track, in_second.track]);
+            of_tracks.or_default().push(Seen {
                 tick: row.tick,
                 time_s,
+                width_px: in_second.pixel_box.width_px,
                 places_px: [first_px, second_px],
             });
         }
@@ -139,18 +136,21 @@ impl Flight<'_> {
         if lag.lag_ms.abs().max(lag.lag_sd_ms) > MOST_MS {
             return None;
         }
-        let all = of_tracks.iter().flatten();
+        let most_px = INCONSISTENT_PX.max(INCONSISTENT_SD * relation.sd_px);
+        let vertical = |(seen, sighting): &(&Seen, Sighted)| {
+            // A track of a few ticks has no motion, which matters only to a late view.
+            let sighting = match sighting {
+                Sighted::Moving(sighting) => sighting,
+                Sighted::Short(sighting) if !lag.is_sure() => sighting,
+                Sighted::Short(_) => return None,
+            };
+            let off_px = relation.off_px(sighting).clamp(-MOST_PX, MOST_PX);
+            let contradicts = off_px.abs() > most_px.max(INCONSISTENT_PART * seen.width_px);
+            Some((seen.tick, (off_px, contradicts)))
+        };
         Some(Compared {
             lag: Some(lag),
-            vertical_px: all
-                .map(|(seen, sighting)| {
-                    (
-                        seen.tick,
-                        relation.off_px(sighting).clamp(-MOST_PX, MOST_PX),
-                    )
-                })
-                .collect(),
-            most_px: INCONSISTENT_PX.max(INCONSISTENT_SD * relation.sd_px),
+            vertical_px: of_tracks.iter().flatten().filter_map(vertical).collect(),
         })
     }
 
@@ -159,8 +159,8 @@ impl Flight<'_> {
         views.find(|(id, _)| *id == view).map(|(_, camera)| *camera)
     }
 
-    /// The track of the box that counts at a place; `None` if there is no such box.
-    fn track_at(&self, tick: u32, view: &str, place_px: DVec2) -> Option<Option<u32>> {
+    /// The box that counts at a place; `None` if there is none.
+    fn box_at(&self, tick: u32, view: &str, place_px: DVec2) -> Option<&Detection> {
         let boxes = &self.detections.boxes;
         let first = boxes.partition_point(|found| found.tick < tick);
         let mut here = boxes[first..].iter().take_while(|found| found.tick == tick);
@@ -172,7 +172,7 @@ impl Flight<'_> {
                 && (left..=right).contains(&x)
                 && (top..=bottom).contains(&y)
         };
-        here.find(holds).map(|found| found.track)
+        here.find(holds)
     }
 
     /// The place in the usual image; `None` if it is not known.
@@ -192,25 +192,39 @@ impl Flight<'_> {
     }
 }
 
-/// What is seen of one aircraft, where its motion is known.
-fn sightings<'a>(cameras: [&Camera; 2], seen: &'a [Seen]) -> Vec<(&'a Seen, CommonSighting)> {
+/// A sighting, by whether its motion is known.
+enum Sighted {
+    Moving(CommonSighting),
+    /// As if it stood still.
+    Short(CommonSighting),
+}
+
+/// What is seen of one aircraft.
+fn sightings<'a>(cameras: [&Camera; 2], seen: &'a [Seen]) -> Vec<(&'a Seen, Sighted)> {
     let places: Vec<(f64, DVec2)> = (seen.iter())
         .map(|seen| (seen.time_s, seen.places_px[1]))
         .collect();
     let sighting = |seen: &'a Seen| {
-        let motion_px_s = motion_at(&places, seen.time_s)?;
-        let sighting = CommonSighting::of(cameras, seen.places_px, motion_px_s)?;
-        Some((seen, sighting))
+        let motion_px_s = motion_at(&places, seen.time_s);
+        let sighting =
+            CommonSighting::of(cameras, seen.places_px, motion_px_s.unwrap_or_default())?;
+        let sighted = match motion_px_s {
+            Some(_) => Sighted::Moving(sighting),
+            None => Sighted::Short(sighting),
+        };
+        Some((seen, sighted))
     };
     seen.iter().filter_map(sighting).collect()
 }
 
 /// Those that the fit needs.
-fn thinned(all: &[(&Seen, CommonSighting)]) -> Vec<CommonSighting> {
+fn thinned(all: &[(&Seen, Sighted)]) -> Vec<CommonSighting> {
     let mut last_s = f64::NEG_INFINITY;
     let mut kept = Vec::new();
     for (seen, sighting) in all {
-        if seen.time_s >= last_s + STEP_S {
+        if let Sighted::Moving(sighting) = sighting
+            && seen.time_s >= last_s + STEP_S
+        {
             last_s = seen.time_s;
             kept.push(*sighting);
         }
@@ -266,8 +280,9 @@ mod tests {
                     width_px: 30.0,
                     height_px: 12.0,
                 };
+                let is_other = *view == "right" && other.contains(&tick);
                 boxes.push(Detection {
-                    track: Some(3),
+                    track: Some(if is_other { 9 } else { 3 }),
                     confirmed: true,
                     ..Detection::untracked(tick, *view, pixel_box, 0.9, 0)
                 });
@@ -333,9 +348,15 @@ mod tests {
 
     #[test]
     fn ticks_at_which_a_view_shows_another_aircraft_are_inconsistent_and_no_others() {
-        let health = compared(0.0, 0..0, 100..110);
+        for last in [102, 110] {
+            inconsistent_in(100..last);
+        }
+    }
+
+    fn inconsistent_in(other: std::ops::Range<u32>) {
+        let health = compared(0.0, 0..0, other.clone());
         for row in &health {
-            let is_other = row.view == "right" && (100..110).contains(&row.tick);
+            let is_other = row.view == "right" && other.contains(&row.tick);
             let expected = if is_other {
                 HealthState::Inconsistent
             } else {

@@ -219,5 +219,6 @@ fn views_registered_with_different_cameras_are_refused_with_a_remedy() {
         register(&scenario, run.clone());
     }
     let samples = Samples::read(&corpus, None, ALL).unwrap();
-    assert!(samples.are_registered_with_a_run());
+    let expected = RegisteredWith::Run("ab".repeat(32));
+    assert_eq!(samples.registered_with(), Some(&expected));
 }

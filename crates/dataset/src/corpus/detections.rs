@@ -85,7 +85,8 @@ impl Provenance {
 }
 
 /// The cameras that the views of a scenario were registered with.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum RegisteredWith {
     /// Those of `calibration.json`.
     Calibration,

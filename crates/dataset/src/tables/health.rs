@@ -33,7 +33,7 @@ pub struct ViewHealth {
     /// Lag of the view in the whole flight. In the table, numbers are null of the first view, and where it was not measured.
     pub lag: Option<ViewLag>,
     /// Distance of the aircraft from where it should be by the first view and the flight, across the line on which the first view sees it,
-    /// pixels down. Null of the first view, where the views were not registered, and in tables of earlier versions.
+    /// pixels down. Null of the first view, where views are not registered with boxes that count, or too rarely, and in earlier tables.
     pub vertical_px: Option<f64>,
 }
 
@@ -49,7 +49,7 @@ pub struct ViewLag {
 
 impl ViewLag {
     /// True of a lag that is certain and matters.
-    fn is_sure(&self) -> bool {
+    pub fn is_sure(&self) -> bool {
         self.lag_ms.abs() >= LEAST_LAG_MS && self.lag_ms.abs() >= SURE * self.lag_sd_ms
     }
 }
@@ -59,18 +59,39 @@ const LEAST_LAG_MS: f64 = 100.0;
 /// Standard deviations of a lag that is no chance.
 const SURE: f64 = 5.0;
 
-/// The views of a flight whose images are late, with their lag in seconds. An image shows the past, never the future: of two views that
-/// disagree, the one that shows the earlier aircraft is late.
-pub fn late_views(rows: &[ViewHealth]) -> BTreeMap<&str, f64> {
-    let mut lags_s: BTreeMap<&str, f64> = BTreeMap::new();
+/// By how much images are late.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Late {
+    /// Seconds.
+    pub seconds: f64,
+    /// Standard deviation, seconds.
+    pub sd_s: f64,
+}
+
+/// The views of a flight whose images are late. An image shows the past, never the future: of two views that disagree, the one that shows
+/// the earlier aircraft is late.
+pub fn late_views(rows: &[ViewHealth]) -> BTreeMap<&str, Late> {
+    let mut late: BTreeMap<&str, Late> = BTreeMap::new();
     for row in rows {
         let lag = row.lag.filter(ViewLag::is_sure);
-        lags_s.insert(&row.view, lag.map_or(0.0, |lag| lag.lag_ms / 1e3));
+        let of_view = lag.map(|lag| Late {
+            seconds: lag.lag_ms / 1e3,
+            sd_s: lag.lag_sd_ms / 1e3,
+        });
+        late.insert(&row.view, of_view.unwrap_or_default());
     }
-    let most_ahead_s = lags_s.values().copied().fold(0.0, f64::min);
-    lags_s.values_mut().for_each(|lag_s| *lag_s -= most_ahead_s);
-    lags_s.retain(|_, lag_s| *lag_s > 0.0);
-    lags_s
+    let by_seconds = |a: &Late, b: &Late| a.seconds.total_cmp(&b.seconds);
+    let Some(first) = late.values().copied().min_by(by_seconds) else {
+        return late;
+    };
+    if first.seconds < 0.0 {
+        for of_view in late.values_mut() {
+            of_view.seconds -= first.seconds;
+            of_view.sd_s = of_view.sd_s.hypot(first.sd_s);
+        }
+    }
+    late.retain(|_, of_view| of_view.seconds > 0.0);
+    late
 }
 
 /// The direction of a camera relative to its usual one, as seen in its image.
@@ -339,11 +360,15 @@ mod tests {
         let late = |lag_ms, lag_sd_ms| {
             let rows = rows(lag_ms, lag_sd_ms);
             let late = late_views(&rows).into_iter();
-            late.map(|(view, lag_s)| (view.to_owned(), lag_s))
+            late.map(|(view, late)| (view.to_owned(), late))
                 .collect::<Vec<_>>()
         };
-        assert_eq!(late(450.0, 20.0), [("right".to_owned(), 0.45)]);
-        assert_eq!(late(-450.0, 20.0), [("left".to_owned(), 0.45)]);
+        let expected = Late {
+            seconds: 0.45,
+            sd_s: 0.02,
+        };
+        assert_eq!(late(450.0, 20.0), [("right".to_owned(), expected)]);
+        assert_eq!(late(-450.0, 20.0), [("left".to_owned(), expected)]);
         assert_eq!(late(450.0, 100.0), []);
         assert_eq!(late(90.0, 1.0), []);
     }

@@ -30,7 +30,7 @@ impl fmt::Display for Contradiction {
 pub(super) fn contradictions_line(found: &[Contradiction], registered_again: bool) -> String {
     let found: Vec<String> = found.iter().map(Contradiction::to_string).collect();
     let effect = if registered_again {
-        "the views are registered with cameras that a run has fitted, so only `triangulation` depends on calibration.json"
+        "the views are registered with cameras that a run has fitted, so of the estimators only `triangulation` depends on it"
     } else {
         "which boxes count does not depend on calibration.json, but `triangulation` and the registration of the views do: `dtd detect CORPUS \
          --registration-of RUN` repeats the registration with the cameras that this run fits; then train again"
