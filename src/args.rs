@@ -132,7 +132,7 @@ pub(crate) enum Verb {
     /// Show a sweep's scenarios and cost without recording
     #[command(after_help = help::PLAN)]
     Plan(PlanArgs),
-    /// Print the JSON Schema of sweeps, training files or progress
+    /// Print the JSON Schema of sweeps, settings or progress
     #[command(after_help = help::SCHEMA)]
     Schema {
         /// Which files
@@ -245,6 +245,8 @@ pub(crate) enum SchemaOf {
     Sweep,
     /// Settings of a training: TRAIN.toml of train
     Train,
+    /// Settings of an estimation: ESTIMATE.toml of estimate
+    Estimate,
     /// Lines on stderr with --progress json
     Progress,
 }

@@ -175,3 +175,61 @@ fn a_port_in_use_is_refused() {
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(said(&output).contains(&address), "{}", said(&output));
 }
+
+#[test]
+fn settings_in_a_file_do_what_options_do() {
+    let workshop = Workshop::shared();
+    let source = workshop.source();
+    let settings = workshop.folder.path().join("ESTIMATE.toml");
+    let views = VIEWS.map(|view| format!("[views.{view}]\nsource = \"{source}\"\n"));
+    fs::write(&settings, format!("decoder = \"cpu\"\n{}", views.concat())).unwrap();
+    let run = workshop.run();
+    let arguments = ["estimate", text(&run), "--config", text(&settings)];
+    let output = DTD.run(&[&arguments[..], &["--as-fast-as-possible"]].concat());
+    assert!(output.status.success(), "{}", said(&output));
+    let of_options = workshop.lines([&source, &source], &["--as-fast-as-possible"]);
+    let of_file = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(of_file.lines().count(), of_options.len());
+    fs::write(
+        &settings,
+        format!("{}[views.tower]\nsource = \"x.mp4\"\n", views.concat()),
+    )
+    .unwrap();
+    let output = DTD.run(&arguments);
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(
+        said(&output).contains("its views are left, right"),
+        "{}",
+        said(&output)
+    );
+}
+
+#[test]
+fn a_gpu_that_is_not_there_is_refused_with_what_to_do() {
+    let workshop = Workshop::shared();
+    let source = workshop.source();
+    for decoder in ["vaapi", "cuda"] {
+        let options = ["--as-fast-as-possible", "--decoder", decoder];
+        let mut command = workshop.command([&source, &source]);
+        let output = command.args(options).output().unwrap();
+        let said = said(&output);
+        // Some computers have one.
+        assert!(matches!(output.status.code(), Some(0 | 2)), "{said}");
+        let is_named = said.contains(decoder) && said.contains("leave the option out");
+        assert_eq!(is_named, !output.status.success(), "{said}");
+    }
+}
+
+#[test]
+fn a_camera_that_is_not_plugged_in_is_named_by_the_check() {
+    let workshop = Workshop::shared();
+    let source = workshop.source();
+    let mut command = workshop.command([&source, "/dev/video97"]);
+    let output = command.arg("--check").output().unwrap();
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("/dev/video97") && said.contains("No such file"),
+        "{said}"
+    );
+}

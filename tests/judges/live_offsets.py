@@ -97,7 +97,7 @@ def main():
                     "drift_sd_ppm": line["drift_sd_ppm"],
                 }
             )
-    again = lines_of(dtd, run, left, right, *measured)
+    again = lines_of(dtd, run, left, shifted, *measured)
     first = next(line for line in again if line.get("event") == "offset")
     result = {
         "offsets": offsets,

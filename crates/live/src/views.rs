@@ -59,6 +59,7 @@ impl Views {
                 view,
                 name: name.clone(),
                 source: source.clone(),
+                decoder: options.decoder,
                 size_px: [camera.width_px, camera.height_px],
                 slot: slot.clone(),
                 status: status.clone(),

@@ -1,0 +1,151 @@
+"""Hours of `dtd estimate` in real time: its memory over many arrivals, and an empty scene.
+
+    live_hours.py DTD RUN CORPUS FOLDER arrivals [NUMBER]
+    live_hours.py DTD RUN CORPUS FOLDER empty [MINUTES]
+    live_hours.py DTD RUN CORPUS FOLDER departures
+
+`arrivals` plays the scenarios of the corpus over RTSP, one after the other, each followed by its empty scene until five minutes are over, and
+samples the memory of the process every ten seconds. `empty` plays the scene after the first scenario's landing for so long, once as it is and
+once with noise, as fast as possible. `departures` plays every scenario backwards, so that its aircraft flies away, and counts the distances
+that it gets. All print JSON. FOLDER keeps the feeds. Needs ffmpeg.
+"""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from live_feeds import COLOURS, NOISE, NOISY, as_recorded, ffmpeg, join, rate_and_ticks, serve, sources, still
+
+EACH_S, EVERY_S, STARTS_S = 300, 10, 300
+
+
+def feeds_of_arrivals(scenarios, views, number, encoder, folder):
+    for view in views:
+        pieces = []
+        for place in range(number):
+            scenario = scenarios[place % len(scenarios)]
+            video = scenario / "views" / f"{view}.mp4"
+            rate, ticks = rate_and_ticks(scenario)
+            empty = folder / f"{scenario.name}-{view}-after.mp4"
+            left_s = EACH_S - ticks / rate
+            flown = folder / f"{scenario.name}-{view}.mp4"
+            if not empty.exists():
+                still(video, rate, left_s, encoder, empty)
+                join([(video, ticks / rate)], flown)
+            pieces += [(flown, ticks / rate), (empty, left_s)]
+        join(pieces, folder / f"{view}.mp4")
+    return {view: folder / f"{view}.mp4" for view in views}
+
+
+def memory_mb(pid):
+    return int(re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())[1]) / 1024
+
+
+def processor_s(pid):
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / 100
+
+
+def watch_arrivals(dtd, run, feeds, number, folder):
+    server, addresses = serve(feeds)
+    samples, lines = [], folder / "lines.jsonl"
+    with lines.open("w") as output:
+        live = subprocess.Popen([dtd, "estimate", run, *addresses], stdout=output)
+        began = time.monotonic()
+        while (since_s := time.monotonic() - began) < number * EACH_S and live.poll() is None:
+            samples.append((round(since_s), round(memory_mb(live.pid), 1), processor_s(live.pid)))
+            (folder / "memory.json").write_text(json.dumps(samples))
+            time.sleep(EVERY_S)
+        live.terminate()
+        code = live.wait(10)
+        server.kill()
+    later = [memory for since_s, memory, _ in samples if since_s >= STARTS_S]
+    return {
+        "minutes": round(samples[-1][0] / 60, 1),
+        "memory_mb": {"at_5_minutes": later[0], "at_end": later[-1], "least": min(later), "most": max(later)},
+        "memory_every_5_minutes_mb": [memory for since_s, memory, _ in samples[:: STARTS_S // EVERY_S]],
+        "processor_of_one_core": round(samples[-1][2] / samples[-1][0], 3),
+        "exit_code": code,
+        **told(lines),
+    }
+
+
+def told(path):
+    """What the lines say about views and aircraft."""
+    states, fresh, wrong, images = {}, {}, 0, None
+    for line in map(json.loads, path.read_text().splitlines()):
+        if line.get("event") == "view":
+            states[line["state"]] = states.get(line["state"], 0) + 1
+        elif line.get("event") == "end":
+            images = line["images"]
+        elif line.get("state") == "fresh" and line["dtd_m"] is not None:
+            arrival = int(line["time_s"] // EACH_S)
+            fresh[arrival] = fresh.get(arrival, 0) + 1
+        wrong += line.get("phase") == "other" and line["dtd_m"] is not None
+    return {"view_states": states, "fresh_by_arrival": list(fresh.values()), "distances_of_others": wrong, "images": images}
+
+
+def watch_empty(dtd, run, scenario, views, minutes, encoder, folder):
+    rate, _ = rate_and_ticks(scenario)
+    result = {}
+    for name, encoder, noise in (("without_noise", encoder, ""), ("with_noise", NOISY, NOISE)):
+        videos = {}
+        for view in views:
+            minute, path = folder / f"empty-{name}-{view}-minute.mp4", folder / f"empty-{name}-{view}.mp4"
+            if not minute.exists():
+                still(scenario / "views" / f"{view}.mp4", rate, 60, encoder, minute, noise)
+            join([(minute, 60)] * minutes, path)
+            videos[view] = path
+        lines = folder / f"empty-{name}.jsonl"
+        with lines.open("w") as output:
+            subprocess.run([dtd, "estimate", run, *sources(videos), "--as-fast-as-possible"], stdout=output, check=True)
+        result[name] = {"minutes": minutes, "images_per_s": rate, **told(lines)}
+    return result
+
+
+def watch_departures(dtd, run, scenarios, views, folder):
+    """Answers with a distance although it flies away: in the first five seconds of an aircraft, and later."""
+    result = {}
+    for scenario in scenarios:
+        videos = {}
+        for view in views:
+            path = folder / f"{scenario.name}-{view}-backwards.mp4"
+            if not path.exists():
+                # The touchdown first: then it is already near and large.
+                ffmpeg("-i", scenario / "views" / f"{view}.mp4", "-vf", "reverse", *NOISY.split(), *COLOURS.split(), path)
+            videos[view] = path
+        command = [dtd, "estimate", run, *sources(videos), "--as-fast-as-possible"]
+        ran = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+        lines = [json.loads(line) for line in ran.stdout.splitlines()]
+        answers = [line for line in lines if "track" in line and line["state"] == "fresh"]
+        began_s = {}
+        for answer in answers:
+            began_s.setdefault(answer["track"], answer["time_s"])
+        wrong = [answer["time_s"] - began_s[answer["track"]] for answer in answers if answer["dtd_m"] is not None]
+        later = [since_s for since_s in wrong if since_s > 5]
+        result[scenario.name] = {"answers": len(answers), "distances_in_5_s": len(wrong) - len(later), "distances_later": len(later)}
+    return result
+
+
+def main():
+    dtd, run, corpus, folder, kind, *number = sys.argv[1:]
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    scenarios = sorted(path.parent for path in Path(corpus).glob("scenarios/*/DONE.json"))
+    encoder = as_recorded(Path(corpus))
+    views = json.loads((scenarios[0] / "scenario.json").read_text())["views"]
+    if kind == "arrivals":
+        number = int(number[0]) if number else 12
+        feeds = feeds_of_arrivals(scenarios, views, number, encoder, folder)
+        result = watch_arrivals(dtd, run, feeds, number, folder)
+    elif kind == "departures":
+        result = watch_departures(dtd, run, scenarios, views, folder)
+    else:
+        result = watch_empty(dtd, run, scenarios[0], views, int(number[0]) if number else 60, encoder, folder)
+    print(json.dumps(result, indent=1))
+
+
+main()
