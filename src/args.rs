@@ -480,12 +480,19 @@ pub(crate) struct RuntimeArgs {
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
-    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N
+    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N [default: cpu]
     ///
     /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Indices start at 0. `openvino` uses OpenVINO on the
     /// CPU, which is faster on CPUs with bfloat16; `openvino:N` is Intel's GPU N.
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
-    pub(crate) device: Device,
+    #[arg(long, value_name = "DEVICE")]
+    pub(crate) device: Option<Device>,
+}
+
+impl RuntimeArgs {
+    /// Where the detector runs.
+    pub(crate) fn device(&self) -> Device {
+        self.device.unwrap_or_default()
+    }
 }
 
 #[derive(Debug, ClapArgs)]

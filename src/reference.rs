@@ -39,7 +39,7 @@ fn pages() -> [(&'static str, &'static str, &'static str, String); 8] {
         (
             "estimate-settings.md",
             "Settings of an estimation",
-            "Keys of `ESTIMATE.toml`, for `dtd estimate --config` ([live.md](../live.md#settings)). The schema of the file is \
+            "Keys of `ESTIMATE.toml`, for `dtd estimate --config` ([live.md](../live.md)). The schema of the file is \
              `schema/estimate.schema.json` (`dtd schema estimate`).",
             settings::sections(&schema(live::schema())),
         ),

@@ -61,7 +61,7 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
     refuse_other_models(model.path())?;
     let search = DetectOptions {
         onnx_runtime: args.runtime.library.clone(),
-        device: given.device,
+        device: given.device.unwrap_or_default(),
         settings: TilingSettings {
             rows: given.rows,
             ..TilingSettings::default()
@@ -75,18 +75,26 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
         let password = passwords.get(&view).cloned();
         (view, source.with_password(password))
     };
-    Ok(Options {
+    let options = Options {
         run,
         searcher,
         sources: given.sources.into_iter().map(with_password).collect(),
-        decoder: given.decoder,
+        decoder: given.decoder.unwrap_or_default(),
         without: given.without,
         offsets_s: given.offsets_s,
         measured: given.measured,
         keep_offsets: given.keep_offsets,
         as_fast_as_possible: args.as_fast_as_possible,
         metrics: given.metrics,
-    })
+    };
+    options.check().map_err(|error| match &args.config {
+        None => failure(error),
+        Some(path) => Failure::bad_input_message(format!(
+            "{error} (an option, or its key in {})",
+            path.display()
+        )),
+    })?;
+    Ok(options)
 }
 
 /// A run is of one detector: boxes of another one have other errors.

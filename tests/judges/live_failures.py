@@ -61,8 +61,7 @@ def feeds(corpus, folder, rate, lasts_s):
     for name, look in pieces.items():
         video = next((scenario / "views").glob("*.mp4")) if name == "black" else scenario / "views" / f"{name}.mp4"
         piece, videos[name] = folder / f"{name}-piece.mp4", folder / f"{name}.mp4"
-        if not piece.exists():
-            still(video, own_rate, PIECE_S, NOISY.replace("-g 60", f"-g {rate}") + f" -r {rate}", piece, look)
+        still(video, own_rate, PIECE_S, NOISY.replace("-g 60", f"-g {rate}") + f" -r {rate}", piece, look)
         join([(piece, PIECE_S)] * (lasts_s // PIECE_S + 1), videos[name])
     return videos
 

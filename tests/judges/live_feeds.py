@@ -6,7 +6,7 @@ from pathlib import Path
 
 # As the corpus was encoded, so that the pieces have the same parameter sets and can be joined without encoding.
 AS_RECORDED = "-c:v libx264 -preset {preset} -crf {crf} -tune zerolatency -x264-params deadzone-inter=0:deadzone-intra=0 -g 60 -bf 0 -threads 1"
-NOISY = "-c:v libx264 -preset ultrafast -crf 23 -tune zerolatency -g 60 -bf 0 -threads 1"
+NOISY = "-c:v libx264 -preset ultrafast -crf 26 -tune zerolatency -g 60 -bf 0 -threads 1"
 NOISE = ",noise=alls=4:allf=t"
 COLOURS = "-pix_fmt yuv420p -color_range pc -colorspace bt709 -color_primaries bt709 -color_trc bt709 -video_track_timescale 90000"
 

@@ -4,13 +4,14 @@
     live_hours.py DTD RUN CORPUS FOLDER empty [MINUTES]
     live_hours.py DTD RUN CORPUS FOLDER departures
 
-`arrivals` plays the scenarios of the corpus over RTSP, one after the other, each followed by its empty scene until five minutes are over, and
-samples the memory of the process every ten seconds. `empty` plays the scene after the first scenario's landing for so long, once as it is and
-once with noise, as fast as possible. `departures` plays every scenario backwards, so that its aircraft flies away, and counts the distances
-that it gets. All print JSON. FOLDER keeps the feeds. Needs ffmpeg.
+`arrivals` plays the scenarios of the corpus over RTSP, one after the other, each followed by its empty scene until five minutes are over,
+and samples the memory of the process every ten seconds. `empty` plays the scene after the first scenario's landing for so long, as it is
+and with noise, to two programs at once. `departures` plays every scenario backwards, so that its aircraft flies away, and counts the
+distances that it gets. All print JSON. FOLDER keeps the feeds. Needs ffmpeg.
 """
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -32,7 +33,7 @@ def feeds_of_arrivals(scenarios, views, number, encoder, folder):
             empty = folder / f"{scenario.name}-{view}-after.mp4"
             left_s = EACH_S - ticks / rate
             flown = folder / f"{scenario.name}-{view}.mp4"
-            if not empty.exists():
+            if place < len(scenarios):
                 still(video, rate, left_s, encoder, empty)
                 join([(video, ticks / rate)], flown)
             pieces += [(flown, ticks / rate), (empty, left_s)]
@@ -41,68 +42,78 @@ def feeds_of_arrivals(scenarios, views, number, encoder, folder):
 
 
 def memory_mb(pid):
-    return int(re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())[1]) / 1024
+    resident = re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())
+    return int(resident[1]) / 1024 if resident else None
 
 
 def processor_s(pid):
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / 100
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def watch_arrivals(dtd, run, feeds, number, folder):
     server, addresses = serve(feeds)
     samples, lines = [], folder / "lines.jsonl"
-    with lines.open("w") as output:
-        live = subprocess.Popen([dtd, "estimate", run, *addresses], stdout=output)
+    live = None
+    try:
+        with lines.open("w") as output:
+            live = subprocess.Popen([dtd, "estimate", run, *addresses], stdout=output)
+        (folder / "playing.txt").write_text(server.stdout.readline())
         began = time.monotonic()
         while (since_s := time.monotonic() - began) < number * EACH_S and live.poll() is None:
-            samples.append((round(since_s), round(memory_mb(live.pid), 1), processor_s(live.pid)))
+            samples.append((round(since_s), memory_mb(live.pid), processor_s(live.pid)))
             (folder / "memory.json").write_text(json.dumps(samples))
             time.sleep(EVERY_S)
         live.terminate()
         code = live.wait(10)
+    finally:
         server.kill()
-    later = [memory for since_s, memory, _ in samples if since_s >= STARTS_S]
-    return {
-        "minutes": round(samples[-1][0] / 60, 1),
-        "memory_mb": {"at_5_minutes": later[0], "at_end": later[-1], "least": min(later), "most": max(later)},
-        "memory_every_5_minutes_mb": [memory for since_s, memory, _ in samples[:: STARTS_S // EVERY_S]],
-        "processor_of_one_core": round(samples[-1][2] / samples[-1][0], 3),
-        "exit_code": code,
-        **told(lines),
-    }
+        if live is not None:
+            live.kill()
+    return {**of_memory(samples), "exit_code": code, **told(lines, number)}
 
 
-def told(path):
+def of_memory(samples):
+    later = [memory for since_s, memory, _ in samples if since_s >= STARTS_S and memory]
+    result = {"minutes": round(samples[-1][0] / 60, 1), "processor_of_one_core": round(samples[-1][2] / samples[-1][0], 3)}
+    if later:
+        result["memory_mb"] = {"at_5_minutes": later[0], "at_end": later[-1], "least": min(later), "most": max(later)}
+        result["memory_every_5_minutes_mb"] = [memory for _, memory, _ in samples[:: STARTS_S // EVERY_S]]
+    return result
+
+
+def told(path, arrivals=0):
     """What the lines say about views and aircraft."""
-    states, fresh, wrong, images = {}, {}, 0, None
+    states, fresh, answers, wrong, images = {}, [0] * arrivals, 0, 0, None
     for line in map(json.loads, path.read_text().splitlines()):
         if line.get("event") == "view":
             states[line["state"]] = states.get(line["state"], 0) + 1
         elif line.get("event") == "end":
             images = line["images"]
-        elif line.get("state") == "fresh" and line["dtd_m"] is not None:
-            arrival = int(line["time_s"] // EACH_S)
-            fresh[arrival] = fresh.get(arrival, 0) + 1
+        elif line.get("state") == "fresh" and line["dtd_m"] is not None and line["time_s"] < arrivals * EACH_S:
+            fresh[int(line["time_s"] // EACH_S)] += 1
+        answers += line.get("dtd_m") is not None
         wrong += line.get("phase") == "other" and line["dtd_m"] is not None
-    return {"view_states": states, "fresh_by_arrival": list(fresh.values()), "distances_of_others": wrong, "images": images}
+    return {"view_states": states, "fresh_by_arrival": fresh, "distances": answers, "distances_of_others": wrong, "images": images}
 
 
 def watch_empty(dtd, run, scenario, views, minutes, encoder, folder):
     rate, _ = rate_and_ticks(scenario)
-    result = {}
+    running = {}
     for name, encoder, noise in (("without_noise", encoder, ""), ("with_noise", NOISY, NOISE)):
         videos = {}
         for view in views:
             minute, path = folder / f"empty-{name}-{view}-minute.mp4", folder / f"empty-{name}-{view}.mp4"
-            if not minute.exists():
-                still(scenario / "views" / f"{view}.mp4", rate, 60, encoder, minute, noise)
+            still(scenario / "views" / f"{view}.mp4", rate, 60, encoder, minute, noise)
             join([(minute, 60)] * minutes, path)
             videos[view] = path
         lines = folder / f"empty-{name}.jsonl"
         with lines.open("w") as output:
-            subprocess.run([dtd, "estimate", run, *sources(videos), "--as-fast-as-possible"], stdout=output, check=True)
-        result[name] = {"minutes": minutes, "images_per_s": rate, **told(lines)}
+            running[name] = lines, subprocess.Popen([dtd, "estimate", run, *sources(videos)], stdout=output)
+    result = {}
+    for name, (lines, live) in running.items():
+        code = live.wait()
+        result[name] = {"minutes": minutes, "images_per_s": rate, "exit_code": code, **told(lines)}
     return result
 
 
@@ -113,14 +124,13 @@ def watch_departures(dtd, run, scenarios, views, folder):
         videos = {}
         for view in views:
             path = folder / f"{scenario.name}-{view}-backwards.mp4"
-            if not path.exists():
-                # The touchdown first: then it is already near and large.
-                ffmpeg("-i", scenario / "views" / f"{view}.mp4", "-vf", "reverse", *NOISY.split(), *COLOURS.split(), path)
+            # The touchdown first: then it is already near and large.
+            ffmpeg("-i", scenario / "views" / f"{view}.mp4", "-vf", "reverse", *NOISY.split(), *COLOURS.split(), path)
             videos[view] = path
         command = [dtd, "estimate", run, *sources(videos), "--as-fast-as-possible"]
         ran = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
         lines = [json.loads(line) for line in ran.stdout.splitlines()]
-        answers = [line for line in lines if "track" in line and line["state"] == "fresh"]
+        answers = [line for line in lines if "track" in line]
         began_s = {}
         for answer in answers:
             began_s.setdefault(answer["track"], answer["time_s"])

@@ -11,6 +11,7 @@ use crate::clock_offset::{Offset, RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
 use crate::error::{Error, Result};
 use crate::free_clocks::{FreeClock, News};
 use crate::options::Options;
+use crate::source::Source;
 
 /// Offsets as they are kept: of one run, and each of two cameras.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -44,13 +45,19 @@ impl Kept {
                 ..Self::default()
             });
         }
-        let kept: Self = read_json(path, "file of kept offsets")?;
         let refused = |why: String| {
             Error::Views(format!(
                 "--keep-offsets {}: {why}; give another file, or remove this one to measure anew",
                 path.display()
             ))
         };
+        let kept: Self = read_json(path, "file of kept offsets").map_err(|error| {
+            if error.is_bad_content() {
+                refused(error.to_string())
+            } else {
+                error.into()
+            }
+        })?;
         if kept.run != run {
             return Err(refused(format!(
                 "it is of the run {}, and this one is {run}",
@@ -84,7 +91,7 @@ pub(crate) struct Clocks {
     names: Vec<String>,
     /// None of the first view, and of those whose offset is given.
     clocks: Vec<Option<FreeClock>>,
-    /// Sources of the first view and of each; none without an image of one of them.
+    /// Sources of the first view and of each; none if one of them has none, or if the offset is given.
     sources: Vec<Option<[String; 2]>>,
     /// Views that have had images.
     had_images: Vec<bool>,
@@ -100,16 +107,20 @@ impl Clocks {
     pub(crate) fn of(options: &Options) -> Result<Self> {
         let run = &options.run;
         let names = run.views();
-        let shown = |name: &String| options.sources.get(name).map(ToString::to_string);
+        let shown = |name: &String| options.sources.get(name).map(Source::identity);
         let pair = |name: &String| Some([shown(names.first()?)?, shown(name)?]);
-        let sources: Vec<Option<[String; 2]>> = names.iter().map(pair).collect();
+        let is_given = |name: &String| options.offsets_s.contains_key(name);
+        let compared = names
+            .iter()
+            .map(|name| pair(name).filter(|_| !is_given(name)));
+        let sources: Vec<Option<[String; 2]>> = compared.collect();
         let file = options.keep_offsets.clone();
         let kept = match &file {
             Some(path) => Kept::read(path, run.blake3(), &sources, names)?,
             None => Kept::default(),
         };
         let clock = |(view, name): (usize, &String)| {
-            let is_given = view == 0 || options.offsets_s.contains_key(name);
+            let is_given = view == 0 || is_given(name);
             let cameras = [0, view].map(|view| run.camera(view));
             let drift_sd = if options.measured.contains(name) {
                 RECORDING_DRIFT_SD

@@ -113,9 +113,8 @@ impl Feed {
                     Report::Ended
                 }
                 Ok(End::Finished) => Report::Lost("the sender ended it".into()),
-                Ok(End::Lost(why)) | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => {
-                    Report::Lost(why)
-                }
+                Ok(End::Lost(why) | End::Useless(why))
+                | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => Report::Lost(why),
             };
             let is_over = !matches!(report, Report::Lost(_));
             self.report(report);
@@ -149,6 +148,7 @@ impl Feed {
         loop {
             let image = match input.next() {
                 Ok(image) => image,
+                Err(End::Useless(why)) => return Err(OpenFault::Useless(why)),
                 Err(end) => return Ok(end),
             };
             self.take(image, &mut connection)?;

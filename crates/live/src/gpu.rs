@@ -11,6 +11,7 @@ use ffmpeg_next::format::Pixel;
 use ffmpeg_next::software::scaling::{self, Flags};
 use ffmpeg_next::{ffi, frame};
 
+use crate::error::{Error, Result};
 use crate::options::Decoder;
 
 /// An open GPU.
@@ -23,7 +24,10 @@ pub(crate) struct Gpu {
 
 impl Gpu {
     /// Opens the first device of a kind; `None` for the processor.
-    pub(crate) fn open(decoder: Decoder) -> Result<Option<Self>, ffmpeg_next::Error> {
+    ///
+    /// # Errors
+    /// FFmpeg finds none.
+    pub(crate) fn open(decoder: Decoder) -> Result<Option<Self>> {
         let (kind, frames) = match decoder {
             Decoder::Cpu => return Ok(None),
             Decoder::Vaapi => (
@@ -42,7 +46,8 @@ impl Gpu {
             ffi::av_hwdevice_ctx_create(&mut device, kind, ptr::null(), ptr::null_mut(), 0)
         };
         if code < 0 {
-            return Err(ffmpeg_next::Error::from(code));
+            let why = ffmpeg_next::Error::from(code).to_string();
+            return Err(Error::Decoder { decoder, why });
         }
         Ok(Some(Self {
             device,
@@ -68,7 +73,7 @@ impl Gpu {
     pub(crate) fn download(
         &mut self,
         decoded: &frame::Video,
-    ) -> Result<frame::Video, ffmpeg_next::Error> {
+    ) -> std::result::Result<frame::Video, ffmpeg_next::Error> {
         let mut copy = frame::Video::empty();
         // SAFETY: both frames are valid; the empty one receives a buffer in a format that FFmpeg chooses.
         let code = unsafe { ffi::av_hwframe_transfer_data(copy.as_mut_ptr(), decoded.as_ptr(), 0) };

@@ -34,6 +34,8 @@ pub(crate) enum End {
     Finished,
     /// The connection is gone.
     Lost(String),
+    /// No image of it can ever be used.
+    Useless(String),
     /// The caller stopped it.
     Stopped,
 }
@@ -112,11 +114,7 @@ impl Input {
         if !source.is_recorded() {
             context.set_flags(codec::Flags::LOW_DELAY);
         }
-        let gpu = Gpu::open(decoder).map_err(|cause| {
-            OpenFault::Useless(format!(
-                "FFmpeg finds no GPU here for --decoder {decoder}: {cause}; leave the option out to decode on the processor"
-            ))
-        })?;
+        let gpu = Gpu::open(decoder).map_err(|error| OpenFault::Absent(error.to_string()))?;
         if let Some(gpu) = &gpu {
             gpu.attach_to(&mut context);
         }
@@ -178,8 +176,8 @@ impl Input {
                 .map_err(|error| End::Lost(format!("the GPU gives no image: {error}")))?,
             Some(_) => {
                 let codec = self.codec();
-                return Err(End::Lost(format!(
-                    "the GPU does not decode {codec}; leave out --decoder"
+                return Err(End::Useless(format!(
+                    "the GPU does not decode {codec}; give --decoder cpu"
                 )));
             }
         };

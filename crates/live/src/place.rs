@@ -235,6 +235,8 @@ mod tests {
         let stop = Arc::new(AtomicBool::new(false));
         let patience = Patience::new(RunClock::start(), stop);
         dataset::video::start_ffmpeg();
+        let mut readers = ffmpeg_next::device::input::video();
+        assert!(readers.any(|reader| reader.name().contains("v4l2")));
         let fault = place.open(&patience, true).err().unwrap();
         // It may be plugged in later.
         let OpenFault::Absent(why) = fault else {

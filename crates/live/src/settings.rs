@@ -13,9 +13,9 @@ use crate::options::Decoder;
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// The views of the run, by name.
+    /// The views of the run, by name. Of one whose source `--view` gives, and of one that `--without` names, nothing here is used.
     pub views: BTreeMap<String, ViewSettings>,
-    /// Views of the run to estimate without. `--without` names further ones.
+    /// Views of the run to estimate without. `--without` names further ones, and `--view` overrides it.
     pub without: Vec<String>,
     /// Estimator that answers; the training's choice by default. `--estimator` overrides it.
     pub estimator: Option<String>,
@@ -23,7 +23,7 @@ pub struct Settings {
     pub model: Option<PathBuf>,
     /// Rows of the pictures to search, `TOP:BOTTOM`; all by default. `--rows` overrides it.
     pub rows: Option<String>,
-    /// Where the detector runs; cpu by default. A `--device` other than cpu overrides it.
+    /// Where the detector runs; cpu by default. `--device` overrides it.
     pub device: Option<String>,
     /// What decodes the images; cpu by default. `--decoder` overrides it.
     pub decoder: Option<Decoder>,
@@ -37,7 +37,7 @@ pub struct Settings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ViewSettings {
-    /// Source of its images, as for `--view`, which overrides it. Without a password.
+    /// Source of its images, as for `--view`. Without a password.
     pub source: String,
     /// Seconds to add to the times of its images. `--offset` overrides it.
     pub offset_s: Option<f64>,

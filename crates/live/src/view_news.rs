@@ -26,7 +26,7 @@ impl ViewNews {
             Report::Lost(why) | Report::Useless(why) => self.why = Some(why),
             Report::Ended => {
                 self.has_ended = true;
-                self.why = Some("the recording is over".into());
+                self.why.get_or_insert("the recording is over".into());
             }
         }
     }
@@ -43,7 +43,8 @@ impl ViewNews {
         state: ViewState,
     ) -> Option<impl FnOnce(f64) -> Event + use<>> {
         let is_first_fault = self.told.is_none() && self.why.is_some();
-        let is_other_clock = self.told.is_some() && self.told_clock != self.clock;
+        // The clock of a view that is down is that of images which it has not shown yet.
+        let is_other_clock = state != ViewState::Down && self.told_clock != self.clock;
         let is_told = self.told.unwrap_or(ViewState::Down) == state && !is_other_clock;
         if is_told && !is_first_fault {
             return None;
@@ -94,6 +95,12 @@ mod tests {
             (why.as_deref(), state),
             (Some("nobody answers"), ViewState::Down)
         );
+        assert!(news.of("left", ViewState::Down).is_none());
+        // It is reported before the state changes.
+        news.take(Report::FirstImage {
+            size_px: [1920, 1280],
+            clock: ClockSource::Timestamps,
+        });
         assert!(news.of("left", ViewState::Down).is_none());
         assert!(news.of("left", ViewState::Up).is_some());
         assert!(news.of("left", ViewState::Up).is_none());

@@ -25,8 +25,8 @@ pub(super) struct Given {
     pub(super) estimator: Option<String>,
     pub(super) model: Option<PathBuf>,
     pub(super) rows: Option<RowBand>,
-    pub(super) device: Device,
-    pub(super) decoder: Decoder,
+    pub(super) device: Option<Device>,
+    pub(super) decoder: Option<Decoder>,
     pub(super) metrics: Option<SocketAddr>,
     pub(super) keep_offsets: Option<PathBuf>,
 }
@@ -70,7 +70,7 @@ impl Given {
             model: args.model.clone(),
             rows: args.rows,
             device: args.runtime.device,
-            decoder: args.decoder.unwrap_or_default(),
+            decoder: args.decoder,
             metrics: args.metrics,
             keep_offsets: args.keep_offsets.clone(),
         })
@@ -78,26 +78,30 @@ impl Given {
 
     /// With what the text of a file says and no option does.
     fn or(mut self, path: &Path, text: &str) -> Result<Self, Failure> {
-        let file = TomlFile::new(path, text);
-        let settings: Settings = file
+        let settings: Settings = TomlFile::new(path, text)
             .parse()
-            .map_err(|error| Failure::bad_input_message(without_sources(&error)))?;
-        for (view, of_view) in settings.views {
-            if !self.sources.contains_key(&view) {
-                let source = of_view.source.parse().map_err(|error| {
-                    // Not with the line, which may have a password.
-                    let place = path.display();
-                    Failure::bad_input_message(format!("{place}: views.{view}.source: {error}"))
-                })?;
-                self.sources.insert(view.clone(), source);
-            }
+            .map_err(|error| Failure::bad_input_message(without_values(&error)))?;
+        let wrong = |key: &str, why: String| {
+            Failure::bad_input_message(format!("{}: {key}: {why}", path.display()))
+        };
+        // Passwords and offsets of the file are of the sources that it names.
+        let is_of_options = |view: &String| self.sources.contains_key(view);
+        let without = settings.without.into_iter();
+        let without: Vec<String> = without.filter(|view| !is_of_options(view)).collect();
+        let views = settings.views.into_iter();
+        let views: Vec<_> = views
+            .filter(|(view, _)| !is_of_options(view) && !self.without.contains(view))
+            .collect();
+        for (view, of_view) in views {
+            let source: Result<Source, live::Error> = of_view.source.parse();
+            let source = source
+                .map_err(|error| wrong(&format!("views.{view}.source"), error.to_string()))?;
+            self.sources.insert(view.clone(), source);
             if !self.offsets_s.contains_key(&view) && !self.measured.contains(&view) {
                 match (of_view.offset_s, of_view.measures_offset) {
                     (Some(_), true) => {
-                        let message =
-                            "an offset is given and to be measured; leave one of them out";
-                        let error = file.rejected(&format!("views.{view}.offset_s"), message);
-                        return Err(Failure::bad_input(error));
+                        let why = "an offset is given and to be measured; leave one of them out";
+                        return Err(wrong(&format!("views.{view}.offset_s"), why.into()));
                     }
                     (Some(offset_s), false) => {
                         self.offsets_s.insert(view.clone(), offset_s);
@@ -112,49 +116,35 @@ impl Given {
                 self.password_files.entry(view).or_insert(password_file);
             }
         }
-        self.without.extend(settings.without);
+        self.without.extend(without);
         self.estimator = self.estimator.or(settings.estimator);
         self.model = self.model.or(settings.model);
         self.keep_offsets = self.keep_offsets.or(settings.keep_offsets);
-        if self.decoder == Decoder::default() {
-            self.decoder = settings.decoder.unwrap_or_default();
-        }
-        if self.rows.is_none() {
-            self.rows = parsed(file, "rows", settings.rows.as_deref(), RowBand::from_str)?;
-        }
-        if self.metrics.is_none() {
-            let metrics = settings.metrics.as_deref();
-            self.metrics = parsed(file, "metrics", metrics, metrics_address)?;
-        }
-        if self.device == Device::default()
-            && let Some(device) =
-                parsed(file, "device", settings.device.as_deref(), Device::from_str)?
-        {
-            self.device = device;
-        }
+        self.decoder = self.decoder.or(settings.decoder);
+        let rows = settings.rows.as_deref().map(RowBand::from_str).transpose();
+        let rows = rows.map_err(|error| wrong("rows", error.to_string()))?;
+        self.rows = self.rows.or(rows);
+        let metrics = settings.metrics.as_deref().map(metrics_address).transpose();
+        let metrics = metrics.map_err(|why| wrong("metrics", why))?;
+        self.metrics = self.metrics.or(metrics);
+        let device = settings.device.as_deref().map(Device::from_str).transpose();
+        let device = device.map_err(|error| wrong("device", error.to_string()))?;
+        self.device = self.device.or(device);
         Ok(self)
     }
 }
 
-/// The value of a key, which a message shows in its line.
-fn parsed<T, E: ToString>(
-    file: TomlFile<'_>,
-    key: &str,
-    text: Option<&str>,
-    parse: impl FnOnce(&str) -> Result<T, E>,
-) -> Result<Option<T>, Failure> {
-    let parsed = text.map(parse).transpose();
-    parsed.map_err(|error| Failure::bad_input(file.rejected(key, &error.to_string())))
-}
-
-/// A mistake without the text of its line: addresses may have passwords.
-fn without_sources(error: &TomlError) -> String {
-    let place = error.path.display();
-    let message = if error.message.contains("://") {
-        "a value stands in the wrong place; `dtd schema estimate` says what belongs there"
+/// A mistake without the text of its line and without values: addresses may have passwords.
+fn without_values(error: &TomlError) -> String {
+    let is_of_keys = ["unknown field", "unknown variant", "missing field"]
+        .iter()
+        .any(|kind| error.message.starts_with(kind));
+    let message = if is_of_keys && !error.message.contains([':', '@', '?', '=']) {
+        error.message.as_str()
     } else {
-        &error.message
+        "this is not TOML, or no value that belongs here; `dtd schema estimate` says what does"
     };
+    let place = error.path.display();
     match error.place {
         Some((line, column)) => format!("{place}:{line}:{column}: {message}"),
         None => format!("{place}: {message}"),
@@ -198,6 +188,7 @@ mod tests {
     const TEXT: &str = r#"
         decoder = "vaapi"
         rows = "100:900"
+        device = "cuda"
         metrics = "9464"
         estimator = "inverse_range"
 
@@ -215,7 +206,7 @@ mod tests {
         let of_file = given(&[], TEXT).unwrap();
         assert_eq!(of_file.sources["left"].to_string(), "left.mp4");
         assert_eq!(of_file.offsets_s["right"], 0.12);
-        assert_eq!(of_file.decoder, Decoder::Vaapi);
+        assert_eq!(of_file.decoder, Some(Decoder::Vaapi));
         assert_eq!(of_file.metrics.unwrap().to_string(), "127.0.0.1:9464");
         assert_eq!(of_file.rows.unwrap().bottom_px, 900);
         assert_eq!(of_file.password_files["left"], Path::new("left.txt"));
@@ -223,12 +214,24 @@ mod tests {
             "--view=left=other.mp4",
             "--offset=right=auto",
             "--estimator=mono_inverse_range",
+            "--decoder=cpu",
+            "--device=cpu",
         ];
         let both = given(&options, TEXT).unwrap();
         assert_eq!(both.sources["left"].to_string(), "other.mp4");
         assert_eq!(both.sources["right"].to_string(), "right.mp4");
         assert!(both.offsets_s.is_empty() && both.measured.contains("right"));
         assert_eq!(both.estimator.unwrap(), "mono_inverse_range");
+        assert_eq!(both.decoder, Some(Decoder::Cpu));
+        assert_eq!(both.device, Some(Device::default()));
+        assert!(
+            both.password_files.is_empty(),
+            "that one is of the file's source"
+        );
+        let alone = given(&["--without=right"], TEXT).unwrap();
+        assert!(!alone.sources.contains_key("right") && alone.offsets_s.is_empty());
+        let back = given(&["--view=right=other.mp4"], "without = [\"right\"]").unwrap();
+        assert!(back.without.is_empty());
     }
 
     #[test]
@@ -242,11 +245,13 @@ mod tests {
             (format!("views.left = \"{secret}\""), "e.toml:1:"),
             (format!("views.left.source = \"{secret}"), "e.toml:1:"),
             (format!("\"{secret}\" = 1"), "e.toml:1:"),
-            ("rows = \"9:1\"".into(), "e.toml:1:8"),
+            ("views.left = \"rtsp:me:secret@camera/left\"".into(), "e.toml:1:"),
+            ("decoder = \"me:secret\"".into(), "e.toml:1:"),
+            ("rows = \"9:1\"".into(), "rows"),
             ("row = \"1:9\"".into(), "unknown field"),
             ("decoder = \"gpu\"".into(), "vaapi"),
             (
-                "views.left = { source = \"a.mp4\", offset_s = 1, measures_offset = true }".into(),
+                "views.left = { source = \"rtsp://a/?token=secret\", offset_s = 1, measures_offset = true }".into(),
                 "leave one of them out",
             ),
         ] {
