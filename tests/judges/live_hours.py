@@ -2,12 +2,10 @@
 
     live_hours.py DTD RUN CORPUS FOLDER arrivals [NUMBER]
     live_hours.py DTD RUN CORPUS FOLDER empty [MINUTES]
-    live_hours.py DTD RUN CORPUS FOLDER departures
 
 `arrivals` plays the scenarios of the corpus over RTSP, one after the other, each followed by its empty scene until five minutes are over,
 and samples the memory of the process every ten seconds. `empty` plays the scene after the first scenario's landing for so long, as it is
-and with noise, to two programs at once. `departures` plays every scenario backwards, so that its aircraft flies away, and counts the
-distances that it gets. All print JSON. FOLDER keeps the feeds. Needs ffmpeg.
+and with noise, to two programs at once. Both print JSON. FOLDER keeps the feeds. Needs ffmpeg.
 """
 
 import json
@@ -18,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from live_feeds import COLOURS, NOISE, NOISY, as_recorded, ffmpeg, join, rate_and_ticks, serve, sources, still
+from live_feeds import NOISE, NOISY, as_recorded, join, rate_and_ticks, serve, sources, still
 
 EACH_S, EVERY_S, STARTS_S = 300, 10, 300
 
@@ -117,29 +115,6 @@ def watch_empty(dtd, run, scenario, views, minutes, encoder, folder):
     return result
 
 
-def watch_departures(dtd, run, scenarios, views, folder):
-    """Answers with a distance although it flies away: in the first five seconds of an aircraft, and later."""
-    result = {}
-    for scenario in scenarios:
-        videos = {}
-        for view in views:
-            path = folder / f"{scenario.name}-{view}-backwards.mp4"
-            # The touchdown first: then it is already near and large.
-            ffmpeg("-i", scenario / "views" / f"{view}.mp4", "-vf", "reverse", *NOISY.split(), *COLOURS.split(), path)
-            videos[view] = path
-        command = [dtd, "estimate", run, *sources(videos), "--as-fast-as-possible"]
-        ran = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-        lines = [json.loads(line) for line in ran.stdout.splitlines()]
-        answers = [line for line in lines if "track" in line]
-        began_s = {}
-        for answer in answers:
-            began_s.setdefault(answer["track"], answer["time_s"])
-        wrong = [answer["time_s"] - began_s[answer["track"]] for answer in answers if answer["dtd_m"] is not None]
-        later = [since_s for since_s in wrong if since_s > 5]
-        result[scenario.name] = {"answers": len(answers), "distances_in_5_s": len(wrong) - len(later), "distances_later": len(later)}
-    return result
-
-
 def main():
     dtd, run, corpus, folder, kind, *number = sys.argv[1:]
     folder = Path(folder)
@@ -151,8 +126,6 @@ def main():
         number = int(number[0]) if number else 12
         feeds = feeds_of_arrivals(scenarios, views, number, encoder, folder)
         result = watch_arrivals(dtd, run, feeds, number, folder)
-    elif kind == "departures":
-        result = watch_departures(dtd, run, scenarios, views, folder)
     else:
         result = watch_empty(dtd, run, scenarios[0], views, int(number[0]) if number else 60, encoder, folder)
     print(json.dumps(result, indent=1))
