@@ -141,7 +141,7 @@ pub(crate) enum Verb {
     /// Show a sweep's scenarios and cost without recording
     #[command(after_help = help::PLAN)]
     Plan(PlanArgs),
-    /// Print the JSON Schema of sweeps, training files or progress
+    /// Print the JSON Schema of sweeps, settings or progress
     #[command(after_help = help::SCHEMA)]
     Schema {
         /// Which files
@@ -254,6 +254,8 @@ pub(crate) enum SchemaOf {
     Sweep,
     /// Settings of a training: TRAIN.toml of train
     Train,
+    /// Settings of an estimation: ESTIMATE.toml of estimate
+    Estimate,
     /// Lines on stderr with --progress json
     Progress,
 }
@@ -487,12 +489,19 @@ pub(crate) struct RuntimeArgs {
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
-    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N
+    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N [default: cpu]
     ///
     /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Indices start at 0. `openvino` uses OpenVINO on the
     /// CPU, which is faster on CPUs with bfloat16; `openvino:N` is Intel's GPU N.
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
-    pub(crate) device: Device,
+    #[arg(long, value_name = "DEVICE")]
+    pub(crate) device: Option<Device>,
+}
+
+impl RuntimeArgs {
+    /// Where the detector runs.
+    pub(crate) fn device(&self) -> Device {
+        self.device.unwrap_or_default()
+    }
 }
 
 #[derive(Debug, ClapArgs)]

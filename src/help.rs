@@ -126,6 +126,7 @@ Examples:
       --as-fast-as-possible
   dtd estimate run --view left=corpus:corpus/0001-a \\
       --view right=corpus:corpus/0001-a
+  dtd estimate run --config ESTIMATE.toml     sources and options in a file
 
 Environment:
   DTD_PASSWORD_VIEW     password of a view's server, e.g. DTD_PASSWORD_LEFT
@@ -228,6 +229,7 @@ pub(crate) const SCHEMA: &str = "\
 Examples:
   dtd schema > sweep.schema.json              in a sweep: #:schema FILE
   dtd schema train > train.schema.json
+  dtd schema estimate > estimate.schema.json
   dtd schema progress                         of generate ... --progress json";
 
 pub(crate) const COMPLETIONS: &str = "\

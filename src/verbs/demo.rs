@@ -63,7 +63,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         &model,
         DetectOptions {
             onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device,
+            device: args.runtime.device(),
             ..DetectOptions::default()
         },
     )?;
