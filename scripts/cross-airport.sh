@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Trains at one airport and judges at another: 18 approaches at the first, 6 at the second (tests/data/airport.toml at full size), with the
+# Trains at one airport and judges at another: 12 approaches at the first, 6 at the second (tests/data/airport.toml at full size), with the
 # same rig relative to the runway. OUT/cross-airport.json has the errors at both.
 # Usage: scripts/cross-airport.sh OUT [ICAO/RUNWAY ICAO/RUNWAY]; without runways LSZH/14 and FIMP/32. Run it again to resume.
 set -euo pipefail
@@ -24,7 +24,7 @@ corpus() {
     "$dtd" label "$out/$airport"
     "$dtd" detect "$out/$airport" --model models/aircraft.onnx
 }
-corpus "$here" 6
+corpus "$here" 4
 corpus "$there" 2
 [ -e "$out/run/run.json" ] || "$dtd" train "$out/${here%/*}" --out "$out/run" --quick
 [ -e "$out/here" ] || "$dtd" evaluate "$out/run" --corpus "$out/${here%/*}" --out "$out/here"

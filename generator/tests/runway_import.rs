@@ -190,3 +190,43 @@ fn ends_that_all_miss_the_localizers_are_moved_onto_the_axis_of_both() {
             .starts_with("the axis of both localizers")
     );
 }
+
+/// Tracks of arrivals on the axis of the runway, in the columns of `traffic`.
+fn arrivals(folder: &Path) -> Vec<PathBuf> {
+    let track = |name: &str| {
+        let mut text = "timestamp,icao24,latitude,longitude,altitude,groundspeed,track,vertical_rate,onground\n".to_owned();
+        for second in 0..180 {
+            let to_go_m = 12_600.0 - 70.0 * f64::from(second);
+            let place = along(START, 491.0 - to_go_m, 0.0);
+            let feet = 328.0 + to_go_m * 3.0_f64.to_radians().tan() / 0.3048;
+            text += &format!(
+                "{},{name},{},{},{feet:.0},136,{COURSE_DEG},-700,False\n",
+                1_600_000_000 + second,
+                place.latitude_deg,
+                place.longitude_deg
+            );
+        }
+        write(folder, &format!("{name}.csv"), text)
+    };
+    ["aaa001", "aaa002"].map(track).into()
+}
+
+#[test]
+fn arrivals_decide_between_tables_without_a_localizer_and_say_how_far_the_runway_is_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = [apt_dat(folder.path(), 12.0), our_airports(folder.path())];
+    assert!((imported(&files).runway.course_true_deg - COURSE_DEG).abs() > 0.1);
+    let tracks = arrivals(folder.path());
+    let found = import("ZZZZ", "07", &files, &tracks).unwrap();
+    assert!((found.runway.course_true_deg - COURSE_DEG).abs() < 0.01);
+    let axis = found.arrivals.unwrap();
+    assert_eq!(axis.arrivals, 2);
+    assert!(
+        axis.offset_m.abs() < 1.0 && axis.turned_deg.abs() < 0.02,
+        "{axis:?}"
+    );
+    let nobody = import("ZZZZ", "25", &files, &tracks)
+        .unwrap_err()
+        .to_string();
+    assert!(nobody.contains("no track in"), "{nobody}");
+}

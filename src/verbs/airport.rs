@@ -32,7 +32,7 @@ pub(crate) fn run(args: &AirportArgs) -> Outcome {
     }
     if let Some(axis) = &found.arrivals {
         eprintln!(
-            "{} fly {:.1} m right of the centreline at the touchdown target, turned by {:.3} degrees",
+            "{}: {:+.1} m to the right of the centreline at the touchdown target, turned by {:+.3} degrees",
             count(axis.arrivals, "arrival"),
             axis.offset_m,
             axis.turned_deg

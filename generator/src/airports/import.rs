@@ -193,7 +193,7 @@ pub fn import(
         conflicts.push(Conflict {
             figure: "course_true_deg",
             found: format!(
-                "{} arrivals fly {:.1} m right of the centreline of {}, turned by {:.3} degrees",
+                "arrivals ({}) fly {:+.1} m to the right of the centreline of {}, turned by {:+.3} degrees",
                 axis.arrivals, axis.offset_m, best.ends.source, axis.turned_deg
             ),
             recommended: format!("{}: a chart decides", best.ends.source),

@@ -42,9 +42,9 @@ pub struct Outlook {
     /// Profiles with a level segment that is unusually low, and its height above the runway, metres.
     #[serde(skip)]
     pub low_levels_m: BTreeMap<String, f64>,
-    /// Offsets from the centreline of flights that touch down beside the runway, by profile and weather, metres.
+    /// Distances from the touchdown target and the centreline of flights that miss the runway, by profile and weather, metres.
     #[serde(skip)]
-    pub misses_m: BTreeMap<(String, String), f64>,
+    misses_m: BTreeMap<(String, String), [f64; 2]>,
     #[serde(skip)]
     in_sight: InSight,
 }
@@ -109,14 +109,14 @@ impl Outlook {
         self.in_sight.warnings()
     }
 
-    /// Warnings about flights that land beside the runway: `dtd verify` rejects them.
+    /// Warnings about flights that miss the runway: `dtd verify` rejects them.
     pub fn missed_runways(&self) -> Vec<String> {
         let misses = self.misses_m.iter();
         misses
-            .map(|((profile, weather), beside_m)| {
+            .map(|((profile, weather), [off_m, beside_m])| {
                 format!(
-                    "the profile {profile:?} touches down {beside_m:.0} m beside the centreline in the weather {weather:?} with the built-in \
-                     flight model, and `dtd verify` rejects that: is its wind as intended?"
+                    "the profile {profile:?} touches down {off_m:.0} m from the target, {beside_m:.0} m beside the centreline, in the weather \
+                     {weather:?} with the built-in flight model, and `dtd verify` rejects that: are its start and the wind as intended?"
                 )
             })
             .collect()
@@ -151,7 +151,8 @@ impl Outlook {
             RunwayCoordinates::of(touchdown, runway.touchdown_target(), runway.course_true_deg);
         if !place.may_be_touchdown() {
             let flight = (live.profile_name.clone(), scenario.weather.clone());
-            self.misses_m.insert(flight, place.cross_track_m.abs());
+            self.misses_m
+                .insert(flight, [place.dtd_m, place.cross_track_m.abs()]);
         }
     }
 

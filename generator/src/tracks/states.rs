@@ -49,8 +49,9 @@ const BRAKES_MPS2: f64 = 2.0;
 const TAXI_MPS: f64 = 20.0;
 /// A state without a fix this near is derived, seconds.
 const MEASURED_S: f64 = 2.0;
-/// Turn rates are taken over this time on both sides, seconds.
+/// Turn rates are taken over this time on both sides, seconds: of the path, and of reported tracks, which have steps.
 const TURN_S: f64 = 2.0;
+const TURNS_S: f64 = 5.0;
 
 const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,roll_deg,heading_true_deg,tas_mps,v_north_mps,v_east_mps,v_down_mps,flap_norm,gear_norm,on_ground,altitude_90_m,position";
 
@@ -126,38 +127,58 @@ fn without_spikes(heights: &[Measured]) -> Vec<Measured> {
     kept.map(|index| heights[index]).collect()
 }
 
-fn measured(at: &Seen, place_m: f64, speed_mps: Option<f64>) -> Measured {
-    Measured {
-        time_s: at.fix.time_s,
-        place_m,
-        speed_mps,
+/// Acceleration of the turn around a fix, by the reported tracks.
+fn turns_mps2(seen: &[Seen], index: usize) -> f64 {
+    let here_s = seen[index].fix.time_s;
+    let first = seen.partition_point(|at| at.fix.time_s < here_s - TURNS_S);
+    let last = seen.partition_point(|at| at.fix.time_s <= here_s + TURNS_S) - 1;
+    let tracks = seen[first].fix.track_deg.zip(seen[last].fix.track_deg);
+    let (Some((before, after)), Some(speed_mps)) = (tracks, seen[index].fix.ground_speed_mps)
+    else {
+        return 0.0;
+    };
+    let lasts_s = seen[last].fix.time_s - seen[first].fix.time_s;
+    if lasts_s <= 0.0 {
+        return 0.0;
     }
+    speed_mps * Degrees(after - before).wrapped_180().0.to_radians() / lasts_s
 }
 
 impl<'a> Path<'a> {
     /// The path through the fixes of an arrival.
     fn through(seen: &[Seen], datum: Datum, runway: &'a Runway) -> (Self, Scatter) {
-        let along_mps = |at: &Seen| {
-            let track_deg = at.fix.track_deg?;
-            let off = Degrees(track_deg - runway.course_true_deg)
-                .wrapped_180()
-                .0
-                .to_radians();
-            Some(-at.fix.ground_speed_mps? * off.cos())
+        let velocity_mps = |at: &Seen| {
+            let (Some(track_deg), Some(speed_mps)) = (at.fix.track_deg, at.fix.ground_speed_mps)
+            else {
+                return [None; 2];
+            };
+            let off = (track_deg - runway.course_true_deg).to_radians();
+            [-off.cos(), off.sin()].map(|part| Some(part * speed_mps))
         };
-        let along: Vec<Measured> = seen
-            .iter()
-            .map(|at| measured(at, at.to_go_m, along_mps(at).filter(|_| !at.fix.on_ground)))
-            .collect();
-        let across: Vec<Measured> = seen
-            .iter()
-            .map(|at| measured(at, at.right_m, None))
-            .collect();
-        let heights: Vec<Measured> = seen
-            .iter()
-            .filter(|at| !at.fix.on_ground)
-            .filter_map(|at| Some(measured(at, datum.height_m(at.fix.altitude_m?), None)))
-            .collect();
+        let mut measured: [Vec<Measured>; 3] = [Vec::new(), Vec::new(), Vec::new()];
+        for (index, at) in seen.iter().enumerate() {
+            let velocity_mps = if at.fix.on_ground {
+                [None; 2]
+            } else {
+                velocity_mps(at)
+            };
+            let turns_mps2 = turns_mps2(seen, index);
+            let one = |place_m, speed_mps| Measured {
+                time_s: at.fix.time_s,
+                place_m,
+                speed_mps,
+                turns_mps2,
+            };
+            measured[0].push(one(at.to_go_m, velocity_mps[0]));
+            measured[1].push(one(at.right_m, velocity_mps[1]));
+            if let Some(altitude_m) = at.fix.altitude_m.filter(|_| !at.fix.on_ground) {
+                measured[2].push(Measured {
+                    turns_mps2: 0.0,
+                    ..one(datum.height_m(altitude_m), None)
+                });
+            }
+        }
+        let [along, across, heights] = measured;
         let heights = without_spikes(&heights);
         let (to_go, along_outliers) = smooth(&along, ALONG);
         let (right, across_outliers) = smooth(&across, ACROSS);

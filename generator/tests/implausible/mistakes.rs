@@ -294,7 +294,7 @@ pub(crate) fn mistakes(good: &Table) -> BTreeMap<&'static str, (Table, &'static 
                 good.clone()
                     .changed("latitude_deg", minutes_and_seconds)
                     .changed("longitude_deg", minutes_and_seconds),
-                "velocities",
+                "is never between",
             ),
         ),
         (

@@ -16,6 +16,8 @@ const OFFSET_LOCALIZER_M: f64 = 100.0;
 const EQUALLY_NEAR_M: f64 = 3.0;
 /// A line between localizers that is turned by more, degrees, is that of another approach.
 const SAME_RUNWAY_DEG: f64 = 1.0;
+/// One arrival may be anywhere.
+const FEWEST_ARRIVALS: usize = 2;
 /// Arrivals are compared with the centreline at the target and this far before it, metres.
 const ARRIVALS_M: f64 = 10_000.0;
 
@@ -95,10 +97,12 @@ impl<'a> Line<'a> {
         Some(ends)
     }
 
-    /// Distance of its centreline from where aircraft fly, metres: from the localizer, else from arrivals.
-    fn aside_m(&self) -> Option<f64> {
-        let arrivals_m = || Some(self.arrivals?.aside_m(ARRIVALS_M));
-        self.localizer_m.or_else(arrivals_m)
+    /// Distance of its centreline from where aircraft fly, metres, if there are enough to tell.
+    fn arrivals_m(&self) -> Option<f64> {
+        let axis = self
+            .arrivals
+            .filter(|axis| axis.arrivals >= FEWEST_ARRIVALS)?;
+        Some(axis.aside_m(ARRIVALS_M))
     }
 
     /// A place in coordinates of the threshold.
@@ -124,18 +128,28 @@ impl<'a> Line<'a> {
 pub(super) fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>, String)> {
     let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
     // A centreline that is far from the localizer is the worst, unless all are: then it belongs to an approach at an angle.
-    let is_on_axis = lines.iter().any(|line| line.aside_m().is_some());
-    let far_m = if is_on_axis { f64::MAX } else { 0.0 };
-    let aside_m = |line: &Line<'_>| line.aside_m().unwrap_or(far_m);
+    let far_m = |what: fn(&Line<'_>) -> Option<f64>| {
+        if lines.iter().any(|line| what(line).is_some()) {
+            f64::MAX
+        } else {
+            0.0
+        }
+    };
+    let axes: [fn(&Line<'_>) -> Option<f64>; 2] =
+        [|line| line.localizer_m, |line| line.arrivals_m()];
     let off_m = |line: &Line<'_>| stated_m.map_or(0.0, |stated_m| line.off_length_m(stated_m));
     let mut best = lines.first()?;
     for line in &lines[1..] {
-        let nearer_m = aside_m(best) - aside_m(line);
-        let is_better = if nearer_m.abs() > EQUALLY_NEAR_M {
-            nearer_m > 0.0
-        } else {
-            off_m(line) + PLACE_M < off_m(best)
-        };
+        let mut nearer_m = axes.iter().map(|axis| {
+            let aside_m = |line: &Line<'_>| axis(line).unwrap_or(far_m(*axis));
+            aside_m(best) - aside_m(line)
+        });
+        let is_better = nearer_m
+            .find(|nearer_m| nearer_m.abs() > EQUALLY_NEAR_M)
+            .map_or_else(
+                || off_m(line) + PLACE_M < off_m(best),
+                |nearer_m| nearer_m > 0.0,
+            );
         if is_better {
             best = line;
         }
