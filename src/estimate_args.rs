@@ -25,7 +25,7 @@ pub(crate) struct EstimateArgs {
         required_unless_present = "config"
     )]
     pub(crate) views: Vec<OfView<Source>>,
-    /// Settings, as `dtd schema estimate` describes; options override them
+    /// TOML file with settings that differ from the defaults
     #[arg(long, value_name = "ESTIMATE.toml")]
     pub(crate) config: Option<PathBuf>,
     /// View of the run to estimate without; may be repeated
