@@ -39,7 +39,8 @@ pub(crate) struct EstimateArgs {
     pub(crate) offsets: Vec<OfView<GivenOffset>>,
     /// Keep measured offsets in this file (JSON), and begin with those that it has
     ///
-    /// It is of this run and these sources, and refused with others. No other process may use it meanwhile.
+    /// It is of this run and these sources with all parameters of their addresses, and refused with others. No other process may use it
+    /// meanwhile.
     #[arg(long, value_name = "FILE")]
     pub(crate) keep_offsets: Option<PathBuf>,
     /// File with the password of a view's server, on its first line

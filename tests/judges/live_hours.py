@@ -2,10 +2,12 @@
 
     live_hours.py DTD RUN CORPUS FOLDER arrivals [NUMBER]
     live_hours.py DTD RUN CORPUS FOLDER empty [MINUTES]
+    live_hours.py judge FOLDER
 
 `arrivals` plays the scenarios of the corpus over RTSP, one after the other, each followed by its empty scene until five minutes are over,
 and samples the memory of the process every ten seconds. `empty` plays the scene after the first scenario's landing for so long, as it is
-and with noise, to two programs at once. Both print JSON. FOLDER keeps the feeds. Needs ffmpeg.
+and with noise, to two programs at once. Both print JSON, and `judge` prints it again from what they have
+left in FOLDER. FOLDER keeps the feeds. Needs ffmpeg.
 """
 
 import json
@@ -51,10 +53,9 @@ def processor_s(pid):
 
 def watch_arrivals(dtd, run, feeds, number, folder):
     server, addresses = serve(feeds)
-    samples, lines = [], folder / "lines.jsonl"
-    live = None
+    samples, live = [], None
     try:
-        with lines.open("w") as output:
+        with (folder / "lines.jsonl").open("w") as output:
             live = subprocess.Popen([dtd, "estimate", run, *addresses], stdout=output)
         (folder / "playing.txt").write_text(server.stdout.readline())
         began = time.monotonic()
@@ -63,12 +64,12 @@ def watch_arrivals(dtd, run, feeds, number, folder):
             (folder / "memory.json").write_text(json.dumps(samples))
             time.sleep(EVERY_S)
         live.terminate()
-        code = live.wait(10)
+        if live.wait(10) != 0:
+            sys.exit("dtd failed")
     finally:
         server.kill()
         if live is not None:
             live.kill()
-    return {**of_memory(samples), "exit_code": code, **told(lines, number)}
 
 
 def of_memory(samples):
@@ -97,38 +98,48 @@ def told(path, arrivals=0):
 
 def watch_empty(dtd, run, scenario, views, minutes, encoder, folder):
     rate, _ = rate_and_ticks(scenario)
-    running = {}
-    for name, encoder, noise in (("without_noise", encoder, ""), ("with_noise", NOISY, NOISE)):
-        videos = {}
-        for view in views:
-            minute, path = folder / f"empty-{name}-{view}-minute.mp4", folder / f"empty-{name}-{view}.mp4"
-            still(scenario / "views" / f"{view}.mp4", rate, 60, encoder, minute, noise)
-            join([(minute, 60)] * minutes, path)
-            videos[view] = path
-        lines = folder / f"empty-{name}.jsonl"
-        with lines.open("w") as output:
-            running[name] = lines, subprocess.Popen([dtd, "estimate", run, *sources(videos)], stdout=output)
-    result = {}
-    for name, (lines, live) in running.items():
-        code = live.wait()
-        result[name] = {"minutes": minutes, "images_per_s": rate, "exit_code": code, **told(lines)}
-    return result
+    running = []
+    try:
+        for name, encoder, noise in (("without_noise", encoder, ""), ("with_noise", NOISY, NOISE)):
+            videos = {}
+            for view in views:
+                minute, path = folder / f"empty-{name}-{view}-minute.mp4", folder / f"empty-{name}-{view}.mp4"
+                still(scenario / "views" / f"{view}.mp4", rate, 60, encoder, minute, noise)
+                join([(minute, 60)] * minutes, path)
+                videos[view] = path
+            with (folder / f"empty-{name}.jsonl").open("w") as output:
+                running.append(subprocess.Popen([dtd, "estimate", run, *sources(videos)], stdout=output))
+        if any(live.wait() != 0 for live in running):
+            sys.exit("dtd failed")
+    finally:
+        for live in running:
+            live.kill()
+
+
+def judged(folder):
+    """The results of what was left in a folder."""
+    if (folder / "memory.json").exists():
+        samples = json.loads((folder / "memory.json").read_text())
+        return {**of_memory(samples), **told(folder / "lines.jsonl", round(len(samples) * EVERY_S / EACH_S))}
+    return {name: told(folder / f"empty-{name}.jsonl") for name in ("without_noise", "with_noise")}
 
 
 def main():
+    if sys.argv[1] == "judge":
+        print(json.dumps(judged(Path(sys.argv[2])), indent=1))
+        return
     dtd, run, corpus, folder, kind, *number = sys.argv[1:]
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     scenarios = sorted(path.parent for path in Path(corpus).glob("scenarios/*/DONE.json"))
     encoder = as_recorded(Path(corpus))
     views = json.loads((scenarios[0] / "scenario.json").read_text())["views"]
+    number = int(number[0]) if number else {"arrivals": 12, "empty": 60}[kind]
     if kind == "arrivals":
-        number = int(number[0]) if number else 12
-        feeds = feeds_of_arrivals(scenarios, views, number, encoder, folder)
-        result = watch_arrivals(dtd, run, feeds, number, folder)
+        watch_arrivals(dtd, run, feeds_of_arrivals(scenarios, views, number, encoder, folder), number, folder)
     else:
-        result = watch_empty(dtd, run, scenarios[0], views, int(number[0]) if number else 60, encoder, folder)
-    print(json.dumps(result, indent=1))
+        watch_empty(dtd, run, scenarios[0], views, number, encoder, folder)
+    print(json.dumps(judged(folder), indent=1))
 
 
 main()

@@ -67,6 +67,17 @@ def errors_by_arrival(lines, scenarios, began_s):
     return found
 
 
+def overall(arrivals):
+    """The mean errors of all answers, and of those from the second arrival on."""
+
+    def of(some):
+        some = [arrival for arrival in some if arrival["answers"]]
+        count = sum(arrival["answers"] for arrival in some)
+        return sum(arrival["answers"] * arrival["mape_percent"] for arrival in some) / count if count else None
+
+    return {"mape_percent": of(arrivals), "from_the_second_on": of(arrivals[1:])}
+
+
 def main():
     mode = sys.argv.pop(1) if sys.argv[1].startswith("--") else None
     dtd, run, corpus, folder, *wanted = sys.argv[1:]
@@ -101,10 +112,13 @@ def main():
                     "drift_sd_ppm": line["drift_sd_ppm"],
                 }
             )
+    measured, without = errors_by_arrival(lines, scenarios, began_s), errors_by_arrival(ideal, scenarios, began_s)
     result = {
         "offsets": offsets,
-        "arrivals": errors_by_arrival(lines, scenarios, began_s),
-        "without_offset": errors_by_arrival(ideal, scenarios, began_s),
+        "mean": overall(measured),
+        "arrivals": measured,
+        "mean_without_offset": overall(without),
+        "without_offset": without,
         "kept": json.loads(kept.read_text()),
     }
     print(json.dumps(result, indent=1))

@@ -103,21 +103,11 @@ impl Feed {
             let end = self.once();
             self.status.watch().set_connected(false);
             let was_useful = self.shared.metrics.has_images(self.view);
-            let report = match end {
-                Err(OpenFault::Useless(why)) if !was_useful => Report::Useless(why),
-                Ok(End::Finished) if self.source.is_recorded() => Report::Ended,
-                Ok(End::Stopped) => break,
-                // It would begin again, and fail at the same place.
-                Ok(End::Lost(why)) if self.source.is_recorded() => {
-                    self.report(Report::Lost(why));
-                    Report::Ended
-                }
-                Ok(End::Finished) => Report::Lost("the sender ended it".into()),
-                Ok(End::Lost(why) | End::Useless(why))
-                | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => Report::Lost(why),
-            };
-            let is_over = !matches!(report, Report::Lost(_));
-            self.report(report);
+            let reports = reports_of(end, self.source.is_recorded(), was_useful);
+            let is_over = !matches!(reports[..], [Report::Lost(_)]);
+            for report in reports {
+                self.report(report);
+            }
             if is_over {
                 break;
             }
@@ -148,7 +138,6 @@ impl Feed {
         loop {
             let image = match input.next() {
                 Ok(image) => image,
-                Err(End::Useless(why)) => return Err(OpenFault::Useless(why)),
                 Err(end) => return Ok(end),
             };
             self.take(image, &mut connection)?;
@@ -292,4 +281,50 @@ struct Connection {
     looks: Looks,
     /// Source of the time of the last image.
     clock: Option<ClockSource>,
+}
+
+/// Reports about an end. A single loss is opened again; otherwise the feed is over.
+fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, was_useful: bool) -> Vec<Report> {
+    match end {
+        Ok(End::Stopped) => Vec::new(),
+        Ok(End::Useless(why)) | Err(OpenFault::Useless(why)) if !was_useful => {
+            vec![Report::Useless(why)]
+        }
+        Ok(End::Finished) if is_recorded => vec![Report::Ended],
+        Ok(End::Finished) => vec![Report::Lost("the sender ended it".into())],
+        // It would begin again, and fail at the same place.
+        Ok(End::Lost(why) | End::Useless(why)) | Err(OpenFault::Useless(why)) if is_recorded => {
+            vec![Report::Lost(why), Report::Ended]
+        }
+        Ok(End::Lost(why) | End::Useless(why))
+        | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => vec![Report::Lost(why)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_is_not_played_again_and_what_never_had_an_image_is_useless() {
+        let useless = || Ok(End::Useless("no".into()));
+        let lost = Report::Lost("no".into());
+        let over = vec![lost.clone(), Report::Ended];
+        for (end, is_recorded, was_useful, expected) in [
+            (useless(), true, false, vec![Report::Useless("no".into())]),
+            (useless(), true, true, over.clone()),
+            (useless(), false, true, vec![lost.clone()]),
+            (Ok(End::Lost("no".into())), true, true, over),
+            (
+                Err(OpenFault::Absent("no".into())),
+                false,
+                false,
+                vec![lost],
+            ),
+            (Ok(End::Finished), true, true, vec![Report::Ended]),
+            (Ok(End::Stopped), false, true, Vec::new()),
+        ] {
+            assert_eq!(reports_of(end, is_recorded, was_useful), expected);
+        }
+    }
 }

@@ -236,7 +236,9 @@ mod tests {
         let patience = Patience::new(RunClock::start(), stop);
         dataset::video::start_ffmpeg();
         let mut readers = ffmpeg_next::device::input::video();
-        assert!(readers.any(|reader| reader.name().contains("v4l2")));
+        if !readers.any(|reader| reader.name().contains("v4l2")) {
+            return testkit::skipped("FFmpeg reads no devices of Video4Linux");
+        }
         let fault = place.open(&patience, true).err().unwrap();
         // It may be plugged in later.
         let OpenFault::Absent(why) = fault else {
