@@ -203,7 +203,7 @@ impl RegistrationCounts {
     }
 }
 
-/// A view of a scenario that is late, or in which some ticks are frozen, moved or shaking.
+/// A view of a scenario that is late, or in which some ticks are frozen, moved, shaking or inconsistent.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Unhealthy {
     /// The scenario.
@@ -216,11 +216,18 @@ pub struct Unhealthy {
     pub moved: u64,
     /// Ticks in which it shakes.
     pub shaking: u64,
+    /// Ticks in which it cannot show the same aircraft as the first view.
+    pub inconsistent: u64,
     /// Time by which its images are late behind another view's, milliseconds; 0 if they are not.
     pub late_ms: u64,
 }
 
 impl Unhealthy {
+    /// Ticks with any of it.
+    pub fn ill_ticks(&self) -> u64 {
+        self.frozen + self.moved + self.shaking + self.inconsistent
+    }
+
     /// The views of a scenario that have such ticks.
     fn of(scenario: &str, rows: &[ViewHealth]) -> Vec<Self> {
         let mut views: BTreeMap<&str, Self> = BTreeMap::new();
@@ -231,22 +238,24 @@ impl Unhealthy {
                 frozen: 0,
                 moved: 0,
                 shaking: 0,
+                inconsistent: 0,
                 late_ms: 0,
             });
             match row.state {
                 HealthState::Frozen => here.frozen += 1,
                 HealthState::Moved => here.moved += 1,
                 HealthState::Shaking => here.shaking += 1,
+                HealthState::Inconsistent => here.inconsistent += 1,
                 HealthState::Steady | HealthState::Unknown => {}
             }
         }
-        for (view, late_s) in late_views(rows) {
+        for (view, late) in late_views(rows) {
             if let Some(here) = views.get_mut(view) {
-                here.late_ms = (late_s * 1e3).round() as u64;
+                here.late_ms = (late.seconds * 1e3).round() as u64;
             }
         }
         let all = views.into_values();
-        all.filter(|view| view.frozen + view.moved + view.shaking + view.late_ms > 0)
+        all.filter(|view| view.ill_ticks() + view.late_ms > 0)
             .collect()
     }
 }

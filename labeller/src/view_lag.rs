@@ -56,6 +56,11 @@ impl CommonSighting {
             off_px: line.off_px(second),
         })
     }
+
+    fn off_px_by(&self, unknowns: &[f64; UNKNOWNS]) -> f64 {
+        let terms = self.row.iter().zip(unknowns);
+        self.off_px - terms.map(|(factor, unknown)| factor * unknown).sum::<f64>()
+    }
 }
 
 /// Time by which the second view shows a later aircraft than its times say.
@@ -100,30 +105,48 @@ impl TimeOffsetFit {
     }
 }
 
-/// The offset that most sightings agree on; `None` of too few.
-pub(crate) fn robust_offset(sightings: &[CommonSighting]) -> Option<TimeOffset> {
-    if (sightings.len() as f64) < FEWEST {
-        return None;
-    }
-    let mut weights = vec![1.0; sightings.len()];
-    let mut offset = None;
-    for _ in 0..ROUNDS {
-        let mut fit = TimeOffsetFit::default();
-        for (sighting, weight) in sightings.iter().zip(&weights) {
-            fit.add_weighted(sighting, *weight);
+/// How places in two views belong together, as most sightings have it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ViewRelation {
+    /// The difference of the clocks.
+    pub(crate) offset: TimeOffset,
+    /// Standard deviation of the distances from the line that it leaves, pixels.
+    pub(crate) sd_px: f64,
+    unknowns: [f64; UNKNOWNS],
+}
+
+impl ViewRelation {
+    /// `None` of too few sightings.
+    pub(crate) fn robust(sightings: &[CommonSighting]) -> Option<Self> {
+        if (sightings.len() as f64) < FEWEST {
+            return None;
         }
-        let unknowns = fit.normal.solve()?;
-        let residual = |sighting: &CommonSighting| {
-            let terms = sighting.row.iter().zip(&unknowns);
-            sighting.off_px - terms.map(|(factor, unknown)| factor * unknown).sum::<f64>()
-        };
-        let sd_px = deviation_from_zero(sightings.iter().map(residual)).max(LEAST_SD_PX);
-        for (sighting, weight) in sightings.iter().zip(&mut weights) {
-            *weight = 1.0 / (1.0 + (residual(sighting) / (CAUCHY * sd_px)).powi(2));
+        let mut weights = vec![1.0; sightings.len()];
+        let mut relation: Option<Self> = None;
+        for _ in 0..ROUNDS {
+            let mut fit = TimeOffsetFit::default();
+            for (sighting, weight) in sightings.iter().zip(&weights) {
+                fit.add_weighted(sighting, *weight);
+            }
+            let unknowns = fit.normal.solve()?;
+            let off_px = |sighting: &CommonSighting| sighting.off_px_by(&unknowns);
+            let sd_px = deviation_from_zero(sightings.iter().map(off_px)).max(LEAST_SD_PX);
+            for (sighting, weight) in sightings.iter().zip(&mut weights) {
+                *weight = 1.0 / (1.0 + (off_px(sighting) / (CAUCHY * sd_px)).powi(2));
+            }
+            relation = Some(Self {
+                offset: fit.with_sd(&unknowns, sd_px)?,
+                sd_px,
+                unknowns,
+            });
         }
-        offset = Some(fit.with_sd(&unknowns, sd_px)?);
+        relation
     }
-    offset
+
+    /// Distance of a sighting from where it should be, across the line of the second view, pixels down.
+    pub(crate) fn off_px(&self, sighting: &CommonSighting) -> f64 {
+        sighting.off_px_by(&self.unknowns)
+    }
 }
 
 #[cfg(test)]
@@ -179,7 +202,7 @@ mod tests {
     fn an_arrival_with_a_level_segment_tells_the_offset_of_the_clocks_also_by_rolled_cameras() {
         for (offset_s, roll_deg) in [(-0.3, 0.0), (0.0, 0.0), (0.5, 0.0), (0.5, 1.0)] {
             let sightings = sightings(offset_s, roll_deg);
-            let found = robust_offset(&sightings).unwrap();
+            let found = ViewRelation::robust(&sightings).unwrap().offset;
             let error_s = found.seconds - offset_s;
             assert!(error_s.abs() < 0.02, "{offset_s} {roll_deg}: {found:?}");
             assert!(error_s.abs() < 3.0 * found.sd_s, "{offset_s}: {found:?}");
@@ -193,12 +216,16 @@ mod tests {
         for sighting in sightings.iter_mut().step_by(7) {
             sighting.off_px += 30.0;
         }
-        let found = robust_offset(&sightings).unwrap();
+        let relation = ViewRelation::robust(&sightings).unwrap();
+        let found = relation.offset;
         assert!((found.seconds - 0.5).abs() < 0.03, "{found:?}");
+        let off_px = relation.off_px(&sightings[7]);
+        assert!((off_px - 30.0).abs() < 1.0, "{off_px}");
+        assert!(relation.off_px(&sightings[8]).abs() < 1.0);
     }
 
     #[test]
     fn too_little_is_said_to_be_unknown() {
-        assert_eq!(robust_offset(&sightings(0.0, 0.0)[..39]), None);
+        assert_eq!(ViewRelation::robust(&sightings(0.0, 0.0)[..39]), None);
     }
 }

@@ -44,7 +44,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         model.path(),
         DetectOptions {
             onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device,
+            device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(args.mode),
             only,
@@ -228,10 +228,10 @@ fn print_summary(outcome: &DetectOutcome) {
     warn_of_cameras(&outcome.unhealthy);
 }
 
-/// Warns of cameras that were late, moved, shook or stood still, the worst views first.
+/// Warns of cameras that were late, moved, shook, stood still or contradicted the first one, the worst views first.
 fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     const NAMED: usize = 5;
-    let badness = |view: &Unhealthy| (view.late_ms, view.frozen + view.moved + view.shaking);
+    let badness = |view: &Unhealthy| (view.late_ms, view.ill_ticks());
     let mut views: Vec<&Unhealthy> = unhealthy.iter().collect();
     views.sort_by_key(|view| Reverse(badness(view)));
     let named: Vec<String> = (views.iter().take(NAMED))
@@ -240,6 +240,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
                 (view.frozen, "frozen"),
                 (view.moved, "moved"),
                 (view.shaking, "shaking"),
+                (view.inconsistent, "inconsistent with the first view"),
             ];
             let counts = counts.iter().filter(|(ticks, _)| *ticks > 0);
             let counts = counts.map(|(ticks, what)| format!("{ticks} {what}"));
@@ -256,7 +257,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
         more => format!("; and {more} more"),
     };
     eprint_warning!(
-        "detect: cameras of {} were late, moved, shook or repeated images (ticks): {}{more}; health/ says when",
+        "detect: cameras of {} were late, moved, shook, repeated images or contradicted each other (ticks): {}{more}; health/ says when",
         count(views.len(), "view"),
         named.join("; ")
     );

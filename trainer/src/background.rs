@@ -170,7 +170,7 @@ impl ViewPlace {
 fn is_usual(row: &ViewHealth) -> bool {
     let is_near = |turn: CameraTurn| turn.shift_x_px.hypot(turn.shift_y_px) <= MOST_USUAL_PX;
     match row.state {
-        HealthState::Steady | HealthState::Unknown => true,
+        HealthState::Steady | HealthState::Unknown | HealthState::Inconsistent => true,
         HealthState::Moved | HealthState::Shaking | HealthState::Frozen => {
             row.motion.is_some_and(is_near)
         }

@@ -17,6 +17,7 @@ pub(crate) mod view_removal;
 use std::path::PathBuf;
 
 use dataset::corpus::Corpus;
+use dataset::corpus::detections::RegisteredWith;
 use dataset::corpus::splits::Side;
 use dataset::files::json_file::write_json_unsynced;
 use dataset::tables::columns::{TableParts, TableWriter};
@@ -106,6 +107,12 @@ pub fn evaluate(
     let is_aligned = trained.backgrounds.is_some();
     let trained = trained.at_runway_of(&samples);
     check_cameras(run, corpus, &trained, &samples)?;
+    if let Some(line) = other_registration(
+        trained.summary.registered_with.as_ref(),
+        samples.registered_with(),
+    ) {
+        watch.warn(&line);
+    }
     if is_aligned && trained.backgrounds.is_none() {
         watch.say(UNALIGNED);
     }
@@ -369,6 +376,24 @@ pub(crate) fn check_cameras(
     Ok(())
 }
 
+/// A line for users if the views of a corpus were registered with other cameras than those of the training.
+pub(crate) fn other_registration(
+    of_run: Option<&RegisteredWith>,
+    of_corpus: Option<&RegisteredWith>,
+) -> Option<String> {
+    let (of_run, of_corpus) = (of_run?, of_corpus?);
+    let remedy = match of_run {
+        RegisteredWith::Run(_) => "name that run in `dtd detect CORPUS --registration-of RUN`",
+        RegisteredWith::Calibration => "train again on corpora that are registered alike",
+    };
+    (of_run != of_corpus).then(|| {
+        format!(
+            "the views of the corpus were registered with {of_corpus}, those of the training with {of_run}, so that distances may be off; \
+             {remedy}"
+        )
+    })
+}
+
 /// Rejects flights that the run was trained on, but not the scenarios that it drew for the test: they share flights, and say so.
 fn check_unseen(
     run: &RunFolder,
@@ -439,5 +464,25 @@ fn split_summary(
             trajectories: samples.flights(Side::Test).len(),
             samples: seen,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_corpus_that_is_registered_otherwise_than_the_training_is_named_with_a_remedy() {
+        let stated = RegisteredWith::Calibration;
+        let fitted = RegisteredWith::Run("ab".repeat(32));
+        for same in [&stated, &fitted] {
+            assert_eq!(other_registration(Some(same), Some(same)), None);
+            assert_eq!(other_registration(None, Some(same)), None);
+        }
+        let line = other_registration(Some(&fitted), Some(&stated)).unwrap();
+        assert!(
+            line.contains("run abababababab") && line.contains("--registration-of"),
+            "{line}"
+        );
     }
 }

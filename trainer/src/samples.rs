@@ -29,7 +29,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use dataset::conditions::{Weather, transmission};
-use dataset::corpus::detections::{Detection, Detections, NoChoice, choose};
+use dataset::corpus::detections::{
+    Detection, Detections, NoChoice, RegisteredWith, choose, registered_with,
+};
 use dataset::corpus::effective_weather::EffectiveWeather;
 use dataset::corpus::model_identity::NamedDetections;
 use dataset::corpus::open_scenario::OpenScenario;
@@ -42,7 +44,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::{ViewHealth, late_views};
+use dataset::tables::health::{HealthState, Late, ViewHealth, late_views};
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
@@ -123,6 +125,8 @@ pub(crate) struct ScenarioSummary {
     pub cameras: Vec<Camera>,
     /// Boxes that the condition of its cameras changed.
     pub corrections: Corrections,
+    /// The cameras that its views were registered with; `None` if they were not.
+    pub registered_with: Option<RegisteredWith>,
 }
 
 impl ScenarioSummary {
@@ -150,6 +154,7 @@ impl ScenarioSummary {
             touchdown: record.touchdown,
             cameras: cameras.into_values().collect(),
             corrections: Corrections::default(),
+            registered_with: None,
         }
     }
 
@@ -191,6 +196,7 @@ impl Samples {
             found.add_scenario(&scenario, &splits, range)?;
         }
         found.refuse_flights_on_two_sides(corpus)?;
+        found.refuse_mixed_registrations()?;
         Ok(found)
     }
 
@@ -228,6 +234,7 @@ impl Samples {
         for scenario in &mut all.scenarios {
             scenario.side = sides[&scenario.flight];
         }
+        all.refuse_mixed_registrations()?;
         Ok(all)
     }
 
@@ -257,6 +264,7 @@ impl Samples {
             found.scenarios.push(summary);
             flights.extend(observations);
         }
+        found.refuse_mixed_registrations()?;
         Ok((found, flights))
     }
 
@@ -310,6 +318,32 @@ impl Samples {
             }
         }
         Ok(())
+    }
+
+    /// Shifts that follow from different cameras differ by more than their errors.
+    fn refuse_mixed_registrations(&self) -> Result<()> {
+        let of = |s: &ScenarioSummary| Some((s.folder.clone(), s.registered_with.clone()?));
+        let mut registered = self.scenarios.iter().filter_map(of);
+        let Some((first, expected)) = registered.next() else {
+            return Ok(());
+        };
+        match registered.find(|(_, found)| *found != expected) {
+            None => Ok(()),
+            Some((folder, found)) => {
+                let fault = CorpusFault::OtherRegistration {
+                    found,
+                    first: first.id(),
+                    expected,
+                };
+                Err(Error::corpus(folder.root(), fault))
+            }
+        }
+    }
+
+    /// The cameras that all registered views were registered with.
+    pub(crate) fn registered_with(&self) -> Option<&RegisteredWith> {
+        let mut scenarios = self.scenarios.iter();
+        scenarios.find_map(|scenario| scenario.registered_with.as_ref())
     }
 
     fn add_scenario(
@@ -401,8 +435,17 @@ impl Samples {
             .into_iter()
             .map(|registration| ((registration.tick, registration.view.clone()), registration))
             .collect();
+        let mut corrections = Corrections::default();
+        if moment == Moment::Hindsight {
+            let contradicts = |row: &&ViewHealth| row.state == HealthState::Inconsistent;
+            for row in health.iter().filter(contradicts) {
+                let shift = registrations.remove(&(row.tick, row.view.clone()));
+                corrections.contradicting += usize::from(shift.is_some());
+            }
+        }
         let frames = scenario.frames()?;
         let mut summary = ScenarioSummary::of(scenario, record, cameras, &frames, side);
+        summary.registered_with = registered_with(folder, &self.detections.hash)?;
         let observe = |row: &TickRow| {
             let found: Vec<_> = self
                 .views
@@ -419,19 +462,24 @@ impl Samples {
             let at = (self.scenarios.len(), row.tick, row.time_ns);
             Observation::of(at, &found, &registered)
         };
+        let late = late_views(&health);
+        let late = self.views.iter().map(|view| late.get(view.as_str()));
+        let late: Vec<Late> = late.map(|of| of.copied().unwrap_or_default()).collect();
         if moment == Moment::Live {
-            let observations = frames.rows.iter().map(observe).collect();
+            let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
+            let boxes = observations
+                .iter()
+                .flat_map(|of| of.boxes.iter().zip(&late));
+            let late = boxes.filter(|(seen, late)| seen.is_some() && late.seconds > 0.0);
+            corrections.late_kept = late.count();
+            summary.corrections = corrections;
             return Ok((summary, frames, observations));
         }
-        let late_s = late_views(&health);
-        let late_s = self.views.iter().map(|view| late_s.get(view.as_str()));
-        let late_s: Vec<f64> = late_s.map(|s| s.copied().unwrap_or_default()).collect();
         let health = CameraHealth::of(&self.views, &summary.cameras, health);
-        let mut corrections = Corrections::default();
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))
             .collect();
-        let observations = in_time(observations, &late_s, &mut corrections);
+        let observations = in_time(observations, &late, &mut corrections);
         summary.corrections = corrections;
         Ok((summary, frames, observations))
     }

@@ -166,6 +166,7 @@ pub(crate) fn train_unless(
             runway: samples.scenarios.first().map(|of| of.runway.clone()),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,
+            registered_with: samples.registered_with().cloned(),
             planned_cameras: samples.rig.planned().cloned(),
             training_trajectories: samples.trajectories(Side::Train),
             validation_trajectories: samples.trajectories(Side::Validation),

@@ -116,6 +116,15 @@ impl ScenarioJob {
             Standing::Unmeasured(record) => Some(record),
             Standing::Whole => return Ok(None),
         };
+        if fitted.is_none()
+            && let Some(run) = stored.as_ref().and_then(|made| made.cameras_of_run())
+        {
+            let message = format!(
+                "its views were registered with the cameras of run {run}, and are to be measured again; name that run (--registration-of), or \
+                 search anew with the cameras of calibration.json (--force)"
+            );
+            return Err(Error::scenario(&record.id, message));
+        }
         let frames = scenario.frames()?;
         if frames.views != record.views {
             let (table, said) = (frames.views.join(", "), record.views.join(", "));

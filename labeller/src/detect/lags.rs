@@ -1,4 +1,5 @@
-//! The lag of each view's images behind the first view's, from the registrations of a whole flight ([`crate::view_lag`]).
+//! The lag of each view's images behind the first view's, and the ticks at which both cannot show the same aircraft, from the
+//! registrations of a whole flight ([`crate::view_lag`]).
 
 use std::collections::BTreeMap;
 
@@ -10,7 +11,7 @@ use dataset::tables::registrations::Registration;
 use glam::DVec2;
 
 use super::pictures::ViewTicks;
-use crate::view_lag::{CommonSighting, robust_offset};
+use crate::view_lag::{CommonSighting, ViewRelation};
 
 /// Sightings that count are so far apart, seconds.
 const STEP_S: f64 = 0.5;
@@ -23,6 +24,13 @@ const ALIKE: f64 = 3.0;
 const COMMON_SD_MS: f64 = 20.0;
 /// A larger lag, or a less certain one, was not measured: motion changes too much during it, milliseconds.
 const MOST_MS: f64 = 10_000.0;
+/// Two views do not show the same aircraft if rows contradict by so many pixels and standard deviations of the flight.
+const INCONSISTENT_PX: f64 = 1.0;
+const INCONSISTENT_SD: f64 = 8.0;
+/// ... and by this part of the aircraft's width: the views see it from two sides.
+const INCONSISTENT_PART: f64 = 0.01;
+/// Rows that contradict by more are not told apart, pixels.
+const MOST_PX: f64 = 1_000.0;
 
 /// What a flight showed.
 struct Flight<'a> {
@@ -36,11 +44,22 @@ struct Flight<'a> {
 
 /// An aircraft that two views see.
 struct Seen {
+    tick: u32,
     time_s: f64,
+    width_px: f64,
     places_px: [DVec2; 2],
 }
 
-/// Adds the lag of each view of a scenario to its rows. `cameras`: of the views.
+/// What a view showed relative to the first one.
+#[derive(Default)]
+struct Compared {
+    lag: Option<ViewLag>,
+    /// By tick, pixels, and whether it is inconsistent.
+    vertical_px: BTreeMap<u32, (f64, bool)>,
+}
+
+/// Adds to the rows of a scenario the lag of each view and how far rows contradict, and names the ticks at which they do. `cameras`: of the
+/// views.
 pub(super) fn add_lags(
     views: &[ViewTicks],
     cameras: &[Camera],
@@ -56,16 +75,25 @@ pub(super) fn add_lags(
         detections,
         registrations,
     };
-    let lags: BTreeMap<&str, Option<ViewLag>> = (flight.views.iter())
-        .map(|(view, _)| (*view, flight.lag(view, health)))
+    let compared: BTreeMap<&str, Compared> = (flight.views.iter())
+        .map(|(view, _)| (*view, flight.compared(view, health).unwrap_or_default()))
         .collect();
     for row in health {
-        row.lag = lags.get(row.view.as_str()).copied().flatten();
+        let Some(compared) = compared.get(row.view.as_str()) else {
+            continue;
+        };
+        row.lag = compared.lag;
+        let vertical = compared.vertical_px.get(&row.tick);
+        row.vertical_px = vertical.map(|(px, _)| *px);
+        if vertical.is_some_and(|(_, contradicts)| *contradicts) && row.state.is_well() {
+            row.state = HealthState::Inconsistent;
+        }
     }
 }
 
 impl Flight<'_> {
-    fn lag(&self, view: &str, health: &[ViewHealth]) -> Option<ViewLag> {
+    /// `None` if both views saw the aircraft too rarely.
+    fn compared(&self, view: &str, health: &[ViewHealth]) -> Option<Compared> {
         let rows: BTreeMap<(u32, &str), &ViewHealth> = (health.iter())
             .map(|row| ((row.tick, row.view.as_str()), row))
             .collect();
@@ -78,35 +106,52 @@ impl Flight<'_> {
             let second_px = first_px + DVec2::new(shift.dx_px, shift.dy_px);
             let (first, second) = (row.reference.as_str(), row.view.as_str());
             let found = [(first, first_px), (second, second_px)].map(|(view, place_px)| {
-                let track = self.track_at(row.tick, view, place_px)?;
+                let seen = self.box_at(row.tick, view, place_px)?;
                 let usual_px = self.usual_px(rows.get(&(row.tick, view))?, place_px)?;
-                Some((track, usual_px))
+                Some((seen, usual_px))
             });
-            let [
-                Some((first_track, first_px)),
-                Some((second_track, second_px)),
-            ] = found
-            else {
+            let [Some((in_first, first_px)), Some((in_second, second_px))] = found else {
                 continue;
             };
             reference = Some(first);
             let time_s = *self.times_s.get(&row.tick)?;
-            let of_tracks = seen.entry([first_track, second_track]).or_default();
-            of_tracks.push(Seen {
+            let of_tracks = seen.entry([in_first.track, in_second.track]);
+            of_tracks.or_default().push(Seen {
+                tick: row.tick,
                 time_s,
+                width_px: in_second.pixel_box.width_px,
                 places_px: [first_px, second_px],
             });
         }
         let cameras = [self.camera(reference?)?, self.camera(view)?];
-        let sightings: Vec<_> = (seen.values())
-            .flat_map(|seen| sightings(cameras, seen))
+        let of_tracks: Vec<_> = (seen.values())
+            .map(|seen| sightings(cameras, seen))
             .collect();
-        let offset = robust_offset(&sightings)?;
+        let thinned: Vec<_> = of_tracks.iter().flat_map(|all| thinned(all)).collect();
+        let relation = ViewRelation::robust(&thinned)?;
         let lag = ViewLag {
-            lag_ms: -1e3 * offset.seconds,
-            lag_sd_ms: (1e3 * offset.sd_s * ALIKE.sqrt()).hypot(COMMON_SD_MS),
+            lag_ms: -1e3 * relation.offset.seconds,
+            lag_sd_ms: (1e3 * relation.offset.sd_s * ALIKE.sqrt()).hypot(COMMON_SD_MS),
         };
-        (lag.lag_ms.abs().max(lag.lag_sd_ms) <= MOST_MS).then_some(lag)
+        if lag.lag_ms.abs().max(lag.lag_sd_ms) > MOST_MS {
+            return None;
+        }
+        let most_px = INCONSISTENT_PX.max(INCONSISTENT_SD * relation.sd_px);
+        let vertical = |(seen, sighting): &(&Seen, Sighted)| {
+            // A track of a few ticks has no motion, which matters only to a late view.
+            let sighting = match sighting {
+                Sighted::Moving(sighting) => sighting,
+                Sighted::Short(sighting) if !lag.is_sure() => sighting,
+                Sighted::Short(_) => return None,
+            };
+            let off_px = relation.off_px(sighting).clamp(-MOST_PX, MOST_PX);
+            let contradicts = off_px.abs() > most_px.max(INCONSISTENT_PART * seen.width_px);
+            Some((seen.tick, (off_px, contradicts)))
+        };
+        Some(Compared {
+            lag: Some(lag),
+            vertical_px: of_tracks.iter().flatten().filter_map(vertical).collect(),
+        })
     }
 
     fn camera(&self, view: &str) -> Option<&Camera> {
@@ -114,8 +159,8 @@ impl Flight<'_> {
         views.find(|(id, _)| *id == view).map(|(_, camera)| *camera)
     }
 
-    /// The track of the box that counts at a place; `None` if there is no such box.
-    fn track_at(&self, tick: u32, view: &str, place_px: DVec2) -> Option<Option<u32>> {
+    /// The box that counts at a place; `None` if there is none.
+    fn box_at(&self, tick: u32, view: &str, place_px: DVec2) -> Option<&Detection> {
         let boxes = &self.detections.boxes;
         let first = boxes.partition_point(|found| found.tick < tick);
         let mut here = boxes[first..].iter().take_while(|found| found.tick == tick);
@@ -127,13 +172,15 @@ impl Flight<'_> {
                 && (left..=right).contains(&x)
                 && (top..=bottom).contains(&y)
         };
-        here.find(holds).map(|found| found.track)
+        here.find(holds)
     }
 
     /// The place in the usual image; `None` if it is not known.
     fn usual_px(&self, row: &ViewHealth, place_px: DVec2) -> Option<DVec2> {
         match row.state {
-            HealthState::Steady | HealthState::Unknown => Some(place_px),
+            HealthState::Steady | HealthState::Unknown | HealthState::Inconsistent => {
+                Some(place_px)
+            }
             HealthState::Frozen => None,
             HealthState::Moved | HealthState::Shaking => {
                 let turn = row
@@ -145,25 +192,44 @@ impl Flight<'_> {
     }
 }
 
-fn sightings(cameras: [&Camera; 2], seen: &[Seen]) -> Vec<CommonSighting> {
+/// A sighting, by whether its motion is known.
+enum Sighted {
+    Moving(CommonSighting),
+    /// As if it stood still.
+    Short(CommonSighting),
+}
+
+/// What is seen of one aircraft.
+fn sightings<'a>(cameras: [&Camera; 2], seen: &'a [Seen]) -> Vec<(&'a Seen, Sighted)> {
     let places: Vec<(f64, DVec2)> = (seen.iter())
         .map(|seen| (seen.time_s, seen.places_px[1]))
         .collect();
+    let sighting = |seen: &'a Seen| {
+        let motion_px_s = motion_at(&places, seen.time_s);
+        let sighting =
+            CommonSighting::of(cameras, seen.places_px, motion_px_s.unwrap_or_default())?;
+        let sighted = match motion_px_s {
+            Some(_) => Sighted::Moving(sighting),
+            None => Sighted::Short(sighting),
+        };
+        Some((seen, sighted))
+    };
+    seen.iter().filter_map(sighting).collect()
+}
+
+/// Those that the fit needs.
+fn thinned(all: &[(&Seen, Sighted)]) -> Vec<CommonSighting> {
     let mut last_s = f64::NEG_INFINITY;
-    let mut sightings = Vec::new();
-    for Seen { time_s, places_px } in seen {
-        if *time_s < last_s + STEP_S {
-            continue;
-        }
-        let motion = motion_at(&places, *time_s);
-        if let Some(sighting) =
-            motion.and_then(|px_s| CommonSighting::of(cameras, *places_px, px_s))
+    let mut kept = Vec::new();
+    for (seen, sighting) in all {
+        if let Sighted::Moving(sighting) = sighting
+            && seen.time_s >= last_s + STEP_S
         {
-            last_s = *time_s;
-            sightings.push(sighting);
+            last_s = seen.time_s;
+            kept.push(*sighting);
         }
     }
-    sightings
+    kept
 }
 
 #[cfg(test)]
@@ -188,17 +254,25 @@ mod tests {
         camera.project(at.to_ecef()).unwrap()
     }
 
-    /// The lags of both views, of which the right one is late; `dark`: ticks in which it repeats an image.
-    fn lags(late_s: f64, dark: std::ops::Range<u32>) -> [Option<ViewLag>; 2] {
+    /// Health of both views, of which the right one is late; `dark`: ticks in which it repeats an image, `other`: in which it shows
+    /// another aircraft.
+    fn compared(
+        late_s: f64,
+        dark: std::ops::Range<u32>,
+        other: std::ops::Range<u32>,
+    ) -> Vec<ViewHealth> {
         let views = VIEWS.map(|view| (view, Camera::from_pose(&placed(view), 1920, 1280)));
         let (mut boxes, mut registrations, mut health) = (Vec::new(), Vec::new(), Vec::new());
         for tick in 0..210 {
             let time_s = f64::from(tick);
             let late_s = if dark.contains(&tick) { 3.0 } else { late_s };
-            let places = [
+            let mut places = [
                 place_px(&views[0].1, time_s),
                 place_px(&views[1].1, time_s - late_s),
             ];
+            if other.contains(&tick) {
+                places[1] += DVec2::new(60.0, 4.0);
+            }
             for ((view, _), place) in views.iter().zip(places) {
                 let pixel_box = PixelBox {
                     cx_px: place.x,
@@ -206,8 +280,9 @@ mod tests {
                     width_px: 30.0,
                     height_px: 12.0,
                 };
+                let is_other = *view == "right" && other.contains(&tick);
                 boxes.push(Detection {
-                    track: Some(3),
+                    track: Some(if is_other { 9 } else { 3 }),
                     confirmed: true,
                     ..Detection::untracked(tick, *view, pixel_box, 0.9, 0)
                 });
@@ -223,6 +298,7 @@ mod tests {
                     motion: None,
                     state_live: None,
                     lag: None,
+                    vertical_px: None,
                 });
             }
             let shift_px = places[1] - places[0];
@@ -256,17 +332,43 @@ mod tests {
         let cameras = views.map(|(_, camera)| camera);
         let found = Detections::from(boxes);
         add_lags(&of_views, &cameras, &found, &registrations, &mut health);
-        [health[0].lag, health[1].lag]
+        health
     }
 
     #[test]
     fn the_lag_of_a_flight_is_measured_and_repeated_images_do_not_count() {
         for late_s in [0.0, 0.45, -0.2] {
-            let [first, second] = lags(late_s, 60..70);
-            assert_eq!(first, None, "the others are compared with it");
-            let ViewLag { lag_ms, lag_sd_ms } = second.unwrap();
+            let health = compared(late_s, 60..70, 0..0);
+            assert_eq!(health[0].lag, None, "the others are compared with it");
+            let ViewLag { lag_ms, lag_sd_ms } = health[1].lag.unwrap();
             assert!((lag_ms - 1e3 * late_s).abs() < 20.0, "{late_s}: {lag_ms}");
             assert!((20.0..250.0).contains(&lag_sd_ms), "{lag_sd_ms}");
         }
+    }
+
+    #[test]
+    fn ticks_at_which_a_view_shows_another_aircraft_are_inconsistent_and_no_others() {
+        for last in [102, 110] {
+            inconsistent_in(100..last);
+        }
+    }
+
+    fn inconsistent_in(other: std::ops::Range<u32>) {
+        let health = compared(0.0, 0..0, other.clone());
+        for row in &health {
+            let is_other = row.view == "right" && other.contains(&row.tick);
+            let expected = if is_other {
+                HealthState::Inconsistent
+            } else {
+                HealthState::Steady
+            };
+            assert_eq!(row.state, expected, "{row:?}");
+            assert_eq!(row.vertical_px.is_some(), row.view == "right", "{row:?}");
+        }
+        let other = health
+            .iter()
+            .find(|row| row.state == HealthState::Inconsistent);
+        let off_px = other.unwrap().vertical_px.unwrap();
+        assert!(off_px > 2.0, "{off_px}");
     }
 }

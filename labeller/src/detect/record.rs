@@ -123,6 +123,12 @@ impl DetectionRecord {
         detections::record_path(folder, model)
     }
 
+    /// Start of the hash of the run whose cameras the views were registered with, if it was one.
+    pub(super) fn cameras_of_run(&self) -> Option<String> {
+        let run = self.registration.as_ref()?.cameras_of_run.as_ref()?;
+        Some(run.chars().take(12).collect())
+    }
+
     /// Progress of this model's work with these settings on the scenario's current videos. `cameras`: those that the views must be
     /// registered with; `None`: any.
     pub(super) fn standing(

@@ -583,6 +583,17 @@ fn views_are_registered_again_with_fitted_cameras_and_nothing_is_searched() {
     assert_eq!(detect_without(&corpus).unchanged, ["0001-a"]);
     assert_eq!(registered(&folder), after);
 
+    // Health of an earlier version is measured again, but not with other cameras unasked.
+    let path = DetectionRecord::path(&folder, MODEL);
+    let mut record: DetectionRecord = read_json(&path, "record").unwrap();
+    record.health = None;
+    dataset::files::json_file::write_json(&path, &record).unwrap();
+    let reason = detect_without(&corpus).failed[0].reason.clone();
+    assert!(reason.contains("--registration-of"), "{reason}");
+    assert_eq!(registered(&folder), after);
+    assert_eq!(with(cameras.clone()).registered, ["0001-a"]);
+    assert_eq!(registered(&folder), after);
+
     cameras.remove("right");
     let other = DetectOptions {
         registration_of: Some(FittedCameras {

@@ -169,6 +169,7 @@ fn health_of(
         motion,
         state_live: Some(state_live),
         lag: None,
+        vertical_px: None,
     })
     .collect()
 }

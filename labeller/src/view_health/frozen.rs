@@ -32,6 +32,10 @@ const LEAST_USUAL_LEVELS: f64 = 0.5;
 const LEAST_PART: f64 = 0.06;
 const SMALL_PART: f64 = 0.2;
 const MOST_SMALL: usize = 3;
+/// An image that changed by this part of what others around change as a whole is a new one, if that is by so many levels: rain, noise,
+/// clouds. An aircraft may pause at a turn of its path.
+const NEW_PART: f64 = 0.7;
+const LEAST_WHOLE_LEVELS: f64 = 0.1;
 /// Encoders leave out small changes from one image to the next one soon after.
 const LEAST_GAP_S: f64 = 0.2;
 /// Boxes before and after a run that tell how the aircraft moves, at most and at least.
@@ -127,7 +131,10 @@ pub(super) fn frozen(looks: &[Look], confirmed: &[Option<PixelBox>]) -> Vec<bool
         })
     };
     let equal: Vec<bool> = (0..looks.len())
-        .map(|tick| stays(tick) && looks[tick].change.is_some_and(|change| change.is_equal()))
+        .map(|tick| {
+            let is_equal = looks[tick].change.is_some_and(|change| change.is_equal());
+            is_equal && stays(tick) && !changes_elsewhere(tick, looks)
+        })
         .collect();
     let mut frozen = vec![false; looks.len()];
     let mut start = 0;
@@ -143,6 +150,20 @@ pub(super) fn frozen(looks: &[Look], confirmed: &[Option<PixelBox>]) -> Vec<bool
         frozen[tick] |= equal[tick] && changes_least(tick, looks);
     }
     frozen
+}
+
+/// True if an image changed as a whole as others around it do.
+fn changes_elsewhere(tick: usize, looks: &[Look]) -> bool {
+    let whole = |tick: usize| looks[tick].change.map(|change| change.whole_levels);
+    let around = tick.saturating_sub(NEAR)..(tick + NEAR + 1).min(looks.len());
+    let mut others: Vec<f64> = (around.filter(|&other| other != tick))
+        .filter_map(whole)
+        .collect();
+    others.sort_by(f64::total_cmp);
+    let (Some(own), Some(&usual)) = (whole(tick), others.get(others.len() / 2)) else {
+        return false;
+    };
+    usual >= LEAST_WHOLE_LEVELS && own >= NEW_PART * usual
 }
 
 /// True if an image changed far less than nearly all others around it.

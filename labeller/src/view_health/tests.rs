@@ -114,7 +114,7 @@ fn flight(frozen: impl Fn(u32) -> bool, px_per_tick: f64) -> (Vec<Look>, Vec<Opt
         let changed = 12.0 * px_per_tick.min(1.0);
         look.change = Some(Change {
             levels: if is_frozen { 0.3 } else { changed },
-            whole_levels: 0.2,
+            whole_levels: if is_frozen { 0.05 } else { 0.2 },
             slopes: [144.0, 0.0, 144.0],
         });
     }
@@ -129,6 +129,15 @@ fn an_image_that_repeats_while_the_aircraft_moves_is_frozen() {
         let is_frozen = state == HealthState::Frozen;
         assert_eq!(is_frozen, frozen(look.tick), "tick {}: {state}", look.tick);
     }
+}
+
+#[test]
+fn an_image_in_which_the_aircraft_pauses_while_rain_falls_is_not_frozen() {
+    let (mut looks, boxes) = flight(|tick| tick == 9, 3.0);
+    let frozen = |looks: &[Look]| judge(looks, &boxes)[9].0 == HealthState::Frozen;
+    assert!(frozen(&looks));
+    looks[9].change.as_mut().unwrap().whole_levels = 0.2;
+    assert!(!frozen(&looks));
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use dataset::corpus::detections::RegisteredWith;
 use dataset::corpus::splits::Side;
 
 use super::run_fault::sizes;
@@ -71,6 +72,16 @@ pub enum CorpusFault {
         found: Box<RigKind>,
         first: String,
         expected: Box<RigKind>,
+    },
+    /// A scenario whose views were registered with other cameras than those of the first.
+    #[error(
+        "its views were registered with {found}, the views of scenario {first} with {expected}, and shifts by different cameras do not fit \
+         each other; register all again: `dtd detect CORPUS --registration-of RUN`, or `dtd detect CORPUS --force` for calibration.json"
+    )]
+    OtherRegistration {
+        found: RegisteredWith,
+        first: String,
+        expected: RegisteredWith,
     },
     /// Corpora with different rigs.
     #[error(

@@ -12,7 +12,7 @@ use crate::error::{CorpusFault, Error, Result};
 use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::answers::Answered;
 use crate::evaluation::prediction_table::add_answers;
-use crate::evaluation::{UNALIGNED, check_cameras};
+use crate::evaluation::{UNALIGNED, check_cameras, other_registration};
 use crate::live::{InSight, Judged, Phase, check_causal};
 use crate::run::estimator::{Estimator, Task};
 use crate::run::folder::RunFolder;
@@ -67,6 +67,12 @@ pub fn predict(
     let is_aligned = trained.backgrounds.is_some();
     let trained = trained.at_runway_of(&corpus_read);
     check_cameras(run, corpus, &trained, &corpus_read)?;
+    if let Some(line) = other_registration(
+        trained.summary.registered_with.as_ref(),
+        corpus_read.registered_with(),
+    ) {
+        watch.warn(&line);
+    }
     if is_aligned && trained.backgrounds.is_none() {
         watch.say(UNALIGNED);
     }

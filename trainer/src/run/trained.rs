@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::{Device, Tensor};
+use dataset::corpus::detections::RegisteredWith;
 use dataset::corpus::seal;
 use dataset::files::json_file::{write_json_unsynced, write_unsynced};
 use dataset::geometry::runway::Runway;
@@ -75,6 +76,9 @@ pub(crate) struct RunSummary {
     /// The cameras as planned, before scenarios misplace or aim them; missing without a plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planned_cameras: Option<Cameras>,
+    /// The cameras that the views of the training were registered with; missing if they were not, and in older runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub registered_with: Option<RegisteredWith>,
     /// Trajectories on the training side.
     pub training_trajectories: BTreeSet<String>,
     /// Trajectories on the validation side.

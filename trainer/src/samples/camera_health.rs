@@ -37,6 +37,10 @@ pub(crate) struct Corrections {
     pub late: usize,
     /// Boxes of late images that do not count.
     pub late_withheld: usize,
+    /// Boxes of late images that stay where they are: by the images up to a tick the lag is not known.
+    pub late_kept: usize,
+    /// Shifts between views that cannot show the same aircraft, which do not count.
+    pub contradicting: usize,
 }
 
 impl AddAssign for Corrections {
@@ -45,6 +49,8 @@ impl AddAssign for Corrections {
         self.withheld += other.withheld;
         self.late += other.late;
         self.late_withheld += other.late_withheld;
+        self.late_kept += other.late_kept;
+        self.contradicting += other.contradicting;
     }
 }
 
@@ -69,7 +75,20 @@ impl fmt::Display for Corrections {
         let parts = parts.map(|((corrected, left_out), whose)| {
             format!("boxes of {whose}: {corrected} corrected, {left_out} left out")
         });
-        f.write_str(&parts.collect::<Vec<_>>().join("; "))
+        let mut parts: Vec<String> = parts.collect();
+        if self.late_kept > 0 {
+            let boxes = self.late_kept;
+            parts.push(format!(
+                "boxes of late images: {boxes} not corrected, since only whole flights tell the lag; expect errors of distances"
+            ));
+        }
+        if self.contradicting > 0 {
+            let shifts = self.contradicting;
+            parts.push(format!(
+                "shifts between views that contradict each other: {shifts} left out"
+            ));
+        }
+        f.write_str(&parts.join("; "))
     }
 }
 

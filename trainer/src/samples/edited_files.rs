@@ -4,6 +4,7 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 
+use dataset::corpus::detections::record_path;
 use dataset::corpus::seal::seal_folder;
 use dataset::tables::columns::TableWriter;
 
@@ -190,4 +191,34 @@ fn links_out_of_the_corpus_are_refused() {
         });
         assert!(message.contains("is a symbolic link"), "{name}: {message}");
     }
+}
+
+#[test]
+fn views_registered_with_different_cameras_are_refused_with_a_remedy() {
+    let register = |folder: &ScenarioFolder, with: serde_json::Value| {
+        let path = record_path(folder, MODEL_HASH);
+        let text = fs::read_to_string(&path).unwrap();
+        let mut record: serde_json::Value = serde_json::from_str(&text).unwrap();
+        record["registration"] = with;
+        dataset::files::json_file::write_json(&path, &record).unwrap();
+    };
+    let run = serde_json::json!({"cameras_of_run": "ab".repeat(32)});
+    let message = said_after(|folder, other| {
+        register(folder, run.clone());
+        register(other, serde_json::json!({}));
+    });
+    let expected = "registered with the cameras of calibration.json, the views of scenario 0000 with the cameras of run abababababab";
+    assert!(
+        message.contains(expected) && message.contains("--registration-of RUN"),
+        "{message}"
+    );
+
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+    for scenario in corpus.scenarios().unwrap() {
+        register(&scenario, run.clone());
+    }
+    let samples = Samples::read(&corpus, None, ALL).unwrap();
+    let expected = RegisteredWith::Run("ab".repeat(32));
+    assert_eq!(samples.registered_with(), Some(&expected));
 }

@@ -2,11 +2,12 @@
 //!
 //! `dtd detect` measures by how much the images of a view are late ([`dataset::tables::health::late_views`]). What such a view shows at a
 //! tick is where the aircraft was before, so its box and its shift are moved on by the motion in this view during the lag. Where that
-//! motion is unknown, the view does not count.
+//! motion is unknown, the view does not count. The uncertainty of the lag adds to the shift's.
 
 use std::collections::BTreeMap;
 
 use dataset::numbers::motion::motion_at;
+use dataset::tables::health::Late;
 use glam::DVec2;
 
 use crate::samples::Observation;
@@ -16,13 +17,13 @@ use crate::samples::trusted_boxes::centre_and_size;
 /// Places of the boxes of each view and track, by time in seconds.
 type Tracks = BTreeMap<(usize, Option<u32>), Vec<(f64, DVec2)>>;
 
-/// The ticks of a scenario whose views are late by these seconds. Counts what changes.
+/// The ticks of a scenario whose views are late by this. Counts what changes.
 pub(crate) fn in_time(
     observations: Vec<Observation>,
-    late_s: &[f64],
+    late: &[Late],
     counts: &mut Corrections,
 ) -> Vec<Observation> {
-    if late_s.iter().all(|late_s| *late_s == 0.0) {
+    if late.iter().all(|late| late.seconds == 0.0) {
         return observations;
     }
     let mut tracks = Tracks::new();
@@ -36,21 +37,21 @@ pub(crate) fn in_time(
         }
     }
     let moved = |observed: Observation| {
-        let motion = |view: usize| {
+        let motion_px_s = |view: usize| {
             let places = tracks.get(&(view, observed.tracks[view]))?;
-            Some(late_s[view] * motion_at(places, seconds(&observed))?)
+            motion_at(places, seconds(&observed))
         };
-        let motions: Vec<Option<DVec2>> = (late_s.iter().enumerate())
-            .map(|(view, late_s)| {
-                if *late_s == 0.0 {
+        let motions: Vec<Option<DVec2>> = (late.iter().enumerate())
+            .map(|(view, late)| {
+                if late.seconds == 0.0 {
                     Some(DVec2::ZERO)
                 } else {
-                    motion(view)
+                    motion_px_s(view)
                 }
             })
             .collect();
         for (view, seen) in observed.boxes.iter().enumerate() {
-            if late_s[view] == 0.0 || seen.is_none() {
+            if late[view].seconds == 0.0 || seen.is_none() {
                 continue;
             }
             match motions[view] {
@@ -58,7 +59,17 @@ pub(crate) fn in_time(
                 None => counts.late_withheld += 1,
             }
         }
-        observed.moved(|view, place_px| Some(place_px + motions[view]?))
+        let mut moved =
+            observed.moved(|view, place_px| Some(place_px + late[view].seconds * motions[view]?));
+        for (view, shift) in moved.shifts.iter_mut().enumerate() {
+            let Some(shift) = shift else { continue };
+            for of in [view, shift.reference] {
+                let unknown_px = late[of].sd_s * motions[of].unwrap_or_default().abs();
+                let sum = shift.sd_px * shift.sd_px + unknown_px * unknown_px;
+                shift.sd_px = DVec2::new(sum.x.sqrt(), sum.y.sqrt());
+            }
+        }
+        moved
     };
     observations.into_iter().map(moved).collect()
 }
@@ -77,6 +88,16 @@ mod tests {
     use crate::samples::view_shift::ViewShift;
 
     const LATE_S: f64 = 0.45;
+    const LATE: [Late; 2] = [
+        Late {
+            seconds: 0.0,
+            sd_s: 0.0,
+        },
+        Late {
+            seconds: LATE_S,
+            sd_s: 0.03,
+        },
+    ];
 
     /// Ticks of two views, the second of which shows the aircraft as it was before.
     fn flight(late_s: f64) -> Vec<Observation> {
@@ -113,23 +134,28 @@ mod tests {
     #[test]
     fn boxes_and_shifts_of_a_late_view_are_moved_to_where_it_would_have_seen_them() {
         let mut counts = Corrections::default();
-        let moved = in_time(flight(LATE_S), &[0.0, LATE_S], &mut counts);
+        let moved = in_time(flight(LATE_S), &LATE, &mut counts);
         for (moved, expected) in moved.iter().zip(flight(0.0)) {
             let at = |observed: &Observation| observed.boxes[1].unwrap().cx_px;
             assert!((at(moved) - at(&expected)).abs() < 1e-6);
             let shift = |observed: &Observation| observed.shifts[1].unwrap().shift_px;
             assert!((shift(moved) - shift(&expected)).length() < 1e-6);
+            let sd_px = moved.shifts[1].unwrap().sd_px;
+            // It moves by 20 pixels a second to the right.
+            assert!((sd_px.x - 0.03_f64.hypot(0.6)).abs() < 1e-6, "{sd_px}");
+            assert!((sd_px.y - 0.04).abs() < 1e-6, "{sd_px}");
             assert_eq!(moved.boxes[0], expected.boxes[0]);
         }
         assert_eq!((counts.late, counts.late_withheld), (20, 0));
-        assert_eq!(in_time(flight(0.0), &[0.0, 0.0], &mut counts), flight(0.0));
+        let none = [Late::default(); 2];
+        assert_eq!(in_time(flight(0.0), &none, &mut counts), flight(0.0));
     }
 
     #[test]
     fn a_late_view_does_not_count_where_its_motion_is_unknown() {
         let mut counts = Corrections::default();
         let few = flight(LATE_S).into_iter().take(3).collect();
-        let moved = in_time(few, &[0.0, LATE_S], &mut counts);
+        let moved = in_time(few, &LATE, &mut counts);
         assert!(
             moved
                 .iter()

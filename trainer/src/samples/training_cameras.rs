@@ -10,6 +10,7 @@ mod camera_fit;
 mod contradiction;
 mod dropped_boxes;
 
+use dataset::corpus::detections::RegisteredWith;
 use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::Watch;
@@ -101,7 +102,9 @@ impl TrainingCameras {
         }
         let contradictions = self.contradictions(&samples.views);
         if !contradictions.is_empty() {
-            watch.warn(&contradictions_line(&contradictions));
+            let registered_again =
+                matches!(samples.registered_with(), Some(RegisteredWith::Run(_)));
+            watch.warn(&contradictions_line(&contradictions, registered_again));
         }
         dropped.by_view
     }

@@ -11,6 +11,7 @@ mod choice;
 mod table;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -83,6 +84,39 @@ impl Provenance {
     }
 }
 
+/// The cameras that the views of a scenario were registered with.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RegisteredWith {
+    /// Those of `calibration.json`.
+    Calibration,
+    /// Those that the run with this BLAKE3 hash has fitted.
+    Run(String),
+}
+
+impl fmt::Display for RegisteredWith {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Calibration => f.write_str("the cameras of calibration.json"),
+            Self::Run(blake3) => {
+                let start: String = blake3.chars().take(12).collect();
+                write!(f, "the cameras of run {start}")
+            }
+        }
+    }
+}
+
+/// The part of the record that tells it.
+#[derive(Deserialize)]
+struct RecordedRegistration {
+    registration: Option<RegistrationCameras>,
+}
+
+#[derive(Deserialize)]
+struct RegistrationCameras {
+    cameras_of_run: Option<String>,
+}
+
 fn table_name(folder: &str, model: &str) -> String {
     format!("{folder}/{model}.parquet")
 }
@@ -123,6 +157,23 @@ pub fn models_of(folder: &ScenarioFolder) -> Result<Vec<String>> {
 pub fn provenance(folder: &ScenarioFolder, model: &str) -> Result<Option<Provenance>> {
     let record = record(folder, model)?;
     record.map(|bytes| parse(&bytes, folder, model)).transpose()
+}
+
+/// The cameras that the views were registered with; `None` if they were not.
+///
+/// # Errors
+/// The record cannot be read.
+pub fn registered_with(folder: &ScenarioFolder, model: &str) -> Result<Option<RegisteredWith>> {
+    let Some(bytes) = record(folder, model)? else {
+        return Ok(None);
+    };
+    let record: RecordedRegistration =
+        serde_json::from_slice(&bytes).map_err(|error| without_origin(&error, folder, model))?;
+    let registration = record.registration;
+    Ok(registration.map(|made| match made.cameras_of_run {
+        Some(blake3) => RegisteredWith::Run(blake3),
+        None => RegisteredWith::Calibration,
+    }))
 }
 
 /// The file name of the model and the name of its detections, as shown to users. The model is missing if the record cannot be read.
@@ -339,12 +390,8 @@ fn record(folder: &ScenarioFolder, model: &str) -> Result<Option<Vec<u8>>> {
 }
 
 fn parse(bytes: &[u8], folder: &ScenarioFolder, model: &str) -> Result<Provenance> {
-    let provenance: Provenance = serde_json::from_slice(bytes).map_err(|error| {
-        Error::corpus(
-            &record_path(folder, model),
-            format!("does not say what its table was made from ({error}); run `dtd detect` on the corpus with that model again"),
-        )
-    })?;
+    let provenance: Provenance =
+        serde_json::from_slice(bytes).map_err(|error| without_origin(&error, folder, model))?;
     let detector = &provenance.detector;
     if !detector.has_name(model) {
         let hash = &detector.model_blake3;
@@ -363,4 +410,13 @@ fn parse(bytes: &[u8], folder: &ScenarioFolder, model: &str) -> Result<Provenanc
         ));
     }
     Ok(provenance)
+}
+
+fn without_origin(error: &serde_json::Error, folder: &ScenarioFolder, model: &str) -> Error {
+    Error::corpus(
+        &record_path(folder, model),
+        format!(
+            "does not say what its table was made from ({error}); run `dtd detect` on the corpus with that model again"
+        ),
+    )
 }

@@ -32,6 +32,9 @@ pub struct ViewHealth {
     pub state_live: Option<HealthState>,
     /// Lag of the view in the whole flight. In the table, numbers are null of the first view, and where it was not measured.
     pub lag: Option<ViewLag>,
+    /// Distance of the aircraft from where it should be by the first view and the flight, across the line on which the first view sees it,
+    /// pixels down. Null of the first view, where views are not registered with boxes that count, or too rarely, and in earlier tables.
+    pub vertical_px: Option<f64>,
 }
 
 /// Lag of a view's images behind the first view's.
@@ -46,7 +49,7 @@ pub struct ViewLag {
 
 impl ViewLag {
     /// True of a lag that is certain and matters.
-    fn is_sure(&self) -> bool {
+    pub fn is_sure(&self) -> bool {
         self.lag_ms.abs() >= LEAST_LAG_MS && self.lag_ms.abs() >= SURE * self.lag_sd_ms
     }
 }
@@ -56,18 +59,39 @@ const LEAST_LAG_MS: f64 = 100.0;
 /// Standard deviations of a lag that is no chance.
 const SURE: f64 = 5.0;
 
-/// The views of a flight whose images are late, with their lag in seconds. An image shows the past, never the future: of two views that
-/// disagree, the one that shows the earlier aircraft is late.
-pub fn late_views(rows: &[ViewHealth]) -> BTreeMap<&str, f64> {
-    let mut lags_s: BTreeMap<&str, f64> = BTreeMap::new();
+/// By how much images are late.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Late {
+    /// Seconds.
+    pub seconds: f64,
+    /// Standard deviation, seconds.
+    pub sd_s: f64,
+}
+
+/// The views of a flight whose images are late. An image shows the past, never the future: of two views that disagree, the one that shows
+/// the earlier aircraft is late.
+pub fn late_views(rows: &[ViewHealth]) -> BTreeMap<&str, Late> {
+    let mut late: BTreeMap<&str, Late> = BTreeMap::new();
     for row in rows {
         let lag = row.lag.filter(ViewLag::is_sure);
-        lags_s.insert(&row.view, lag.map_or(0.0, |lag| lag.lag_ms / 1e3));
+        let of_view = lag.map(|lag| Late {
+            seconds: lag.lag_ms / 1e3,
+            sd_s: lag.lag_sd_ms / 1e3,
+        });
+        late.insert(&row.view, of_view.unwrap_or_default());
     }
-    let most_ahead_s = lags_s.values().copied().fold(0.0, f64::min);
-    lags_s.values_mut().for_each(|lag_s| *lag_s -= most_ahead_s);
-    lags_s.retain(|_, lag_s| *lag_s > 0.0);
-    lags_s
+    let by_seconds = |a: &Late, b: &Late| a.seconds.total_cmp(&b.seconds);
+    let Some(first) = late.values().copied().min_by(by_seconds) else {
+        return late;
+    };
+    if first.seconds < 0.0 {
+        for of_view in late.values_mut() {
+            of_view.seconds -= first.seconds;
+            of_view.sd_s = of_view.sd_s.hypot(first.sd_s);
+        }
+    }
+    late.retain(|_, of_view| of_view.seconds > 0.0);
+    late
 }
 
 /// The direction of a camera relative to its usual one, as seen in its image.
@@ -104,17 +128,20 @@ pub enum HealthState {
     Shaking,
     /// The image repeats an earlier one, although the aircraft moves.
     Frozen,
+    /// It cannot show the same aircraft as the first view: rows contradict. Either view may be wrong.
+    Inconsistent,
     /// The background shows too little to measure the direction.
     Unknown,
 }
 
 impl HealthState {
     /// All conditions.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Steady,
         Self::Moved,
         Self::Shaking,
         Self::Frozen,
+        Self::Inconsistent,
         Self::Unknown,
     ];
 
@@ -125,13 +152,14 @@ impl HealthState {
             Self::Moved => "moved",
             Self::Shaking => "shaking",
             Self::Frozen => "frozen",
+            Self::Inconsistent => "inconsistent",
             Self::Unknown => "unknown",
         }
     }
 
     /// True unless boxes of such an image are off or old.
     pub fn is_well(self) -> bool {
-        matches!(self, Self::Steady | Self::Unknown)
+        matches!(self, Self::Steady | Self::Unknown | Self::Inconsistent)
     }
 
     fn of_word(word: &str) -> Option<Self> {
@@ -151,6 +179,9 @@ const STATE_LIVE: &str = "state_live";
 /// The columns of [`ViewLag`], which earlier versions did not write either.
 const LAG: (&str, Limits) = ("lag_ms", limits::VIEW_LAG_MS);
 const LAG_SD: (&str, Limits) = ("lag_sd_ms", limits::VIEW_LAG_SD_MS);
+
+/// Also missing in earlier tables.
+const VERTICAL: (&str, Limits) = ("vertical_px", limits::SHIFT_PX);
 
 /// Name of a number, its limits, and its accessor.
 type TurnField = (&'static str, Limits, fn(&CameraTurn) -> f64);
@@ -188,6 +219,11 @@ pub fn health_columns(rows: &[ViewHealth]) -> TableWriter {
     table
         .optional_f64_within(LAG.0, LAG.1, lags.clone().map(|lag| Some(lag?.lag_ms)))
         .optional_f64_within(LAG_SD.0, LAG_SD.1, lags.map(|lag| Some(lag?.lag_sd_ms)))
+        .optional_f64_within(
+            VERTICAL.0,
+            VERTICAL.1,
+            rows.iter().map(|row| row.vertical_px),
+        )
 }
 
 /// Reads the content of `health/<model>.parquet` of a scenario with this many images, each with at most one row; messages name it as
@@ -226,14 +262,14 @@ fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
     } else {
         vec![None; ticks.len()]
     };
-    let [lags, lag_sds] = [LAG, LAG_SD].map(|(name, limits)| {
+    let [lags, lag_sds, verticals] = [LAG, LAG_SD, VERTICAL].map(|(name, limits)| {
         if table.has(name) {
             table.optional_f64_within(name, limits)
         } else {
             Ok(vec![None; ticks.len()])
         }
     });
-    let (lags, lag_sds) = (lags?, lag_sds?);
+    let (lags, lag_sds, verticals) = (lags?, lag_sds?, verticals?);
     let keys = ticks.into_iter().zip(table.text("view")?);
     let rows = keys.zip(states.into_iter().zip(live)).enumerate();
     rows.map(|(row, ((tick, view), (state, state_live)))| {
@@ -262,6 +298,7 @@ fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
             state_live,
             lag: (lags[row].zip(lag_sds[row]))
                 .map(|(lag_ms, lag_sd_ms)| ViewLag { lag_ms, lag_sd_ms }),
+            vertical_px: verticals[row],
         })
     })
     .collect()
@@ -304,6 +341,7 @@ mod tests {
                     lag_ms: 450.0,
                     lag_sd_ms: 20.0,
                 }),
+                vertical_px: Some(-0.5),
             })
             .collect()
     }
@@ -322,11 +360,15 @@ mod tests {
         let late = |lag_ms, lag_sd_ms| {
             let rows = rows(lag_ms, lag_sd_ms);
             let late = late_views(&rows).into_iter();
-            late.map(|(view, lag_s)| (view.to_owned(), lag_s))
+            late.map(|(view, late)| (view.to_owned(), late))
                 .collect::<Vec<_>>()
         };
-        assert_eq!(late(450.0, 20.0), [("right".to_owned(), 0.45)]);
-        assert_eq!(late(-450.0, 20.0), [("left".to_owned(), 0.45)]);
+        let expected = Late {
+            seconds: 0.45,
+            sd_s: 0.02,
+        };
+        assert_eq!(late(450.0, 20.0), [("right".to_owned(), expected)]);
+        assert_eq!(late(-450.0, 20.0), [("left".to_owned(), expected)]);
         assert_eq!(late(450.0, 100.0), []);
         assert_eq!(late(90.0, 1.0), []);
     }
@@ -339,11 +381,12 @@ mod tests {
         for row in &mut earlier {
             row.state_live = None;
             row.lag = None;
+            row.vertical_px = None;
         }
         for rows in [rows(), earlier, Vec::new()] {
             write_health(&path, &rows).unwrap();
             let content = std::fs::read(&path).unwrap();
-            assert_eq!(parse_health(content, &path, 5).unwrap(), rows);
+            assert_eq!(parse_health(content, &path, 6).unwrap(), rows);
         }
     }
 

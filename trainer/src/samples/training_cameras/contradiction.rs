@@ -26,13 +26,17 @@ impl fmt::Display for Contradiction {
     }
 }
 
-/// Message of a training about these views.
-pub(super) fn contradictions_line(found: &[Contradiction]) -> String {
+/// Message of a training about these views. `registered_again`: with cameras that a run has fitted.
+pub(super) fn contradictions_line(found: &[Contradiction], registered_again: bool) -> String {
     let found: Vec<String> = found.iter().map(Contradiction::to_string).collect();
+    let effect = if registered_again {
+        "the views are registered with cameras that a run has fitted, so of the estimators only `triangulation` depends on it"
+    } else {
+        "which boxes count does not depend on calibration.json, but `triangulation` and the registration of the views do: `dtd detect CORPUS \
+         --registration-of RUN` repeats the registration with the cameras that this run fits; then train again"
+    };
     format!(
-        "calibration.json contradicts the boxes: by these, {}. Which boxes count does not depend on calibration.json, but `triangulation` and \
-         the registration of the views do: `dtd detect CORPUS --registration-of RUN` repeats the registration with the cameras that this \
-         run fits; then train again",
+        "calibration.json contradicts the boxes: by these, {}; {effect}",
         found.join("; ")
     )
 }

@@ -231,4 +231,9 @@ fn a_wrong_calibration_is_named_and_a_true_one_is_not() {
         right.contains("view right is turned 0.5") && right.contains("degrees right"),
         "{right}"
     );
+    let said = |registered_again| contradictions_line(&found, registered_again);
+    assert!(said(false).contains("--registration-of RUN"));
+    assert!(
+        !said(true).contains("--registration-of") && said(true).contains("only `triangulation`")
+    );
 }
