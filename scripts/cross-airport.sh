@@ -27,8 +27,8 @@ corpus() {
 corpus "$here" 4
 corpus "$there" 2
 [ -e "$out/run/run.json" ] || "$dtd" train "$out/${here%/*}" --out "$out/run" --quick
-[ -e "$out/here" ] || "$dtd" evaluate "$out/run" --corpus "$out/${here%/*}" --out "$out/here"
-[ -e "$out/there" ] || "$dtd" evaluate "$out/run" --corpus "$out/${there%/*}" --side all --out "$out/there"
+[ -e "$out/here/metrics.json" ] || "$dtd" evaluate "$out/run" --corpus "$out/${here%/*}" --out "$out/here"
+[ -e "$out/there/metrics.json" ] || "$dtd" evaluate "$out/run" --corpus "$out/${there%/*}" --side all --out "$out/there"
 python3 - "$out" "$here" "$there" <<'END'
 import json
 import pathlib

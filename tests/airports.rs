@@ -182,6 +182,7 @@ fn a_run_is_judged_at_another_airport_with_the_same_rig_and_refused_with_another
         .replace("utc_offset_h = 8\n", "")
         .replace("repeats = 5", "repeats = 2")
         .replace("name = \"tiny\"", "name = \"elsewhere\"");
+    assert!(elsewhere.contains("\"FIMP\"") && !elsewhere.contains("\"02L\""));
     let cases = [
         ("same", elsewhere.clone(), true),
         (

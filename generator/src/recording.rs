@@ -22,8 +22,8 @@ pub(crate) use files::matching_files;
 pub(crate) use plausibility::GO_AROUND_M;
 use plausibility::Seen;
 pub use plausibility::{Allowed, Implausible};
-use survey::{HEAD_BYTES, Survey};
-use table::Rows;
+use survey::Survey;
+use table::{HEAD_BYTES, Rows};
 
 use crate::trajectory::{BadFlight, Trajectory};
 

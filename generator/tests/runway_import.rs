@@ -156,38 +156,64 @@ fn a_table_that_is_far_from_the_localizer_is_never_recommended_and_the_output_is
     assert_eq!(in_file(&file, "ZZZZ", "07").unwrap(), found.runway);
 }
 
-#[test]
-fn ends_that_all_miss_the_localizers_are_moved_onto_the_axis_of_both() {
-    let folder = tempfile::tempdir().unwrap();
-    // Both tables have the runway 30 m to the left of its localizers.
-    let aside = |from: LatLon| from.destination(COURSE_DEG + 90.0, 30.0);
-    let localizer = aside(along(START, LENGTH_M + 300.0, 0.0));
-    let opposite = aside(along(START, -300.0, 0.0));
-    let row = |place: LatLon, runway: &str| {
+/// Localizers of both directions, 30 m to the right of the runway.
+fn localizers_aside(folder: &Path) -> PathBuf {
+    let row = |metres: f64, runway: &str| {
+        let place = aside(along(START, metres, 0.0));
         format!(
             "4 {:.8} {:.8} 330 11030 18 25270.000 IZZ ZZZZ ED {runway} ILS-cat-I\n",
             place.latitude_deg, place.longitude_deg
         )
     };
-    let text = format!(
-        "I\n1100 Version\n\n{}{}",
-        row(localizer, "07"),
-        row(opposite, "25")
-    );
+    let rows = row(LENGTH_M + 300.0, "07") + &row(-300.0, "25");
+    write(
+        folder,
+        "earth_nav.dat",
+        format!("I\n1100 Version\n\n{rows}"),
+    )
+}
+
+fn aside(from: LatLon) -> LatLon {
+    from.destination(COURSE_DEG + 90.0, 30.0)
+}
+
+#[test]
+fn ends_that_all_miss_the_localizers_are_moved_onto_the_axis_of_both() {
+    let folder = tempfile::tempdir().unwrap();
+    // Both tables are beside the localizers, and differ from each other.
     let files = [
-        apt_dat(folder.path(), 0.0),
+        apt_dat(folder.path(), 12.0),
         our_airports(folder.path()),
-        write(folder.path(), "earth_nav.dat", text),
+        localizers_aside(folder.path()),
     ];
     let found = imported(&files);
     let threshold = aside(along(START, 200.0, 0.0));
     let off_m = threshold.distance_m(found.runway.threshold.lat_lon());
     assert!(off_m < 0.5, "{off_m} m: {found:?}");
-    assert_eq!(found.conflicts.len(), 2, "{:?}", found.conflicts);
+    let first = &found.conflicts[0];
     assert!(
-        found.conflicts[0]
-            .recommended
-            .starts_with("the axis of both localizers")
+        first.recommended.starts_with("the axis of both localizers"),
+        "{first:?}"
+    );
+}
+
+#[test]
+fn localizers_beside_a_runway_do_not_move_one_on_which_two_tables_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = [
+        apt_dat(folder.path(), 0.0),
+        our_airports(folder.path()),
+        localizers_aside(folder.path()),
+    ];
+    let found = imported(&files);
+    let off_m = along(START, 200.0, 0.0).distance_m(found.runway.threshold.lat_lon());
+    assert!(off_m < 0.5, "{off_m} m: {found:?}");
+    let [conflict] = &found.conflicts[..] else {
+        panic!("{:?}", found.conflicts);
+    };
+    assert!(
+        conflict.found.contains("the localizer stands beside it"),
+        "{conflict:?}"
     );
 }
 

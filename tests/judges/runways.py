@@ -1,7 +1,8 @@
 """Imports every runway in a folder of published tables with `dtd airport import --accept` and compares them with what is independent.
 
-usage: runways.py DTD FOLDER    prints JSON. FOLDER has apt.dat, earth_nav.dat, ourairports-runways.csv, lard-runway-corners.json (the corners
-of the pavement by LARD), and perhaps ICAORUNWAY-*.csv (arrivals). Exit 1 if a runway with corners is off by 5 m across or 0.02 degrees.
+usage: runways.py DTD FOLDER [TRACKS]    prints JSON. FOLDER has apt.dat, earth_nav.dat, ourairports-runways.csv, lard-runway-corners.json
+(the corners of the pavement by LARD); TRACKS has arrivals, ICAORUNWAY-*.csv. Exit 1 if no runway has corners, or one is off by 5 m across or
+0.02 degrees.
 """
 
 import csv
@@ -59,7 +60,7 @@ def main():
     found = {}
     for airport, name in ends:
         command = [dtd, "airport", "import", airport, name, "--accept", "--json", "--from", *tables]
-        tracks = sorted(folder.parent.glob(f"adsb/{airport}{name}-*.csv"))
+        tracks = sorted(pathlib.Path(sys.argv[3]).glob(f"{airport}{name}-*.csv")) if len(sys.argv) > 3 else []
         if tracks:
             command += ["--tracks", *map(str, tracks)]
         made = subprocess.run(command, capture_output=True, text=True)
@@ -97,7 +98,7 @@ def main():
             indent=1,
         )
     )
-    return 1 if off else 0
+    return 1 if off or not judged else 0
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ pub enum ImportError {
     Tracks(#[from] TrackFileError),
     /// No track judges the runway.
     #[error(
-        "no track in {} lands on {airport} {runway}",
+        "no track in {} lands on {airport} {runway} with ten positions between 6 and 0.5 NM",
         files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     NoArrival {
@@ -155,11 +155,7 @@ pub fn import(
     let mut conflicts = Vec::new();
     let localizers = localizer.map(|(place, _)| place).zip(facts.opposite);
     let moved = localizers
-        .filter(|_| {
-            table
-                .localizer_m
-                .is_some_and(|localizer_m| localizer_m > PLACE_M)
-        })
+        .filter(|_| is_beside_localizers(table, &lines))
         .and_then(|(localizer, opposite)| table.onto_axis(opposite, localizer));
     let mut on_axis = moved.as_ref().map(|ends| Line::of(ends, None));
     if let Some(line) = &mut on_axis {
@@ -323,6 +319,23 @@ impl Imported {
         }
         text
     }
+}
+
+/// True if all tables miss the localizer, and no other table and no arrivals confirm the recommended one: where they do, the localizer
+/// stands beside the runway.
+fn is_beside_localizers(table: &Line<'_>, lines: &[Line<'_>]) -> bool {
+    let misses = |line: &Line<'_>| {
+        line.localizer_m
+            .is_none_or(|localizer_m| localizer_m > PLACE_M)
+    };
+    let agreeing = lines
+        .iter()
+        .filter(|line| differences(table, line, "").is_empty());
+    // It agrees with itself.
+    table.localizer_m.is_some()
+        && lines.iter().all(misses)
+        && agreeing.count() == 1
+        && table.arrivals.is_none_or(|axis| !axis.is_on_it())
 }
 
 /// Height of the threshold, and its source.

@@ -9,15 +9,13 @@ use dataset::geometry::runway::Runway;
 
 use super::RecordingError;
 use super::plausibility::{self, Implausible};
-use super::table::{Row, Rows};
+use super::table::{HEAD_BYTES, Row, Rows};
 use crate::trajectory::{Approaches, BadFlight, Inbound, LARGEST_GAP_S};
 
 /// Part of a recording that is kept after the touchdown target, seconds: the landing roll, for the point of touchdown.
 const AFTER_TARGET_S: f64 = 60.0;
 /// Speed, m/s, and height above the runway, metres, of an aircraft that flies: other airports of the recording may be as high.
 const FLYING: (f64, f64) = (60.0, 100.0);
-/// The header of a table fits into it, bytes.
-pub(super) const HEAD_BYTES: usize = 1 << 16;
 
 /// What one pass over all rows finds.
 pub(super) struct Survey {

@@ -1,6 +1,6 @@
 //! The CSV table of a recorded flight: a header with the names of the columns, then a row per state.
 
-use std::io::BufRead;
+use std::io::{self, BufRead};
 use std::path::Path;
 
 use dataset::geometry::pose::{Controls, FlightState, Pose};
@@ -26,6 +26,8 @@ const COLUMNS: [(&str, Limits); 13] = [
 ];
 /// The one column that is no number: 0 or 1.
 const ON_GROUND: &str = "on_ground";
+/// The header of a table fits into it, bytes: readers have such a buffer.
+pub(super) const HEAD_BYTES: usize = 1 << 16;
 /// Separators of fields.
 const SEPARATORS: [(u8, &str); 3] = [(b',', "a comma"), (b';', "a semicolon"), (b'\t', "a tab")];
 
@@ -56,6 +58,11 @@ impl<'a, R: BufRead> Rows<'a, R> {
             cause,
         };
         let head = file.fill_buf().map_err(|error| unreadable(error.into()))?;
+        if head.len() >= HEAD_BYTES && !head.contains(&b'\n') {
+            let why =
+                format!("no line ends within its first {HEAD_BYTES} bytes; expected a CSV table");
+            return Err(unreadable(io::Error::other(why).into()));
+        }
         let (separator, separator_name) = separator(head);
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(separator)

@@ -16,10 +16,14 @@ const FOLLOWS_M: (f64, f64) = (
     0.5 * METERS_PER_NAUTICAL_MILE,
     6.0 * METERS_PER_NAUTICAL_MILE,
 );
-const FEWEST_FIXES: usize = 20;
+const FEWEST_FIXES: usize = 10;
+/// One arrival may be anywhere.
+const FEWEST_ARRIVALS: usize = 2;
 /// Arrivals contradict a runway beyond these differences: metres, degrees. They keep to the centreline within about 10 m.
 const ELSEWHERE_M: f64 = 12.0;
 const ELSEWHERE_DEG: f64 = 0.1;
+/// Standard error of a median over that of a mean.
+const MEDIAN_ERROR: f64 = 1.25;
 
 /// The common line of some arrivals, relative to the centreline of a runway.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -37,9 +41,23 @@ pub struct ArrivalAxis {
 }
 
 impl ArrivalAxis {
+    /// There are enough arrivals to judge a runway.
+    pub(crate) fn is_judge(&self) -> bool {
+        self.arrivals >= FEWEST_ARRIVALS
+    }
+
     /// The arrivals contradict the runway.
     pub(crate) fn is_elsewhere(&self) -> bool {
-        self.offset_m.abs() > ELSEWHERE_M || self.turned_deg.abs() > ELSEWHERE_DEG
+        self.is_judge() && !self.is_near()
+    }
+
+    /// The arrivals confirm the runway.
+    pub(crate) fn is_on_it(&self) -> bool {
+        self.is_judge() && self.is_near()
+    }
+
+    fn is_near(&self) -> bool {
+        self.offset_m.abs() <= ELSEWHERE_M && self.turned_deg.abs() <= ELSEWHERE_DEG
     }
 
     /// Distance from the centreline, metres, averaged over the touchdown target and a place before it.
@@ -49,7 +67,7 @@ impl ArrivalAxis {
     }
 }
 
-/// Fits the arrivals in files of tracks; `None` if none lands on the runway.
+/// Fits the arrivals in files of tracks; `None` if none lands on the runway with enough positions on final approach.
 ///
 /// # Errors
 /// A file that cannot be read.
@@ -80,7 +98,7 @@ pub fn arrival_axis(
         let mut values: Vec<f64> = lines.iter().map(what).collect();
         let [_, deviation] = mean_and_deviation(values.iter().copied());
         let count = values.len() as f64;
-        let error = (count > 1.0).then(|| deviation / (count - 1.0).sqrt());
+        let error = (count > 1.0).then(|| MEDIAN_ERROR * deviation / (count - 1.0).sqrt());
         (median(&mut values), error)
     };
     let (offset_m, offset_error_m) = of(|line| line.0);

@@ -15,9 +15,7 @@ const OFFSET_LOCALIZER_M: f64 = 100.0;
 /// Two centrelines are equally near to the localizer within this, metres.
 const EQUALLY_NEAR_M: f64 = 3.0;
 /// A line between localizers that is turned by more, degrees, is that of another approach.
-const SAME_RUNWAY_DEG: f64 = 1.0;
-/// One arrival may be anywhere.
-const FEWEST_ARRIVALS: usize = 2;
+const SAME_RUNWAY_DEG: f64 = 0.3;
 /// Arrivals are compared with the centreline at the target and this far before it, metres.
 const ARRIVALS_M: f64 = 10_000.0;
 
@@ -99,9 +97,7 @@ impl<'a> Line<'a> {
 
     /// Distance of its centreline from where aircraft fly, metres, if there are enough to tell.
     fn arrivals_m(&self) -> Option<f64> {
-        let axis = self
-            .arrivals
-            .filter(|axis| axis.arrivals >= FEWEST_ARRIVALS)?;
+        let axis = self.arrivals.filter(ArrivalAxis::is_judge)?;
         Some(axis.aside_m(ARRIVALS_M))
     }
 
@@ -169,10 +165,10 @@ pub(super) fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>
             of_each(&|line| line.localizer_m)
         ));
     }
-    if best.arrivals.is_some() {
+    if best.arrivals_m().is_some() {
         reasons.push(format!(
             "arrivals fly beside its centreline by {}",
-            of_each(&|line| Some(line.arrivals?.aside_m(ARRIVALS_M)))
+            of_each(&|line| line.arrivals_m())
         ));
     }
     if let Some(stated_m) = stated_m {

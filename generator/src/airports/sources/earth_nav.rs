@@ -44,7 +44,7 @@ pub(super) fn read<R: BufRead>(
         let field = |at: usize| fields.get(at).copied();
         let place = lines.place(field(1), field(2))?;
         if is_opposite {
-            facts.opposite = Some(place);
+            facts.opposite.get_or_insert(place);
             continue;
         }
         facts.aids.push(if fields[0] == "6" {

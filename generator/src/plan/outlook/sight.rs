@@ -137,5 +137,11 @@ mod tests {
         let storm = format!("{foggy}wind_speed_mps = 50\nwind_from_true_deg = 270\n");
         let said = outlook(&sweep_of(&FROM_9_NM.replace(foggy, &storm))).missed_runways();
         assert!(said.len() == 1 && said[0].contains("foggy"), "{said:?}");
+        let storm = format!("{foggy}wind_speed_mps = 60\nwind_from_true_deg = 23\n");
+        let said = outlook(&sweep_of(&FROM_9_NM.replace(foggy, &storm))).missed_runways();
+        assert!(
+            said.len() == 1 && said[0].contains("does not land"),
+            "{said:?}"
+        );
     }
 }
