@@ -4,6 +4,7 @@
 //! `view CORPUS --run RUN`. `push` copies, from one argument to the other.
 
 use std::env;
+use std::ffi::OsString;
 use std::net::IpAddr;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -97,10 +98,18 @@ impl Args {
     /// The arguments of this process; ends it with a message if they are wrong.
     pub(crate) fn of_process() -> Self {
         let matches = Self::grouped_command()
-            .try_get_matches()
+            .try_get_matches_from(arguments(env::args_os().collect()))
             .unwrap_or_else(|error| exit_without_secrets(&error));
         Self::from_arg_matches(&matches).unwrap_or_else(|error| exit_without_secrets(&error))
     }
+}
+
+/// Arguments for clap, whose `help` takes only verbs: `dtd help --help` is `dtd help`.
+fn arguments(mut given: Vec<OsString>) -> Vec<OsString> {
+    if given.len() == 3 && given[1] == "help" && (given[2] == "--help" || given[2] == "-h") {
+        given.pop();
+    }
+    given
 }
 
 /// Ends with the error of an argument. It repeats the argument, but not its credentials: logs keep what is printed.
@@ -132,7 +141,7 @@ pub(crate) enum Verb {
     /// Show a sweep's scenarios and cost without recording
     #[command(after_help = help::PLAN)]
     Plan(PlanArgs),
-    /// Print the JSON Schema of sweeps, training files or progress
+    /// Print the JSON Schema of sweeps, settings or progress
     #[command(after_help = help::SCHEMA)]
     Schema {
         /// Which files
@@ -245,6 +254,8 @@ pub(crate) enum SchemaOf {
     Sweep,
     /// Settings of a training: TRAIN.toml of train
     Train,
+    /// Settings of an estimation: ESTIMATE.toml of estimate
+    Estimate,
     /// Lines on stderr with --progress json
     Progress,
 }
@@ -478,12 +489,19 @@ pub(crate) struct RuntimeArgs {
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
-    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N
+    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N [default: cpu]
     ///
     /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Indices start at 0. `openvino` uses OpenVINO on the
     /// CPU, which is faster on CPUs with bfloat16; `openvino:N` is Intel's GPU N.
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
-    pub(crate) device: Device,
+    #[arg(long, value_name = "DEVICE")]
+    pub(crate) device: Option<Device>,
+}
+
+impl RuntimeArgs {
+    /// Where the detector runs.
+    pub(crate) fn device(&self) -> Device {
+        self.device.unwrap_or_default()
+    }
 }
 
 #[derive(Debug, ClapArgs)]
@@ -582,6 +600,9 @@ pub(crate) struct AirportImportArgs {
     /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; better several
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     pub(crate) from: Vec<PathBuf>,
+    /// Tracks of arrivals as in `dtd tracks import`: how far they fly beside the runway
+    #[arg(long, num_args = 1.., value_name = "FILE")]
+    pub(crate) tracks: Vec<PathBuf>,
     /// Take the recommended figures where the files differ
     #[arg(long)]
     pub(crate) accept: bool,
@@ -672,7 +693,7 @@ pub(crate) struct MockXplaneArgs {
     pub(crate) faults: Faults,
     /// Awkward habits of a live X-Plane to imitate
     ///
-    /// All of this X-Plane version, none, quick (those that do not slow clients down), or names from docs/simulator.md separated by
+    /// All of this X-Plane version, none, quick (those that do not slow clients down), or names from docs/reference/quirks.md separated by
     /// commas; a - before a name excludes it, e.g. all,-late_clouds. With all of them a first scenario takes minutes.
     #[arg(
         long,
@@ -706,7 +727,6 @@ pub(crate) struct MockXplaneArgs {
     /// States of an X-Plane that a client meets rarely, for tests
     #[arg(
         long,
-        hide = true,
         value_enum,
         value_name = "STATE,..",
         value_delimiter = ',',
@@ -745,7 +765,7 @@ pub(crate) struct DoctorArgs {
     /// The default is DTD_WEB_API, else port 8086 if X-Plane runs on this computer.
     #[arg(long, value_name = "HOST:PORT|off")]
     pub(crate) web_api: Option<WebApiPlace>,
-    /// The sweep to record: the window must be as large as its pictures [default: demo.toml if it exists]
+    /// The sweep to record, whose pictures must fit the window [default: demo.toml if it exists]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
     /// Measure what reports disagree on, even if this installation has a profile
@@ -804,11 +824,6 @@ pub(crate) struct DemoArgs {
     /// Folder for the corpus and the run
     #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
-    /// Remove what an earlier demo made in this folder and start over
-    ///
-    /// A folder with anything else in it is rejected.
-    #[arg(long)]
-    pub(crate) fresh: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -825,7 +840,7 @@ pub(crate) struct PaperArgs {
     /// The sweep to record [default: the paper.toml that ships]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
-    /// Pictures per second, e.g. 30 as in the paper [default: the sweep's, 2]
+    /// Pictures per second: 30 as in the paper, or a fraction such as 1/4 [default: the sweep's, 2]
     #[arg(long, value_name = "N", value_parser = frame_rate)]
     pub(crate) frame_rate: Option<FrameRate>,
     /// The simulator, or several that share the work, separated by commas

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use clap::Args;
 use labeller::RowBand;
-use live::Source;
+use live::{Decoder, Source};
 
 use crate::args::{RuntimeArgs, folder};
 
@@ -19,8 +19,15 @@ pub(crate) struct EstimateArgs {
     /// Source of a view: rtsp://, a video or SDP file, /dev/videoN, or corpus:CORPUS/SCENARIO; once for each view
     ///
     /// RTSP uses TCP unless the address ends with ?transport=udp. A video file is played in its own time.
-    #[arg(long = "view", value_name = "VIEW=SOURCE", required = true)]
+    #[arg(
+        long = "view",
+        value_name = "VIEW=SOURCE",
+        required_unless_present = "config"
+    )]
     pub(crate) views: Vec<OfView<Source>>,
+    /// TOML file with settings that differ from the defaults
+    #[arg(long, value_name = "ESTIMATE.toml")]
+    pub(crate) config: Option<PathBuf>,
     /// View of the run to estimate without; may be repeated
     #[arg(long, value_name = "VIEW")]
     pub(crate) without: Vec<String>,
@@ -32,7 +39,7 @@ pub(crate) struct EstimateArgs {
     pub(crate) offsets: Vec<OfView<GivenOffset>>,
     /// Keep measured offsets in this file (JSON), and begin with those that it has
     ///
-    /// They are of these cameras. No other process may use the file meanwhile.
+    /// It is of this run and these sources, and refused with others. No other process may use it meanwhile.
     #[arg(long, value_name = "FILE")]
     pub(crate) keep_offsets: Option<PathBuf>,
     /// File with the password of a view's server, on its first line
@@ -49,6 +56,11 @@ pub(crate) struct EstimateArgs {
     /// Rows of the pictures to search: TOP:BOTTOM [default: all]
     #[arg(long, value_name = "TOP:BOTTOM")]
     pub(crate) rows: Option<RowBand>,
+    /// What decodes the images: cpu, vaapi or cuda [default: cpu]
+    ///
+    /// The GPUs must be ones that FFmpeg can use. Images are searched where --device says.
+    #[arg(long, value_name = "DECODER")]
+    pub(crate) decoder: Option<Decoder>,
     #[command(flatten)]
     pub(crate) runtime: RuntimeArgs,
     /// Serve metrics (OpenMetrics) at http://ADDRESS:PORT/metrics; a port alone is one of this computer
@@ -106,7 +118,7 @@ impl<T: FromStr<Err: std::fmt::Display>> FromStr for OfView<T> {
     }
 }
 
-fn metrics_address(text: &str) -> Result<SocketAddr, String> {
+pub(crate) fn metrics_address(text: &str) -> Result<SocketAddr, String> {
     if let Ok(port) = text.trim_start_matches(':').parse::<u16>() {
         return Ok((Ipv4Addr::LOCALHOST, port).into());
     }

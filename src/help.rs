@@ -126,6 +126,7 @@ Examples:
       --as-fast-as-possible
   dtd estimate run --view left=corpus:corpus/0001-a \\
       --view right=corpus:corpus/0001-a
+  dtd estimate run --config ESTIMATE.toml     sources and options in a file
 
 Environment:
   DTD_PASSWORD_VIEW     password of a view's server, e.g. DTD_PASSWORD_LEFT
@@ -208,12 +209,13 @@ Examples:
 pub(crate) const DEMO: &str = "\
 Examples:
   dtd demo                                    results in target/demo
-  dtd demo --out /tmp/demo --fresh";
+  dtd demo --out /tmp/demo";
 
 pub(crate) const PAPER: &str = "\
 Examples:
   dtd paper --out paper --scale small         a first look, in three minutes
   dtd paper --out paper                       100 scenarios: hours; resumes
+  dtd paper --out paper --frame-rate 1/4      an eighth of the pictures
   dtd paper --out paper --pretrained-detector yolo11n.onnx
 
 Environment:
@@ -227,6 +229,7 @@ pub(crate) const SCHEMA: &str = "\
 Examples:
   dtd schema > sweep.schema.json              in a sweep: #:schema FILE
   dtd schema train > train.schema.json
+  dtd schema estimate > estimate.schema.json
   dtd schema progress                         of generate ... --progress json";
 
 pub(crate) const COMPLETIONS: &str = "\

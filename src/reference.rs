@@ -19,7 +19,7 @@ const WRITE_VARIABLE: &str = "DTD_WRITE_REFERENCE";
 const COMMAND: &str = "DTD_WRITE_REFERENCE=1 cargo test --release --workspace --bin dtd reference";
 
 /// Name, title, introduction and content of every page.
-fn pages() -> [(&'static str, &'static str, &'static str, String); 7] {
+fn pages() -> [(&'static str, &'static str, &'static str, String); 8] {
     let schema = |text: String| -> Value { serde_json::from_str(&text).unwrap() };
     [
         (
@@ -35,6 +35,13 @@ fn pages() -> [(&'static str, &'static str, &'static str, String); 7] {
             "The hyperparameters of `dtd train`, in a file for `--config`. [training.md](../training.md#settings) has an example. The \
              schema of the file is `schema/train.schema.json` (`dtd schema train`).",
             settings::sections(&schema(trainer::schema())),
+        ),
+        (
+            "estimate-settings.md",
+            "Settings of an estimation",
+            "Keys of `ESTIMATE.toml`, for `dtd estimate --config` ([live.md](../live.md)). The schema of the file is \
+             `schema/estimate.schema.json` (`dtd schema estimate`).",
+            settings::sections(&schema(live::schema())),
         ),
         (
             "detector-settings.md",
@@ -85,6 +92,7 @@ fn files() -> Vec<(String, String)> {
     let schemas = [
         ("sweep", generator::sweep::schema()),
         ("train", trainer::schema()),
+        ("estimate", live::schema()),
     ];
     let schemas = schemas.map(|(of, text)| (format!("schema/{of}.schema.json"), text));
     pages.into_iter().chain(schemas).collect()

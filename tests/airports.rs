@@ -1,5 +1,7 @@
 //! Any built-in airport flies: a sweep names it, and local time, sun, heights, scenery and labels follow.
 
+mod tiny;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -7,6 +9,7 @@ use std::process::Command;
 use serde_json::Value;
 use testkit::command::{Dtd, json, said};
 use testkit::{program_of_venv, repository};
+use tiny::{MODEL, Tiny};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -164,6 +167,58 @@ fn two_airports_of_both_hemispheres_are_recorded_and_verified_and_the_plan_says_
         ] {
             let output = DTD.run(command);
             assert!(output.status.success(), "{}", said(&output));
+        }
+    }
+}
+
+#[test]
+fn a_run_is_judged_at_another_airport_with_the_same_rig_and_refused_with_another() {
+    let tiny = Tiny::made();
+    let folder = tempfile::tempdir().unwrap();
+    let text = fs::read_to_string(tiny.path("sweep.toml")).unwrap();
+    let elsewhere = text
+        .replace("airport = \"WSSS\"", "airport = \"FIMP\"")
+        .replace("runway = \"02L\"", "runway = \"32\"")
+        .replace("utc_offset_h = 8\n", "")
+        .replace("repeats = 5", "repeats = 2")
+        .replace("name = \"tiny\"", "name = \"elsewhere\"");
+    let cases = [
+        ("same", elsewhere.clone(), true),
+        (
+            "turned",
+            elsewhere.replace("rig = \"wide-baseline\"", "rig = \"seed\""),
+            false,
+        ),
+    ];
+    for (name, text, is_judged) in cases {
+        let sweep = folder.path().join(format!("{name}.toml"));
+        fs::write(&sweep, text).unwrap();
+        let [corpus, judged] =
+            ["corpus", "judged"].map(|what| folder.path().join(format!("{name}-{what}")));
+        let (sweep, corpus) = (sweep.to_str().unwrap(), corpus.to_str().unwrap());
+        for command in [
+            &["generate", sweep, "--sim", "mock", "--out", corpus][..],
+            &["label", corpus],
+            &["detect", corpus, "--model", MODEL],
+        ] {
+            let output = tiny.dtd(command).output().unwrap();
+            assert!(output.status.success(), "{command:?}: {}", said(&output));
+        }
+        let evaluate = [
+            "evaluate", "run", "--corpus", corpus, "--side", "all", "--out",
+        ];
+        let command = [&evaluate[..], &[judged.to_str().unwrap()]].concat();
+        let output = tiny.dtd(&command).output().unwrap();
+        if is_judged {
+            assert!(output.status.success(), "{}", said(&output));
+            let metrics: Value =
+                serde_json::from_str(&fs::read_to_string(judged.join("metrics.json")).unwrap())
+                    .unwrap();
+            let ticks = metrics["ticks"]["there"].as_u64();
+            assert!(ticks.is_some_and(|ticks| ticks > 0), "{metrics}");
+        } else {
+            assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+            assert!(said(&output).contains("camera"), "{}", said(&output));
         }
     }
 }

@@ -24,9 +24,9 @@ const STORM: &str = "1200-stormy-r1";
 const HAZE: &str = "1200-hazy-r1";
 /// Simulators in parallel: they mostly wait.
 const AT_ONCE: usize = 4;
-/// Number of random combinations of habits, unless the environment overrides it.
+/// Number of random combinations of habits, unless the environment overrides it: one for each generation, beside the two with all habits.
 const COMBINATIONS_VARIABLE: &str = "DTD_QUIRK_COMBINATIONS";
-const COMBINATIONS: usize = 6;
+const COMBINATIONS: usize = 2;
 
 /// Pictures of storm and haze from well-behaved simulators, of X-Plane 11 and 12.
 static WANTED: LazyLock<[[Vec<Vec<u8>>; 2]; 2]> = LazyLock::new(|| {

@@ -1,8 +1,5 @@
 //! The command as seen from a shell: plans, bad input, a missing simulator.
 
-#[path = "cli/demo_folder.rs"]
-mod demo_folder;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -371,4 +368,37 @@ fn an_output_that_is_a_device_a_fifo_or_a_link_to_one_is_refused_before_anything
         }
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), before);
+}
+
+#[test]
+fn a_demo_refuses_a_sweep_a_model_and_a_folder_that_are_none_before_it_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let [out, none, file] =
+        ["out", "none", "file"].map(|name| folder.path().join(name).display().to_string());
+    fs::write(&file, "").unwrap();
+    for (arguments, expected) in [
+        (&["--out", &out, "--sweep", &none][..], &*none),
+        (&["--out", &out, "--model", &none], "--model expects"),
+        (&["--out", &file], "expected a folder"),
+    ] {
+        let output = DTD.run(&[&["demo"], arguments].concat());
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(expected), "{said}");
+        assert!(!Path::new(&out).exists());
+    }
+}
+
+#[test]
+fn help_has_help_as_every_verb_has() {
+    let shown = |arguments: &[&str]| {
+        let output = DTD.run(arguments);
+        assert!(output.status.success(), "{arguments:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let all = shown(&["help"]);
+    assert!(all.contains("mock-xplane"), "{all}");
+    for flag in ["--help", "-h"] {
+        assert_eq!(shown(&["help", flag]), all);
+    }
 }

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use std::sync::LazyLock;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::detections::models_of;
@@ -17,6 +18,7 @@ use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{CodedPicture, PacketReader};
 use dataset::work::watch::Silent;
 use serde_json::Value;
+use tempfile::TempDir;
 use testkit::command::{Dtd, said, words};
 use testkit::files::contents;
 use testkit::files::copy_folder;
@@ -357,6 +359,13 @@ fn judged(judge: &str, paths: &[&Path]) -> Value {
     testkit::command::json(&output)
 }
 
+/// What mlcroissant reads in folders.
+fn described<const N: usize>(folders: [&Path; N]) -> [Value; N] {
+    let described = judged("croissant_records.py", &folders);
+    let described: Vec<Value> = serde_json::from_value(described).unwrap();
+    described.try_into().unwrap()
+}
+
 /// Rows of a table over all splits.
 fn rows_of<'a>(tables: &'a Value, table: &str) -> Vec<&'a Value> {
     let splits = tables[table].as_object().unwrap().values();
@@ -444,7 +453,7 @@ fn datasets_loads_every_table_of_a_huggingface_export_and_its_videos_are_those_o
     assert!(predictions.iter().all(|row| row["run"] == "run"));
 
     // What the card and `croissant.json` say of the columns is what the tables have.
-    let described = judged("croissant_records.py", &[&tiny.path("hf")]);
+    let [described] = described([&tiny.path("hf")]);
     let card = fs::read_to_string(tiny.path("hf/README.md")).unwrap();
     assert!(card.contains("license: \"cc-by-4.0\""), "{card}");
     for (name, table) in tables.as_object().unwrap() {
@@ -477,19 +486,23 @@ fn datasets_loads_every_table_of_a_huggingface_export_and_its_videos_are_those_o
 #[test]
 fn croissant_json_of_pictures_and_boxes_is_valid_and_gives_their_records() {
     let tiny = Tiny::made().copy();
-    for (format, set, pictures) in [
+    let formats = [
         ("coco", "images", "pictures"),
         ("yolo", "pictures", "images"),
-    ] {
+    ];
+    let counts = formats.map(|(format, ..)| {
         let export = [
-            "export", "corpus", "--to", format, "--out", format, "--every", "2",
+            "export", "corpus", "--to", format, "--out", format, "--every", "2", "--json",
         ];
-        let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
-        let described = judged("croissant_records.py", &[&tiny.path(format)]);
-        let records = described["records"][set].as_array().unwrap();
+        json_of(&tiny, &export)
+    });
+    let described = described([&tiny.path("coco"), &tiny.path("yolo")]);
+    for (((format, set, pictures), counts), described) in formats.iter().zip(counts).zip(described)
+    {
+        let records = described["records"][*set].as_array().unwrap();
         assert_eq!(counts["pictures"], records.len());
-        assert_eq!(counts["pictures"], described["files"][pictures]);
-        if format == "coco" {
+        assert_eq!(counts["pictures"], described["files"][*pictures]);
+        if *format == "coco" {
             let annotations = described["records"]["annotations"].as_array().unwrap();
             assert_eq!(counts["boxes"], annotations.len());
             let raw = fs::read(tiny.path("coco/annotations.json")).unwrap();
@@ -524,7 +537,7 @@ fn a_corpus_describes_itself_to_croissant_and_stays_a_corpus() {
     let describe = ["export", "corpus", "--to", "croissant", "--json"];
     let path = json_of(&tiny, &describe)["croissant"].clone();
     assert_eq!(path, "corpus/croissant.json");
-    let described = judged("croissant_records.py", &[&tiny.corpus()]);
+    let [described] = described([&tiny.corpus()]);
     let records = |set: &str| described["records"][set].as_array().unwrap();
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let (mut ticks, mut boxes, mut detections) = (0, 0, 0);
@@ -624,7 +637,7 @@ fn webdataset_iterates_samples_of_all_views() {
         shards.iter().any(|shard| **shard == name.as_str()),
         "{shards:?}"
     );
-    let described = judged("croissant_records.py", &[&tiny.path("shards")]);
+    let [described] = described([&tiny.path("shards")]);
     assert_eq!(
         described["records"]["shards"].as_array().unwrap().len(),
         shards.len()
@@ -638,32 +651,9 @@ fn webdataset_iterates_samples_of_all_views() {
     }
 }
 
-/// Three views, a lens, refraction, and 30000/1001 pictures a second; labelled.
-fn three_views() -> tempfile::TempDir {
-    recorded(THREE_VIEWS)
-}
-
-/// A labelled corpus of a sweep.
-fn recorded(sweep: &str) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("three.toml"), sweep).unwrap();
-    for arguments in [
-        &["generate", "three.toml", "--out", "corpus"][..],
-        &["label", "corpus"],
-    ] {
-        let output = DTD
-            .command(arguments)
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-    }
-    folder
-}
-
 #[test]
 fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_their_videos() {
-    let folder = three_views();
+    let folder = DTD.recorded(THREE_VIEWS);
     let path = |name: &str| folder.path().join(name);
     let corpus = Corpus::open(&path("corpus")).unwrap();
     let scenario = corpus.scenarios().unwrap().remove(0);
@@ -732,7 +722,6 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
         .map(|found| found["points"].as_array().map_or(0, Vec::len))
         .sum();
     assert_eq!(boxes, opened.truth_boxes().unwrap().len());
-    judged("croissant_records.py", &[&path("mcap")]);
 
     export("huggingface", &[]);
     let loaded = judged("hugging_face.py", &[&path("huggingface")]);
@@ -784,8 +773,8 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     );
     for format in ["coco", "yolo"] {
         export(format, &few);
-        judged("croissant_records.py", &[&path(format)]);
     }
+    described([&path("mcap"), &path("coco"), &path("yolo")]);
 }
 
 /// The coded pictures of a video, with their times in units of the frame rate.
@@ -875,16 +864,23 @@ fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> 
     said_of_it.unwrap()
 }
 
+/// A folder with the labelled corpus of three views at 30 pictures a second, to which tests add exports under different names.
+fn at_30_hz() -> &'static Path {
+    static MADE: LazyLock<TempDir> =
+        LazyLock::new(|| DTD.recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30")));
+    MADE.path()
+}
+
 #[test]
 fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_videos_of_the_corpus() {
-    let folder = recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30"));
-    let path = |name: &str| folder.path().join(name);
+    let folder = at_30_hz();
+    let path = |name: &str| folder.join(name);
     let run = |out: &str, more: &[&str]| {
         let common = [
             "export", "corpus", "--to", "lerobot", "--out", out, "--json",
         ];
         let mut command = DTD.command(&[&common[..], more].concat());
-        command.current_dir(folder.path()).output().unwrap()
+        command.current_dir(folder).output().unwrap()
     };
     let exported = |out: &str, more: &[&str]| {
         let output = run(out, more);
@@ -909,7 +905,7 @@ fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_vide
             assert!(coded_pictures(&copy, rate) == recorded, "{view}");
         }
     }
-    let described = judged("croissant_records.py", &[&path("whole")]);
+    let [described] = described([&path("whole")]);
     assert_eq!(
         described["records"]["frames"].as_array().unwrap().len() as u64,
         frames
@@ -936,8 +932,8 @@ fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_vide
 
 #[test]
 fn lerobot_merges_our_datasets_with_a_picture_for_every_frame() {
-    let folder = recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30"));
-    let path = |name: &str| folder.path().join(name);
+    let folder = at_30_hz();
+    let path = |name: &str| folder.join(name);
     let corpus = Corpus::open(&path("corpus")).unwrap();
     let ids: Vec<String> = (corpus.scenarios().unwrap().iter())
         .map(|scenario| scenario.id())
@@ -954,7 +950,7 @@ fn lerobot_merges_our_datasets_with_a_picture_for_every_frame() {
             "export", "corpus", "--to", "lerobot", "--out", out, "--only", only, "--json",
         ];
         let mut command = DTD.command(&[&common[..], more].concat());
-        let output = command.current_dir(folder.path()).output().unwrap();
+        let output = command.current_dir(folder).output().unwrap();
         assert!(output.status.success(), "{}", said(&output));
         frames += testkit::command::json(&output)["pictures"]
             .as_u64()

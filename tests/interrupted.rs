@@ -1,5 +1,5 @@
 //! Ctrl-C in the verbs that take long: they end with 75 and say what to do, and the same command then arrives at the bytes of an
-//! undisturbed one.
+//! undisturbed one. So does a training with the settings that another one saved.
 
 mod tiny;
 
@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use dataset::corpus::{Corpus, ScenarioFolder};
 use rustix::process::{Pid, Signal, kill_process};
+use testkit::TINY_TRAINING;
 use testkit::command::{json, said};
 use testkit::files::{assert_same_contents, contents};
 use tiny::{SCENARIOS, Tiny, label_otherwise};
@@ -191,9 +192,7 @@ fn labels_and_transfers_resume_with_the_scenarios_that_were_left() {
 #[test]
 fn trainings_resume_to_the_same_weights() {
     let trained = interrupted("train corpus --out new --config long.toml", |tiny| {
-        let settings = fs::read_to_string(tiny.path("training.toml")).unwrap();
-        let long = settings.replace("steps = 10", "steps = 60");
-        fs::write(tiny.path("long.toml"), long).unwrap();
+        fs::write(tiny.path("long.toml"), TINY_TRAINING).unwrap();
     });
     trained.resumes();
     for name in [
@@ -211,6 +210,17 @@ fn trainings_resume_to_the_same_weights() {
     )
     .resumes()
     .made_the_same("new.onnx");
+}
+
+#[test]
+fn the_settings_that_a_run_saved_make_the_same_run_again() {
+    let tiny = Tiny::made().copy();
+    run(&tiny, "train corpus --out again --config run/config.json");
+    for name in ["config.json", "weights.safetensors"] {
+        let [again, first] =
+            ["again", "run"].map(|run| fs::read(tiny.path(run).join(name)).unwrap());
+        assert!(again == first, "{name} differs");
+    }
 }
 
 #[test]

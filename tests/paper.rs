@@ -8,6 +8,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::Value;
+use testkit::TINY_TRAINING;
 use testkit::command::{Dtd, said};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -19,26 +20,23 @@ const KILLED_IN: [(&str, Duration); 4] = [
         "detections of the weaker detector",
         Duration::from_millis(200),
     ),
-    ("training, scenarios drawn", Duration::from_millis(500)),
+    ("training, scenarios drawn", Duration::from_millis(100)),
     ("ranges", Duration::from_millis(200)),
 ];
 
-/// With half as many images as the small scale has.
-fn arguments(out: &Path) -> [&str; 7] {
+/// With half as many images as the small scale has, and few steps: figures are compared, not judged.
+fn arguments(out: &Path) -> Vec<String> {
     arguments_at("1/6", out)
 }
 
-fn arguments_at<'a>(frame_rate: &'a str, out: &'a Path) -> [&'a str; 7] {
-    let out = out.to_str().unwrap();
-    [
-        "paper",
-        "--scale",
-        "small",
-        "--frame-rate",
-        frame_rate,
-        "--out",
-        out,
-    ]
+fn arguments_at(frame_rate: &str, out: &Path) -> Vec<String> {
+    let training = out.with_file_name("training.toml");
+    let line = format!(
+        "paper --scale small --frame-rate {frame_rate} --config {} --out {}",
+        training.display(),
+        out.display()
+    );
+    line.split(' ').map(str::to_owned).collect()
 }
 
 fn start(out: &Path) -> (Child, BufReader<ChildStderr>) {
@@ -107,6 +105,7 @@ fn figures(out: &Path) -> Value {
 fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures() {
     let folder = tempfile::tempdir().unwrap();
     let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
+    fs::write(folder.path().join("training.toml"), TINY_TRAINING).unwrap();
     let output = DTD.run(&arguments(&whole));
     assert!(output.status.success(), "{}", said(&output));
     let page = fs::read_to_string(whole.join("paper.md")).unwrap();

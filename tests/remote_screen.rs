@@ -4,6 +4,7 @@
 //! its screen, as with `grab = on`.
 #![cfg(target_os = "linux")]
 
+use std::fs;
 use std::path::Path;
 use std::process::Output;
 
@@ -86,6 +87,35 @@ fn a_screen_that_may_not_be_shown_or_a_window_that_is_covered_is_refused_with_wh
     let text = said(&output);
     let seen = "found on the screen of 127.0.0.1, grabbed by its plugin, by its check pattern";
     assert!(text.contains(seen), "{text}");
+    // A window with margins is for a dtd beside X-Plane.
+    let small = folder.path().join("small.toml");
+    let sweep = fs::read_to_string(SWEEP).unwrap();
+    let sweep = sweep.replace("width_px = 96", "width_px = 64").replace(
+        "../data/",
+        concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/"),
+    );
+    fs::write(&small, sweep).unwrap();
+    let small = small.to_str().unwrap();
+    let corpus = folder.path().join("small");
+    let examining = from_elsewhere(&open, &["doctor", "--no-measure", "--sweep", small]);
+    let generating = from_elsewhere(
+        &open,
+        &[
+            "generate",
+            small,
+            "--pixels",
+            "screen",
+            "--only",
+            HAZE,
+            "--out",
+            corpus.to_str().unwrap(),
+        ],
+    );
+    assert_eq!(generating.status.code(), Some(2), "{}", said(&generating));
+    for text in [said(&examining), said(&generating)] {
+        let (exact, larger) = ("--window=64x64", "--window=96x96");
+        assert!(text.contains(exact) && !text.contains(larger), "{text}");
+    }
     let above = X11Window::open(Some(open.display()), (48, 32)).unwrap();
     let output = from_elsewhere(&open, &["doctor", "--no-measure"]);
     let text = said(&output);

@@ -300,6 +300,7 @@ fn the_committed_schemas_are_what_the_command_prints() {
     for (of, file) in [
         ("sweep", "schema/sweep.schema.json"),
         ("train", "schema/train.schema.json"),
+        ("estimate", "schema/estimate.schema.json"),
     ] {
         let output = DTD.run(&["schema", of]);
         assert!(output.status.success());

@@ -32,7 +32,7 @@ visibility_m = 15000
         weathers: &["clear", "hazy"],
         repeats: 1,
         size_px: (640, 384),
-        frame_rate: "1",
+        frame_rate: "1/2",
         tables: &(starting_from(2.5, 2.5, 240) + tables),
     }
     .toml()

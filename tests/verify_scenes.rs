@@ -2,7 +2,6 @@
 //! of the picture as well, and where most pictures of a view are wrong, the right ones are not accused.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -11,7 +10,7 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::seal_folder;
 use dataset::verify::{Finding, verify};
 use dataset::video::{VideoSettings, VideoWriter};
-use testkit::command::{Dtd, said, text};
+use testkit::command::{Dtd, text};
 use testkit::files::copy_folder;
 use testkit::pictures::pictures;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
@@ -31,7 +30,6 @@ type Change<'a> = &'a dyn Fn(usize, &[u8]) -> Picture;
 fn sound() -> &'static Path {
     static CORPUS: OnceLock<tempfile::TempDir> = OnceLock::new();
     let folder = CORPUS.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
         let weathers =
             "[weather.clear]\nvisibility_m = 80000\n[weather.foggy]\nvisibility_m = 1500\n";
         let sweep = SmallSweep {
@@ -43,17 +41,7 @@ fn sound() -> &'static Path {
             frame_rate: "1/2",
             tables: &format!("{FROM_2_NM}\n{weathers}"),
         };
-        let file = folder.path().join("sweep.toml");
-        fs::write(&file, sweep.toml()).unwrap();
-        let corpus = folder.path().join("corpus");
-        for arguments in [
-            &["generate", text(&file), "--out", text(&corpus)][..],
-            &["label", text(&corpus)],
-        ] {
-            let output = DTD.run(arguments);
-            assert!(output.status.success(), "{arguments:?}: {}", said(&output));
-        }
-        folder
+        DTD.recorded(&sweep.toml())
     });
     Box::leak(folder.path().join("corpus").into_boxed_path())
 }

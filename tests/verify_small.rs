@@ -14,7 +14,7 @@ use dataset::tables::frames::Frames;
 use dataset::tables::pixel_box::{PixelBox, TruthBox, write_truth_boxes};
 use dataset::verify::{Finding, verify};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
-use testkit::command::{Dtd, text};
+use testkit::command::Dtd;
 use testkit::sweep::{SmallSweep, WEATHER_NAMES, starting_from};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -63,19 +63,9 @@ const STRIDES: [usize; 4] = [1, 2, 4, 8];
 fn recorded() -> &'static Corpus {
     static CORPUS: OnceLock<(tempfile::TempDir, Corpus)> = OnceLock::new();
     let (_, corpus) = CORPUS.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        let sweep = folder.path().join("small.toml");
-        fs::write(&sweep, sweep_toml()).unwrap();
-        let root = folder.path().join("corpus");
-        for arguments in [
-            &["generate", text(&sweep), "--out", text(&root)][..],
-            &["label", text(&root)],
-        ] {
-            let output = DTD.run(arguments);
-            let said = String::from_utf8_lossy(&output.stderr);
-            assert!(output.status.success(), "{arguments:?}: {said}");
-        }
-        (folder, Corpus::open(&root).unwrap())
+        let folder = DTD.recorded(&sweep_toml());
+        let corpus = Corpus::open(&folder.path().join("corpus")).unwrap();
+        (folder, corpus)
     });
     corpus
 }

@@ -21,14 +21,11 @@ use dataset::geometry::imaging::Degradation;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use dataset::geometry::runway::Runway;
 use dataset::video::{VideoSettings, VideoWriter};
-use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
-use generator::shard::Shard;
+use generator::generate::{Cancel, Event, GenerateOptions, SimulatorTarget, generate};
 use generator::sweep::Sweep;
 use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer, ServerOptions, serve_with};
 use testkit::processor_time;
-use xplane_bridge::LocalUdp;
 use xplane_bridge::fly::FlyRequest;
-use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 /// Ticks that are drawn before they are encoded when encoding is timed alone. Limits memory: 14.7 MB a tick.
 const TICKS_AT_ONCE: usize = 16;
@@ -221,19 +218,7 @@ fn record(sweep: &Sweep, corpus: &Path, engine: Arc<Remembering>) -> Result<Cost
     simulator.spawn(serve_with(options, engine, move |addresses| {
         let _ = tell.send(addresses.udp);
     }));
-    let options = GenerateOptions {
-        simulators: SimulatorTarget::Address(told.recv()?).into(),
-        local_udp: LocalUdp::default(),
-        stand_in_program: "none is started".into(),
-        pixels: PixelChoice::Auto,
-        encoder: None,
-        screen: Arc::new(FfmpegScreen::here()),
-        only: Vec::new(),
-        shard: Shard::WHOLE,
-        patience: Patience::default(),
-        restart: None,
-        remote: None,
-    };
+    let options = GenerateOptions::new(SimulatorTarget::Address(told.recv()?));
     let mut on_event = |event: Event<'_>| match event {
         Event::Flown { .. } => from = Some(Cost::so_far(began)),
         Event::Committed { .. } => to = Some(Cost::so_far(began)),

@@ -50,7 +50,7 @@ use dataset::video::VideoEncoder;
 use dataset::work::memory;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
-use xplane_bridge::pixels::{PixelChoice, PixelKind, Screen};
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelKind, Screen};
 use xplane_bridge::{LocalUdp, block_bytes, pictures_at_once};
 
 pub use error::{GenerateError, ScenarioError};
@@ -101,6 +101,25 @@ pub struct GenerateOptions {
     pub restart: Option<Restart>,
     /// The object store of the corpus; its folder is then only the stage.
     pub remote: Option<Remote>,
+}
+
+impl GenerateOptions {
+    /// All scenarios, by these simulators; a stand-in is started as `dtd`.
+    pub fn new(simulators: impl Into<Simulators>) -> Self {
+        Self {
+            simulators: simulators.into(),
+            stand_in_program: "dtd".into(),
+            local_udp: LocalUdp::default(),
+            pixels: PixelChoice::Auto,
+            screen: Arc::new(FfmpegScreen::here()),
+            encoder: None,
+            only: Vec::new(),
+            shard: Shard::WHOLE,
+            patience: Patience::default(),
+            restart: None,
+            remote: None,
+        }
+    }
 }
 
 /// Records the scenarios of a sweep in a corpus; see the module.

@@ -8,7 +8,6 @@ mod duration;
 mod estimate;
 mod expand;
 mod fly_request;
-mod in_sight;
 mod outlook;
 mod split;
 
@@ -16,7 +15,6 @@ pub use duration::{Durations, Pacing, WeatherCost};
 pub use estimate::{Estimate, MeasuredSize, room_bytes};
 pub use expand::{expand, is_seeded_by};
 pub(crate) use fly_request::fly_request;
-pub use in_sight::hidden_aircraft;
 pub use outlook::{Outlook, Sight};
 pub(crate) use split::assign_sides;
 

@@ -5,9 +5,10 @@
 
 mod files;
 mod plausibility;
+mod survey;
 mod table;
 
-use std::ops::Range;
+use std::io::{BufReader, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::{fmt, io};
@@ -21,12 +22,10 @@ pub(crate) use files::matching_files;
 pub(crate) use plausibility::GO_AROUND_M;
 use plausibility::Seen;
 pub use plausibility::{Allowed, Implausible};
-use table::Row;
+use survey::{HEAD_BYTES, Survey};
+use table::Rows;
 
-use crate::trajectory::{BadFlight, Inbound, LARGEST_GAP_S, Trajectory, last_approach};
-
-/// Part of a recording that is kept after the touchdown target, seconds: the landing roll, for the point of touchdown.
-const AFTER_TARGET_S: f64 = 60.0;
+use crate::trajectory::{BadFlight, Trajectory};
 
 /// Reasons why there are no recordings, or why one cannot be flown. Every message names the file or the pattern.
 #[derive(Debug, thiserror::Error)]
@@ -160,31 +159,36 @@ impl Recording {
         longest_dtd_m: f64,
         allow: &[Allowed],
     ) -> Result<Self, RecordingError> {
-        let bytes = outside_file::read(path, FileKind::RECORDING)?;
-        let mut rows = table::rows(path, &bytes)?;
+        let file = outside_file::open(path, FileKind::RECORDING)?;
         let implausible = |fault| RecordingError::Implausible {
             path: path.to_owned(),
             fault,
         };
-        let states: Vec<FlightState> = rows.iter().map(|row| row.state).collect();
-        if !states.is_empty() && states.iter().all(|state| state.on_ground) {
-            return Err(implausible(Implausible::Contradiction {
-                why: "on_ground is true in every row".into(),
-                expected: "a flight that lands",
-            }));
+        let survey = Survey::of(path, &file, runway, longest_dtd_m)?;
+        if let Some(fault) = survey.rolls_in_the_air() {
+            return Err(implausible(fault));
         }
-        let (part, inbound) =
-            approach_of(&states, runway, longest_dtd_m).ok_or_else(
-                || match plausibility::elsewhere(&states, runway) {
-                    Some(fault) => implausible(fault),
-                    None => RecordingError::Flight {
-                        path: path.to_owned(),
-                        line: None,
-                        fault: never_there(&states, runway, longest_dtd_m),
-                    },
+        let again = || {
+            (&file)
+                .rewind()
+                .map_err(|error| RecordingError::NotATable {
+                    path: path.to_owned(),
+                    cause: error.into(),
+                })?;
+            Rows::new(path, BufReader::with_capacity(HEAD_BYTES, &file))
+        };
+        let Some(found) = survey.approach() else {
+            let states = again()?.filter_map(|row| Some(row.ok()?.state));
+            return Err(match plausibility::elsewhere(states, runway) {
+                Some(fault) => implausible(fault),
+                None => RecordingError::Flight {
+                    path: path.to_owned(),
+                    line: None,
+                    fault: survey.never_there(runway, longest_dtd_m),
                 },
-            )?;
-        let rows: Vec<Row> = rows.drain(part.clone()).collect();
+            });
+        };
+        let (rows, inbound) = survey::rows_of(again()?, found)?;
         let line_of = |index: usize| rows.get(index).map(|row| row.line);
         if let Some((line, fault)) = rows
             .iter()
@@ -196,14 +200,15 @@ impl Recording {
                 fault,
             });
         }
-        let seen = Seen::new(&states[part], runway, inbound);
+        let states: Vec<FlightState> = rows.iter().map(|row| row.state).collect();
+        let seen = Seen::new(&states, runway, inbound);
         seen.units().map_err(implausible)?;
-        let states = rows.iter().map(|row| row.state).collect();
-        let trajectory = Trajectory::new(states).map_err(|fault| RecordingError::Flight {
-            path: path.to_owned(),
-            line: fault.state().and_then(line_of),
-            fault,
-        })?;
+        let trajectory =
+            Trajectory::new(states.clone()).map_err(|fault| RecordingError::Flight {
+                path: path.to_owned(),
+                line: fault.state().and_then(line_of),
+                fault,
+            })?;
         trajectory
             .approach(runway, longest_dtd_m)
             .map_err(|fault| RecordingError::Flight {
@@ -218,7 +223,7 @@ impl Recording {
                 .unwrap_or_default()
                 .to_string_lossy()
                 .into_owned(),
-            blake3: blake3::hash(&bytes).to_string(),
+            blake3: survey.blake3,
             trajectory: Arc::new(trajectory),
         })
     }
@@ -230,61 +235,6 @@ impl Recording {
             .rsplit_once('.')
             .map_or(self.file.as_str(), |(stem, _)| stem);
         format!("recorded-{stem}-{}", &self.blake3[..8])
-    }
-}
-
-/// The states that an approach needs, as a range, and the approach within it: a state before its beginning, so that the beginning can
-/// be interpolated, and what follows the target.
-fn approach_of(
-    states: &[FlightState],
-    runway: &Runway,
-    longest_dtd_m: f64,
-) -> Option<(Range<usize>, Inbound)> {
-    let target = runway.touchdown_target();
-    let to_go_m: Vec<f64> = states
-        .iter()
-        .map(|state| plausibility::place(state, target, runway).along_track_m)
-        .collect();
-    let found = last_approach(&to_go_m, |index| !states[index].on_ground, longest_dtd_m)?;
-    let from = match found.first.checked_sub(1) {
-        Some(before) if states[found.first].time_s - states[before].time_s <= LARGEST_GAP_S => {
-            before
-        }
-        _ => found.first,
-    };
-    let to = found.passing.map_or(states.len(), |passing| {
-        let last_s = states[passing].time_s + AFTER_TARGET_S;
-        let later = &states[passing..];
-        passing
-            + later
-                .iter()
-                .take_while(|state| state.time_s <= last_s)
-                .count()
-    });
-    let inbound = Inbound {
-        first: found.first - from,
-        passing: found.passing.map(|passing| passing - from),
-    };
-    Some((from..to.max(found.first + 1), inbound))
-}
-
-fn never_there(states: &[FlightState], runway: &Runway, start_dtd_m: f64) -> BadFlight {
-    let target = runway.touchdown_target();
-    let to_go_m = |state: Option<&FlightState>| {
-        state.map_or(f64::NAN, |state| {
-            plausibility::place(state, target, runway).along_track_m
-        })
-    };
-    if states.len() < 2 {
-        return BadFlight::TooFewStates {
-            states: states.len(),
-        };
-    }
-    BadFlight::Elsewhere {
-        start_dtd_m,
-        runway: format!("{} {}", runway.airport, runway.name),
-        first_m: to_go_m(states.first()),
-        last_m: to_go_m(states.last()),
     }
 }
 

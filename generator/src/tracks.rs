@@ -9,6 +9,8 @@
 //! its position is. Wind is not known: heading is the track, and airspeed the ground speed.
 
 mod arrival;
+mod attitude;
+mod axis;
 mod formats;
 mod height;
 mod smoother;
@@ -24,6 +26,7 @@ use serde::Serialize;
 
 use arrival::FURTHEST_M;
 pub use arrival::NoArrival;
+pub use axis::{ArrivalAxis, arrival_axis};
 pub use formats::TrackFileError;
 
 use crate::recording::{Implausible, Recording, RecordingError};

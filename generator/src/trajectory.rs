@@ -9,7 +9,7 @@ use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::numbers::limits::{Check, FieldOutOfLimits, MOST_APPROACH_S};
 
-pub(crate) use inbound::{Inbound, last_approach};
+pub(crate) use inbound::{Approaches, Inbound, last_approach};
 
 mod inbound;
 

@@ -1,5 +1,5 @@
-//! Faults during a long run: simulators that die, freeze, restart or are several, runs that share one corpus, scenarios that no simulator
-//! can fly. Whatever happens, the corpus ends with the bytes of an undisturbed run.
+//! Faults during a long run: simulators that die, freeze or are several, scenarios that another process holds or no simulator can fly.
+//! Whatever happens, the corpus ends with the bytes of an undisturbed run. Kills, signals and runs at once: `tests/durability.rs`.
 
 mod small_corpus;
 
@@ -14,10 +14,7 @@ use dataset::geometry::camera::Camera;
 use dataset::geometry::imaging::Degradation;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use dataset::geometry::runway::Runway;
-use generator::generate::{
-    Event, GenerateOptions, Outcome, Patience, Remote, SimulatorTarget, Simulators, Stopped,
-};
-use generator::shard::Shard;
+use generator::generate::{Event, Patience, Remote, SimulatorTarget, Simulators, Stopped};
 use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};
 use store::CorpusStore;
 use tempfile::tempdir;
@@ -47,12 +44,6 @@ async fn undisturbed() -> &'static Path {
     MADE.get_or_init(make).await
 }
 
-async fn run_with(corpus: &Path, options: &GenerateOptions) -> Outcome {
-    run_until(small_sweep(), corpus, options, |_| false)
-        .await
-        .unwrap()
-}
-
 async fn two_stand_ins() -> Simulators {
     vec![stand_in().await, stand_in().await].into()
 }
@@ -80,7 +71,7 @@ async fn two_simulators_share_the_work_and_the_tables_do_not_tell_which() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
     let corpus = tempdir().unwrap();
-    let (dying, server) = stand_in_with(0, Arc::new(BuiltIn)).await;
+    let (dying, server) = stand_in_with(Arc::new(BuiltIn)).await;
     let both = vec![SimulatorTarget::Address(dying), stand_in().await];
     let mut options = options(both, &[]);
     options.patience.simulator = Duration::from_millis(50);
@@ -104,7 +95,7 @@ async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_simulator_that_is_gone_for_good_ends_the_run_early_and_the_next_one_goes_on() {
     let corpus = tempdir().unwrap();
-    let (address, server) = stand_in_with(0, Arc::new(BuiltIn)).await;
+    let (address, server) = stand_in_with(Arc::new(BuiltIn)).await;
     let mut options = options(SimulatorTarget::Address(address), &[]);
     options.patience.simulator = Duration::from_millis(50);
     let stopped = run_until(small_sweep(), corpus.path(), &options, |event| {
@@ -128,37 +119,6 @@ async fn a_simulator_that_is_gone_for_good_ends_the_run_early_and_the_next_one_g
     run(small_sweep(), corpus.path(), stand_in().await, &[])
         .await
         .unwrap();
-    same_tables(corpus.path(), undisturbed().await);
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_simulator_that_restarts_in_the_middle_of_a_scenario_costs_an_attempt() {
-    let corpus = tempdir().unwrap();
-    let (address, server) = stand_in_with(0, Arc::new(BuiltIn)).await;
-    let mut seen = Vec::new();
-    let options = options(SimulatorTarget::Address(address), &[]);
-    let made = run_until(small_sweep(), corpus.path(), &options, |event| {
-        if matches!(event, Event::Captured { done: 5, id } if id == IDS[1]) && !server.is_finished()
-        {
-            server.abort();
-            tokio::spawn(async move {
-                tokio::time::sleep(Duration::from_millis(200)).await;
-                stand_in_with(address.port(), Arc::new(BuiltIn)).await;
-            });
-        }
-        match event {
-            Event::Retrying { id, .. } => seen.push(id.to_owned()),
-            Event::SimulatorBack { .. } | Event::SimulatorGone { .. } => {
-                seen.push(format!("{event:?}"));
-            }
-            _ => {}
-        }
-        false
-    });
-    let made = made.await.unwrap();
-    assert_eq!(made.committed, IDS);
-    assert_eq!(seen.first().map(String::as_str), Some(IDS[1]), "{seen:?}");
-    assert!(!seen.iter().any(|event| event.contains("Gone")), "{seen:?}");
     same_tables(corpus.path(), undisturbed().await);
 }
 
@@ -218,7 +178,7 @@ async fn a_simulator_that_freezes_is_noticed_and_its_scenario_made_again() {
     let corpus = tempdir().unwrap();
     let faults = Arc::new(Faulty::default());
     faults.freeze_in.store(60, Ordering::SeqCst);
-    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults))).await;
+    let (address, _) = stand_in_with(Arc::new(FaultyEngine(faults))).await;
     let mut options = options(SimulatorTarget::Address(address), &[]);
     options.patience.answer = Duration::from_millis(500);
     let mut reasons = Vec::new();
@@ -246,7 +206,7 @@ async fn a_scenario_that_can_never_be_flown_is_set_aside_after_one_attempt_and_t
     ));
     let faults = Arc::new(Faulty::default());
     faults.lost_in_fog.store(true, Ordering::SeqCst);
-    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults.clone()))).await;
+    let (address, _) = stand_in_with(Arc::new(FaultyEngine(faults.clone()))).await;
     let options = options(SimulatorTarget::Address(address), &[]);
     let foggy = IDS[3];
 
@@ -282,7 +242,7 @@ async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_st
     ));
     let faults = Arc::new(Faulty::default());
     faults.lost_in_fog.store(true, Ordering::SeqCst);
-    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults.clone()))).await;
+    let (address, _) = stand_in_with(Arc::new(FaultyEngine(faults.clone()))).await;
     let bucket = tempdir().unwrap();
     let url = format!("file://{}", bucket.path().display());
     let foggy = IDS[3];
@@ -329,67 +289,6 @@ async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_st
     let fourth = run_until(&sweep, stage.path(), &only_foggy, |_| false);
     assert_eq!(fourth.await.unwrap().skipped, [foggy]);
     assert!(!record.exists());
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn two_runs_at_once_into_one_corpus_make_each_scenario_once() {
-    let corpus = tempdir().unwrap();
-    let [one, other] = [
-        options(stand_in().await, &[]),
-        options(stand_in().await, &[]),
-    ];
-    let (one, other) = tokio::join!(
-        run_with(corpus.path(), &one),
-        run_with(corpus.path(), &other)
-    );
-    for outcome in [&one, &other] {
-        assert_eq!(
-            outcome.committed.len() + outcome.skipped.len(),
-            4,
-            "{outcome:?}"
-        );
-        assert_eq!((outcome.failed.len(), &outcome.stopped), (0, &None));
-    }
-    let mut made = [one.committed.clone(), other.committed.clone()].concat();
-    made.sort();
-    assert_eq!(made, sorted_ids());
-    assert!(!one.committed.is_empty() && !other.committed.is_empty());
-    same_tables(corpus.path(), undisturbed().await);
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn two_shards_at_once_give_the_corpus_of_one_run() {
-    let corpus = tempdir().unwrap();
-    let shard = |index, target| GenerateOptions {
-        shard: Shard::new(index, 2).unwrap(),
-        ..options(target, &[])
-    };
-    let [one, other] = [shard(0, stand_in().await), shard(1, stand_in().await)];
-    let (one, other) = tokio::join!(
-        run_with(corpus.path(), &one),
-        run_with(corpus.path(), &other)
-    );
-    for shard in [&one, &other] {
-        let of = |weather: &str| {
-            shard
-                .committed
-                .iter()
-                .filter(|id| id.contains(weather))
-                .count()
-        };
-        assert_eq!((of("clear"), of("foggy")), (1, 1), "{:?}", shard.committed);
-    }
-    let mut all = [one.committed, other.committed].concat();
-    all.sort();
-    let mut ids = IDS.to_vec();
-    ids.sort();
-    assert_eq!(all, ids);
-    let undisturbed = undisturbed().await;
-    same_tables(corpus.path(), undisturbed);
-    for file in ["plan.json", "splits.json", "corpus.toml"] {
-        let [a, b] = [corpus.path(), undisturbed].map(|root| fs::read(root.join(file)).unwrap());
-        assert!(a == b, "{file} differs");
-    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

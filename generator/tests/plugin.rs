@@ -2,8 +2,7 @@
 
 mod small_corpus;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
@@ -11,20 +10,16 @@ use dataset::corpus::scenario::Flight;
 use dataset::tables::frames::TickRow;
 use dataset::verify::verify;
 use dataset::video::VideoReader;
-use generator::generate::{
-    Cancel, Event, GenerateOptions, Patience, SimulatorTarget, Stopped, generate,
-};
-use generator::shard::Shard;
+use generator::generate::{Cancel, Event, GenerateOptions, SimulatorTarget, Stopped, generate};
 use generator::sweep::Sweep;
 use mock_xplane::server::{LinkServer, ServerOptions};
 use testkit::repository;
 use testkit::sweep::{SmallSweep, starting_from};
 use testkit_simulator::{plugin, quiet, serving};
+use xplane_bridge::Simulator;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{DoctorOptions, examine};
-use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 use xplane_bridge::profile::{Finding, KnownProfile, PacedBy, Profile};
-use xplane_bridge::{LocalUdp, Simulator};
 
 /// One recorded flight from 1.5 NM, a picture every four seconds.
 fn sweep_toml() -> String {
@@ -94,19 +89,7 @@ async fn record(
 ) -> Corpus {
     let data = repository().join("tests/data");
     let sweep = Sweep::parse(Path::new("test.toml"), &data, sweep).unwrap();
-    let options = GenerateOptions {
-        simulators: target.into(),
-        local_udp: LocalUdp::default(),
-        stand_in_program: PathBuf::from("unused"),
-        pixels: PixelChoice::Auto,
-        encoder: None,
-        screen: Arc::new(FfmpegScreen::here()),
-        only: Vec::new(),
-        shard: Shard::WHOLE,
-        patience: Patience::default(),
-        restart: None,
-        remote: None,
-    };
+    let options = GenerateOptions::new(target);
     let mut told = Vec::new();
     let mut listen = |event: Event<'_>| {
         if let Event::Profile { known, .. } = event {

@@ -1,4 +1,4 @@
-//! Complete scenarios against the stand-in, over real sockets: recorded, skipped, stopped, resumed, rejected.
+//! Complete scenarios against the stand-in, over real sockets: recorded, skipped, rejected.
 
 mod small_corpus;
 
@@ -15,7 +15,7 @@ use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::Runway;
 use dataset::verify::verify;
 use generator::against::{Against, Standing};
-use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, Stopped, trial};
+use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, trial};
 use generator::plan::{Estimate, Pacing, expand};
 use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};
 use xplane_bridge::fly::FlyRequest;
@@ -112,7 +112,7 @@ async fn computed_flights_are_only_shown_by_the_simulator_and_the_corpus_says_so
     let [one, other] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let live = sweep_toml();
     let computed = sweep_of(&live.replace("speed_mps = 72", "speed_mps = 72\nfly = \"computed\""));
-    let (address, _) = stand_in_with(0, Arc::new(OnlyDraws)).await;
+    let (address, _) = stand_in_with(Arc::new(OnlyDraws)).await;
     let only_draws = SimulatorTarget::Address(address);
     let made = run(&computed, one.path(), only_draws.clone(), &[]).await;
     assert_eq!(made.unwrap().committed, IDS);
@@ -161,47 +161,6 @@ async fn a_trial_measures_a_scenario_of_every_weather() {
     let nobody = SimulatorTarget::Address(nobody.local_addr().unwrap());
     let error = trial(&sweep, &small_corpus::options(nobody, &[]), &Cancel::new()).await;
     assert!(matches!(error, Err(GenerateError::Bridge(_))), "{error:?}");
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_stopped_run_is_resumed_and_ends_with_the_same_tables_as_an_undisturbed_one() {
-    let [stopped, whole] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
-    let sweep = sweep_of(&sweep_toml());
-    let target = stand_in().await;
-    let mut committed = 0;
-    let all = options(target.clone(), &[]);
-    let outcome = run_until(&sweep, stopped.path(), &all, |event| {
-        committed += usize::from(matches!(event, Event::Committed { .. }));
-        committed == 1 && matches!(event, Event::Captured { done: 3.., .. })
-    });
-    let outcome = outcome.await.unwrap();
-    assert_eq!(outcome.stopped, Some(Stopped::Interrupted));
-    assert_eq!(outcome.committed, IDS[..1]);
-    assert_eq!(outcome.not_made, IDS[1..]);
-    assert_eq!(
-        folders(stopped.path()),
-        IDS[..1],
-        "a stopped scenario leaves nothing"
-    );
-
-    // As a killed process would leave it.
-    let partial = stopped
-        .path()
-        .join("scenarios")
-        .join(format!("{}.partial", IDS[1]));
-    fs::create_dir_all(partial.join("views")).unwrap();
-    fs::write(partial.join("views/left.mp4"), "half").unwrap();
-
-    let resumed = run(&sweep, stopped.path(), target, &[]).await.unwrap();
-    assert_eq!(
-        (resumed.skipped.as_slice(), resumed.committed.len()),
-        (&[IDS[0].to_owned()][..], 3)
-    );
-    run(&sweep, whole.path(), stand_in().await, &[])
-        .await
-        .unwrap();
-    same_tables(stopped.path(), whole.path());
-    assert_eq!(folders(stopped.path()), sorted_ids());
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -65,7 +65,7 @@ fn earth_nav(folder: &Path) -> PathBuf {
 }
 
 fn imported(files: &[PathBuf]) -> Imported {
-    import("ZZZZ", "07", files).unwrap()
+    import("ZZZZ", "07", files, &[]).unwrap()
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn what_is_missing_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let apt = apt_dat(folder.path(), 0.0);
     let message = |airport: &str, runway: &str, files: &[PathBuf]| {
-        import(airport, runway, files).unwrap_err().to_string()
+        import(airport, runway, files, &[]).unwrap_err().to_string()
     };
     assert!(message("ZZZZ", "09", slice::from_ref(&apt)).contains("they have runways 07, 25"));
     assert!(
@@ -154,4 +154,79 @@ fn a_table_that_is_far_from_the_localizer_is_never_recommended_and_the_output_is
     assert!((found.runway.course_true_deg - COURSE_DEG).abs() < 0.01);
     let file = write(folder.path(), "runway.toml", found.toml());
     assert_eq!(in_file(&file, "ZZZZ", "07").unwrap(), found.runway);
+}
+
+#[test]
+fn ends_that_all_miss_the_localizers_are_moved_onto_the_axis_of_both() {
+    let folder = tempfile::tempdir().unwrap();
+    // Both tables have the runway 30 m to the left of its localizers.
+    let aside = |from: LatLon| from.destination(COURSE_DEG + 90.0, 30.0);
+    let localizer = aside(along(START, LENGTH_M + 300.0, 0.0));
+    let opposite = aside(along(START, -300.0, 0.0));
+    let row = |place: LatLon, runway: &str| {
+        format!(
+            "4 {:.8} {:.8} 330 11030 18 25270.000 IZZ ZZZZ ED {runway} ILS-cat-I\n",
+            place.latitude_deg, place.longitude_deg
+        )
+    };
+    let text = format!(
+        "I\n1100 Version\n\n{}{}",
+        row(localizer, "07"),
+        row(opposite, "25")
+    );
+    let files = [
+        apt_dat(folder.path(), 0.0),
+        our_airports(folder.path()),
+        write(folder.path(), "earth_nav.dat", text),
+    ];
+    let found = imported(&files);
+    let threshold = aside(along(START, 200.0, 0.0));
+    let off_m = threshold.distance_m(found.runway.threshold.lat_lon());
+    assert!(off_m < 0.5, "{off_m} m: {found:?}");
+    assert_eq!(found.conflicts.len(), 2, "{:?}", found.conflicts);
+    assert!(
+        found.conflicts[0]
+            .recommended
+            .starts_with("the axis of both localizers")
+    );
+}
+
+/// Tracks of arrivals on the axis of the runway, in the columns of `traffic`.
+fn arrivals(folder: &Path) -> Vec<PathBuf> {
+    let track = |name: &str| {
+        let mut text = "timestamp,icao24,latitude,longitude,altitude,groundspeed,track,vertical_rate,onground\n".to_owned();
+        for second in 0..180 {
+            let to_go_m = 12_600.0 - 70.0 * f64::from(second);
+            let place = along(START, 491.0 - to_go_m, 0.0);
+            let feet = 328.0 + to_go_m * 3.0_f64.to_radians().tan() / 0.3048;
+            text += &format!(
+                "{},{name},{},{},{feet:.0},136,{COURSE_DEG},-700,False\n",
+                1_600_000_000 + second,
+                place.latitude_deg,
+                place.longitude_deg
+            );
+        }
+        write(folder, &format!("{name}.csv"), text)
+    };
+    ["aaa001", "aaa002"].map(track).into()
+}
+
+#[test]
+fn arrivals_decide_between_tables_without_a_localizer_and_say_how_far_the_runway_is_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = [apt_dat(folder.path(), 12.0), our_airports(folder.path())];
+    assert!((imported(&files).runway.course_true_deg - COURSE_DEG).abs() > 0.1);
+    let tracks = arrivals(folder.path());
+    let found = import("ZZZZ", "07", &files, &tracks).unwrap();
+    assert!((found.runway.course_true_deg - COURSE_DEG).abs() < 0.01);
+    let axis = found.arrivals.unwrap();
+    assert_eq!(axis.arrivals, 2);
+    assert!(
+        axis.offset_m.abs() < 1.0 && axis.turned_deg.abs() < 0.02,
+        "{axis:?}"
+    );
+    let nobody = import("ZZZZ", "25", &files, &tracks)
+        .unwrap_err()
+        .to_string();
+    assert!(nobody.contains("no track in"), "{nobody}");
 }

@@ -23,8 +23,12 @@ fn recording(path: &Path) -> Recording {
     Recording::read(path, &runway(), f64::MAX, &[]).unwrap()
 }
 
+fn flight_of(name: &str) -> Recording {
+    recording(&repository().join(format!("tests/data/flights/{name}.csv")))
+}
+
 fn flight() -> Recording {
-    recording(&repository().join("tests/data/flights/03_xwind_right_mod_turb.csv"))
+    flight_of("03_xwind_right_mod_turb")
 }
 
 /// Distance to go, offset to the right, height above the target, metres.
@@ -60,15 +64,20 @@ fn reports(flight: &Recording) -> Vec<Report> {
     all
 }
 
-/// In the columns of `traffic`, with each position repeated once.
-fn csv(reports: &[Report], qnh_m: f64) -> String {
+/// In the columns of `traffic`, with each position repeated once; altitudes above another pressure are `above_m` higher.
+fn csv(reports: &[Report], above_m: f64) -> String {
+    csv_with(reports, |altitude_msl_m| altitude_msl_m + above_m)
+}
+
+/// The same with the altitude that the aircraft reports by its true one.
+fn csv_with(reports: &[Report], reported_m: impl Fn(f64) -> f64) -> String {
     let mut text =
         "timestamp,icao24,latitude,longitude,altitude,groundspeed,track,vertical_rate,onground\n"
             .to_owned();
     for report in reports {
         for repeat in 0..2 {
             let state = &report.state;
-            let feet = ((state.pose.altitude_msl_m + qnh_m) / 0.3048 / 25.0).round() * 25.0;
+            let feet = (reported_m(state.pose.altitude_msl_m) / 0.3048 / 25.0).round() * 25.0;
             let knots = state.velocity_north_mps.hypot(state.velocity_east_mps) * 3_600.0 / 1_852.0;
             let track = state
                 .velocity_east_mps
@@ -277,4 +286,151 @@ fn two_files_of_one_name_do_not_replace_each_other_and_dates_are_understood() {
         found.refused[0].reason.contains("exists already"),
         "{found:?}"
     );
+}
+
+#[test]
+fn messages_of_a_receiver_are_joined_to_tracks() {
+    let flight = flight();
+    let reports = reports(&flight);
+    let mut text = String::new();
+    for report in &reports {
+        let state = &report.state;
+        let head = format!(
+            "{{\"timestamp\":{},\"frame\":\"8d\",\"df\":\"17\",\"icao24\":\"abc123\"",
+            report.time_s
+        );
+        let knots = state.velocity_north_mps.hypot(state.velocity_east_mps) * 3_600.0 / 1_852.0;
+        let track = state
+            .velocity_east_mps
+            .atan2(state.velocity_north_mps)
+            .to_degrees();
+        let feet = (state.pose.altitude_msl_m / 0.3048 / 25.0).round() * 25.0;
+        let (bds, altitude) = if state.on_ground {
+            ("06", "null".to_owned())
+        } else {
+            ("05", feet.to_string())
+        };
+        let (latitude, longitude) = (state.pose.latitude_deg, state.pose.longitude_deg);
+        let _ = writeln!(
+            text,
+            "{head},\"bds\":\"09\",\"groundspeed\":{knots},\"track\":{track}}}"
+        );
+        let _ = writeln!(
+            text,
+            "{head},\"bds\":\"{bds}\",\"altitude\":{altitude},\"latitude\":{latitude},\"longitude\":{longitude}}}"
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let found = import(folder.path(), &text);
+    assert_eq!(found.imported[0].aircraft.as_deref(), Some("abc123"));
+    let made = recording(&only(&found));
+    let report = &reports[reports.len() / 2];
+    let here = place(&made.trajectory.at(report.time_s - reports[0].time_s));
+    let truth = place(&report.state);
+    assert!(
+        (here[1] - truth[1]).abs() < 8.0 && (here[2] - truth[2]).abs() < 10.0,
+        "{here:?} {truth:?}"
+    );
+}
+
+/// Air of a pressure at sea level and a temperature above standard.
+struct Air {
+    qnh_hpa: f64,
+    warmer_k: f64,
+}
+
+impl Air {
+    /// What an altimeter at 1013.25 hPa shows (ICAO standard atmosphere).
+    fn pressure_altitude_m(&self, altitude_msl_m: f64) -> f64 {
+        const KELVIN: f64 = 288.15;
+        const LAPSE_K_PER_M: f64 = 0.0065;
+        const EXPONENT: f64 = 5.255_9;
+        let ground_k = KELVIN + self.warmer_k;
+        let hpa = self.qnh_hpa * (1.0 - LAPSE_K_PER_M * altitude_msl_m / ground_k).powf(EXPONENT);
+        KELVIN / LAPSE_K_PER_M * (1.0 - (hpa / 1_013.25).powf(EXPONENT.recip()))
+    }
+}
+
+#[test]
+fn heights_follow_from_pressure_altitudes_in_air_of_unknown_pressure_and_temperature() {
+    const FLIGHTS: usize = 300;
+    const ON_GLIDE_PATH: [&str; 5] = [
+        "01_calm_ils",
+        "03_xwind_right_mod_turb",
+        "04_storm_gusts",
+        "07_loc_offset_intercept",
+        "10_from_3000ft_cda",
+    ];
+    let usual = ON_GLIDE_PATH.map(|name| reports(&flight_of(name)));
+    let stepping_down = reports(&flight_of("05_step_down_1500"));
+    let mut rng = ChaCha8Rng::seed_from_u64(43);
+    // At 1 and 5 NM: errors and half widths of their intervals.
+    let mut found: [Vec<[f64; 2]>; 2] = [Vec::new(), Vec::new()];
+    for number in 0..FLIGHTS {
+        let air = Air {
+            qnh_hpa: 1_013.25 + rng.random_range(-30.0..30.0),
+            warmer_k: rng.random_range(-20.0..25.0),
+        };
+        // One flight in ten steps down, another is off 3.00 degrees.
+        let mut flown = match number % 10 {
+            0 => stepping_down.clone(),
+            _ => usual[number % usual.len()].clone(),
+        };
+        if number % 10 == 1 {
+            let angle_deg: f64 = rng.random_range(2.5..3.5);
+            let steeper = angle_deg.to_radians().tan() / 3.0_f64.to_radians().tan();
+            let ground_m = runway().touchdown_target().altitude_msl_m;
+            for report in &mut flown {
+                let altitude_m = &mut report.state.pose.altitude_msl_m;
+                *altitude_m = ground_m + steeper * (*altitude_m - ground_m);
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let text = csv_with(&flown, |altitude_m| air.pressure_altitude_m(altitude_m));
+        let made = only(&import(folder.path(), &text));
+        let heights = heights(&made);
+        for (miles, found) in [1.0, 5.0].into_iter().zip(&mut found) {
+            let there = flown
+                .iter()
+                .find(|report| place(&report.state)[0] < miles * METERS_PER_NAUTICAL_MILE)
+                .unwrap();
+            let passed_s = there.time_s - flown[0].time_s;
+            let row = heights.partition_point(|row| row[0] < passed_s - 1e-6);
+            let [_, altitude_m, half_width_m] = heights[row];
+            let off_m = altitude_m - there.state.pose.altitude_msl_m;
+            found.push([off_m, half_width_m]);
+        }
+    }
+    for ((miles, limit_m), found) in [(1, 5.0), (5, 10.0)].into_iter().zip(found) {
+        let squares: f64 = found.iter().map(|[off_m, _]| off_m * off_m).sum();
+        let rms_m = (squares / FLIGHTS as f64).sqrt();
+        let mut sizes: Vec<f64> = found.iter().map(|[off_m, _]| off_m.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let held = found
+            .iter()
+            .filter(|[off_m, half_m]| off_m.abs() <= *half_m);
+        let held = held.count() as f64 / FLIGHTS as f64;
+        println!(
+            "{miles} NM: {rms_m:.1} m RMS, {:.1} m median, {:.1} m for 90 %; 90 % intervals hold {:.0} %",
+            sizes[FLIGHTS / 2],
+            sizes[FLIGHTS * 9 / 10],
+            100.0 * held
+        );
+        assert!(rms_m < limit_m, "{rms_m} m at {miles} NM");
+        assert!((0.85..=0.95).contains(&held), "{held} at {miles} NM");
+    }
+}
+
+/// Times, altitudes and half widths of their intervals, of the rows of a recording.
+fn heights(recording: &Path) -> Vec<[f64; 3]> {
+    let text = fs::read_to_string(recording).unwrap();
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let columns = ["t_s", "altitude_msl_m", "altitude_90_m"]
+        .map(|name| names.iter().position(|found| *found == name).unwrap());
+    let row = |line: &str| {
+        let fields: Vec<&str> = line.split(',').collect();
+        columns.map(|column| fields[column].parse().unwrap())
+    };
+    lines.map(row).collect()
 }

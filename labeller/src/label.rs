@@ -283,7 +283,6 @@ mod tests {
     use dataset::corpus::seal::seal_folder;
     use dataset::work::watch::Silent;
     use testkit::short_corpus;
-    use testkit::watch::Calls;
 
     use super::*;
 
@@ -388,27 +387,6 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
-        let temporary = tempfile::tempdir().unwrap();
-        let ids = ["0001-a", "0002-b", "0003-c", "0004-d"];
-        let corpus = short_corpus::write(temporary.path(), &ids);
-        let asked = AtomicU64::new(0);
-        let after_two = Calls {
-            advance: |_| {},
-            is_stopped: || asked.fetch_add(1, Ordering::Relaxed) >= 2,
-        };
-        let stopped = label_corpus(&corpus, &after_two).unwrap();
-        assert!(stopped.stopped);
-        assert_eq!((stopped.labelled.len(), stopped.left.len()), (2, 2));
-        let rest = label_corpus(&corpus, &Silent).unwrap();
-        assert_eq!(
-            (rest.labelled, rest.unchanged),
-            (stopped.left, stopped.labelled)
-        );
-        assert!(rest.left.is_empty() && !rest.stopped);
-    }
-
-    #[test]
     fn a_scenario_that_cannot_be_labelled_is_named_and_does_not_stop_the_others() {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = short_corpus::write(temporary.path(), &["0001-a", "0002-b"]);
@@ -427,47 +405,6 @@ mod tests {
             "{:?}",
             outcome.failed
         );
-    }
-
-    #[test]
-    fn labelling_beside_readers_and_another_labeller_breaks_no_seal() {
-        let temporary = tempfile::tempdir().unwrap();
-        let ids = ["0001-a", "0002-b", "0003-c"];
-        let corpus = short_corpus::write(temporary.path(), &ids);
-        let unlabelled = corpus.scenario(ids[0]).open().unwrap().frames().unwrap();
-        for _ in 0..10 {
-            for id in ids {
-                let folder = corpus.scenario(id);
-                replace_files(
-                    &folder.claim().unwrap(),
-                    folder.root(),
-                    &[ScenarioFolder::FRAMES],
-                    |_, path| unlabelled.write(path),
-                )
-                .unwrap();
-            }
-            let label = || {
-                let outcome = label_corpus(&corpus, &Silent).unwrap();
-                assert_eq!(outcome.failed, []);
-            };
-            let read = || {
-                for folder in corpus.scenarios().unwrap() {
-                    let found = dataset::corpus::seal::faults(folder.root()).unwrap();
-                    assert_eq!(found, Vec::<String>::new());
-                    let frames = folder.open().unwrap().frames().unwrap();
-                    assert_eq!(frames.rows.len(), unlabelled.rows.len());
-                }
-            };
-            std::thread::scope(|scope| {
-                scope.spawn(label);
-                scope.spawn(label);
-                scope.spawn(read);
-                scope.spawn(read);
-            });
-            read();
-            assert_eq!(label_corpus(&corpus, &Silent).unwrap().unchanged, ids);
-        }
-        assert!(!temporary.path().join("claims").exists());
     }
 
     #[test]

@@ -48,7 +48,7 @@ class Tables(unittest.TestCase):
         scenarios = self.corpus.scenarios()
         self.assertEqual(scenarios["scenario"].to_list(), self.corpus.ids)
         self.assertEqual(scenarios["weather"].to_list(), ["clear"] * 2)
-        self.assertAlmostEqual(scenarios["frame_rate"][0], 30_000 / 1_001)
+        self.assertAlmostEqual(scenarios["frame_rate"][0], 10_000 / 1_001)
         self.assertLessEqual(set(scenarios["side"]), {"train", "validation", "test"})
 
     def test_what_is_not_there_is_said_with_what_to_do(self) -> None:

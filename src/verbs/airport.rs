@@ -4,14 +4,15 @@ use generator::airports::{Conflict, Imported, import};
 use serde::Serialize;
 
 use super::Outcome;
-use super::output::print_json;
+use super::output::{count, print_json};
 use crate::args::{AirportArgs, AirportCommand};
 use crate::failure::{Ending, Failure};
 
 /// Runs the verb.
 pub(crate) fn run(args: &AirportArgs) -> Outcome {
     let AirportCommand::Import(args) = &args.command;
-    let found = import(&args.airport, &args.runway, &args.from).map_err(Failure::bad_input)?;
+    let found = import(&args.airport, &args.runway, &args.from, &args.tracks)
+        .map_err(Failure::bad_input)?;
     let is_agreed = args.accept || found.conflicts.is_empty();
     if args.json {
         print_json(&Printed {
@@ -28,6 +29,14 @@ pub(crate) fn run(args: &AirportArgs) -> Outcome {
     } in &found.conflicts
     {
         eprintln!("{figure}: {found}\n    recommended: {recommended}");
+    }
+    if let Some(axis) = &found.arrivals {
+        eprintln!(
+            "{}: {:+.1} m to the right of the centreline at the touchdown target, turned by {:+.3} degrees",
+            count(axis.arrivals, "arrival"),
+            axis.offset_m,
+            axis.turned_deg
+        );
     }
     if is_agreed {
         return Ok(Ending::Done);

@@ -1,12 +1,11 @@
 //! `dtd demo`: the whole pipeline at small scale.
 
-mod own_folder;
-
 use std::path::{Path, PathBuf};
 use std::slice;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
+use dataset::corpus::workshop::lock;
 use generator::generate::SimulatorTarget;
 use generator::sweep::Sweep;
 use labeller::{DetectOptions, DetectOutcome};
@@ -23,7 +22,6 @@ use super::train::train;
 use crate::args::DemoArgs;
 use crate::failure::{Ending, Failure};
 use crate::shipped::Shipped;
-use own_folder::OwnFolder;
 
 /// Videos whose paths are printed for a first look.
 const VIDEOS_TO_SHOW: usize = 2;
@@ -36,14 +34,16 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     let model = args.model.clone().unwrap_or_else(|| shipped.detector());
     let sweep = Sweep::read(&sweep).map_err(Failure::bad_input)?;
     refuse_other_models(&model)?;
-    let folder = OwnFolder::open(&args.out, args.fresh)?;
+    let claim = lock(&args.out, &args.out, Duration::ZERO).map_err(Failure::of_corpus)?;
+    let _claim = claim.in_existing_folder();
+    let [corpus, run] = ["corpus", "run"].map(|name| args.out.join(name));
     eprintln!(
         "demo: records {} into {}, searches them and trains on them; Ctrl-C stops it, and the same command resumes",
         count(sweep.len(), "scenario"),
-        folder.corpus().display()
+        corpus.display()
     );
     let options = options(SimulatorTarget::StandIn.into())?;
-    let generated = generate(&sweep, &folder.corpus(), &options)?;
+    let generated = generate(&sweep, &corpus, &options)?;
     match ending_of(&generated)? {
         Ending::Done => {}
         other => {
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
             return Ok(other);
         }
     }
-    let corpus = Corpus::open(&folder.corpus())?;
+    let corpus = Corpus::open(&corpus)?;
     let labelled = label(&corpus)?;
     if let Some(ending) = label::interrupted(&labelled) {
         return Ok(ending);
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         &model,
         DetectOptions {
             onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device,
+            device: args.runtime.device(),
             ..DetectOptions::default()
         },
     )?;
@@ -78,7 +78,6 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         model_hash: Some(detected.model_hash.clone()),
         ..TrainConfig::demo()
     };
-    let run = folder.run();
     train(slice::from_ref(&corpus), &run, &config)?;
     let metrics = evaluate(&run, &corpus, &EvaluationConfig::default())?;
     let run_folder = RunFolder::at(&run);

@@ -44,7 +44,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         model.path(),
         DetectOptions {
             onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device,
+            device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(args.mode),
             only,

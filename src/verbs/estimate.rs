@@ -1,9 +1,11 @@
 //! `dtd estimate`: distances from camera feeds, while they run.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod settings;
+
+use std::collections::BTreeMap;
 use std::env;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use dataset::files::outside_file::{self, FileKind};
 use labeller::tiling::TilingSettings;
@@ -16,10 +18,12 @@ use super::Outcome;
 use super::detect::refuse_other_models;
 use super::output::print_json;
 use super::train::failure_of;
-use crate::estimate_args::{EstimateArgs, GivenOffset, OfView};
+use crate::estimate_args::EstimateArgs;
 use crate::failure::{Ending, Failure};
 use crate::shipped::Detector;
 use crate::signals::CleanStop;
+
+use self::settings::Given;
 
 /// Runs the verb, until the recordings end or it is stopped.
 pub(crate) fn run(args: &EstimateArgs) -> Outcome {
@@ -50,49 +54,47 @@ pub(crate) fn run(args: &EstimateArgs) -> Outcome {
 }
 
 fn options(args: &EstimateArgs) -> Result<Options, Failure> {
-    let run = OnlineRun::open(&RunFolder::at(&args.run), args.estimator.as_deref())
+    let given = Given::of(args)?;
+    let run = OnlineRun::open(&RunFolder::at(&args.run), given.estimator.as_deref())
         .map_err(failure_of)?;
-    let model = Detector::chosen(args.model.as_deref())?;
+    let model = Detector::chosen(given.model.as_deref())?;
     refuse_other_models(model.path())?;
     let search = DetectOptions {
         onnx_runtime: args.runtime.library.clone(),
-        device: args.runtime.device,
+        device: given.device.unwrap_or_default(),
         settings: TilingSettings {
-            rows: args.rows,
+            rows: given.rows,
             ..TilingSettings::default()
         },
         ..DetectOptions::default()
     };
     let searcher = Searcher::load(model.path(), &search).map_err(|error| failure(error.into()))?;
     refuse_another_detector(&run, &searcher)?;
-    let passwords = passwords(args, run.views())?;
-    let sources = by_view("--view", &args.views)?;
-    let (mut offsets_s, mut measured) = (BTreeMap::new(), BTreeSet::new());
-    for (view, offset) in by_view("--offset", &args.offsets)? {
-        match offset {
-            GivenOffset::Seconds(seconds) => {
-                offsets_s.insert(view, seconds);
-            }
-            GivenOffset::Auto => {
-                measured.insert(view);
-            }
-        }
-    }
+    let passwords = passwords(&given.password_files, run.views())?;
     let with_password = |(view, source): (String, Source)| {
         let password = passwords.get(&view).cloned();
         (view, source.with_password(password))
     };
-    Ok(Options {
+    let options = Options {
         run,
         searcher,
-        sources: sources.into_iter().map(with_password).collect(),
-        without: args.without.clone(),
-        offsets_s,
-        measured,
-        keep_offsets: args.keep_offsets.clone(),
+        sources: given.sources.into_iter().map(with_password).collect(),
+        decoder: given.decoder.unwrap_or_default(),
+        without: given.without,
+        offsets_s: given.offsets_s,
+        measured: given.measured,
+        keep_offsets: given.keep_offsets,
         as_fast_as_possible: args.as_fast_as_possible,
-        metrics: args.metrics,
-    })
+        metrics: given.metrics,
+    };
+    options.check().map_err(|error| match &args.config {
+        None => failure(error),
+        Some(path) => Failure::bad_input_message(format!(
+            "{error} (an option, or its key in {})",
+            path.display()
+        )),
+    })?;
+    Ok(options)
 }
 
 /// A run is of one detector: boxes of another one have other errors.
@@ -108,29 +110,20 @@ fn refuse_another_detector(run: &OnlineRun, searcher: &Searcher) -> Result<(), F
     )))
 }
 
-fn by_view<T: Clone>(option: &str, given: &[OfView<T>]) -> Result<BTreeMap<String, T>, Failure> {
-    let mut all = BTreeMap::new();
-    for OfView { view, value } in given {
-        if all.insert(view.clone(), value.clone()).is_some() {
-            return Err(Failure::bad_input_message(format!(
-                "{option} {view} is given twice; a view has one"
-            )));
-        }
-    }
-    Ok(all)
-}
-
 /// Passwords by view: from files, else from the environment.
-fn passwords(args: &EstimateArgs, views: &[String]) -> Result<BTreeMap<String, String>, Failure> {
+fn passwords(
+    files: &BTreeMap<String, PathBuf>,
+    views: &[String],
+) -> Result<BTreeMap<String, String>, Failure> {
     let mut all = BTreeMap::new();
     for view in views {
         if let Ok(password) = env::var(variable_of(view)) {
             all.insert(view.clone(), password);
         }
     }
-    for (view, path) in by_view("--password-file", &args.password_files)? {
-        check_password_view(&view, views)?;
-        all.insert(view, first_line(&path)?);
+    for (view, path) in files {
+        check_password_view(view, views)?;
+        all.insert(view.clone(), first_line(path)?);
     }
     Ok(all)
 }
@@ -186,15 +179,5 @@ mod tests {
         let views = ["left".to_owned(), "right".to_owned()];
         assert!(check_password_view(&views[1], &views).is_ok());
         assert!(check_password_view("rihgt", &views).is_err());
-    }
-
-    #[test]
-    fn a_view_is_given_once() {
-        let of = |value: &str| OfView {
-            view: "left".into(),
-            value: value.to_owned(),
-        };
-        assert!(by_view("--view", &[of("a"), of("b")]).is_err());
-        assert_eq!(by_view("--view", &[of("a")]).unwrap()["left"], "a");
     }
 }

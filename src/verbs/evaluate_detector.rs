@@ -29,7 +29,7 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
         model: model.path().to_owned(),
         detect: DetectOptions {
             onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device,
+            device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(SearchMode::Full),
             only: args.search.scenarios(&corpus)?,

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::env;
 use std::fs::{self, DirEntry};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dataset::video::TRIAL_PICTURES;
@@ -12,12 +11,10 @@ use generator::generate::{
     Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
     Simulators, Stopped, free_bytes, generate as record,
 };
-use generator::plan::expand;
-use generator::shard::Shard;
+use generator::plan::{Outlook, expand};
 use generator::sweep::Sweep;
 use indicatif::DecimalBytes;
 use store::{CorpusLocation, CorpusStore};
-use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 use xplane_bridge::{LocalUdp, WebApiPlace};
 
 use super::Outcome;
@@ -34,7 +31,8 @@ use crate::signals::CleanStop;
 pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let began = Instant::now();
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
-    warn(&sweep, &expand(&sweep));
+    let plan = expand(&sweep);
+    warn(&sweep, &plan, &Outlook::new(&sweep, &plan));
     let (corpus, remote) = place(args)?;
     let timeout = Duration::from_secs(args.timeout_s);
     let options = GenerateOptions {
@@ -138,17 +136,8 @@ fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
 /// Options to record all of a sweep.
 pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure> {
     Ok(GenerateOptions {
-        simulators,
-        local_udp: LocalUdp::default(),
         stand_in_program: env::current_exe()?,
-        pixels: PixelChoice::Auto,
-        encoder: None,
-        screen: Arc::new(FfmpegScreen::here()),
-        only: Vec::new(),
-        shard: Shard::WHOLE,
-        patience: Patience::default(),
-        restart: None,
-        remote: None,
+        ..GenerateOptions::new(simulators)
     })
 }
 

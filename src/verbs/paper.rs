@@ -327,7 +327,7 @@ impl Experiment<'_> {
     fn runtime(&self) -> DetectOptions {
         DetectOptions {
             onnx_runtime: self.args.runtime.library.clone(),
-            device: self.args.runtime.device,
+            device: self.args.runtime.device(),
             ..DetectOptions::default()
         }
     }

@@ -15,7 +15,7 @@ use dataset::geometry::sun::Sun;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::{Change, Plan, PlannedScenario};
 use generator::against::{Against, Standing};
-use generator::plan::{Estimate, Outlook, Pacing, Sight, expand, hidden_aircraft};
+use generator::plan::{Estimate, Outlook, Pacing, expand};
 use generator::sweep::Sweep;
 use serde::Serialize;
 use store::{CorpusLocation, CorpusStore, StoreUrl};
@@ -35,7 +35,8 @@ const DEFAULT_CORPUS: &str = "corpus";
 /// Runs the verb.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let (sweep, plan) = read_plan(&args.sweep)?;
-    warn(&sweep, &plan);
+    let outlook = Outlook::new(&sweep, &plan);
+    warn(&sweep, &plan, &outlook);
     let compared = match &args.against {
         Some(CorpusLocation::Store(url)) => Some(compare_with_store(&plan, url)?),
         Some(CorpusLocation::Folder(root)) => {
@@ -51,7 +52,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
         },
     };
     let pacing = pacing::pacing(args, &sweep)?;
-    let report = Report::new(args, &sweep, &plan, &pacing, compared.as_ref());
+    let report = Report::new(args, &sweep, &plan, &pacing, outlook, compared.as_ref());
     report.warn();
     if args.json {
         print_json(&report.document())?;
@@ -136,6 +137,7 @@ impl<'a> Report<'a> {
         sweep: &Sweep,
         plan: &'a Plan,
         pacing: &Pacing,
+        outlook: Outlook,
         compared: Option<&'a Compared>,
     ) -> Self {
         let pacing = (pacing, args.restart_every.map(u32::from));
@@ -154,7 +156,7 @@ impl<'a> Report<'a> {
         Self {
             plan,
             utc_offset_h: sweep.utc_offset_h,
-            outlook: Outlook::new(sweep, plan),
+            outlook,
             compared,
             estimate,
             left,
@@ -167,21 +169,6 @@ impl<'a> Report<'a> {
                 "the profile {name:?} flies level {level_m:.0} m above the runway, and approaches usually at 400 m or more: are its altitudes \
                  those of another airport?"
             );
-        }
-        let said = hidden_aircraft(self.plan);
-        for Sight {
-            view, enters_nm, ..
-        } in &self.outlook.views
-        {
-            let is_said = || {
-                let start = format!("view {view} ");
-                said.iter().any(|line| line.starts_with(&start))
-            };
-            if enters_nm.is_none() && !is_said() {
-                eprint_warning!(
-                    "view {view} never has the aircraft in its picture on the flights of this plan: do they reach the runway?"
-                );
-            }
         }
     }
 

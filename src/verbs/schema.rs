@@ -11,6 +11,7 @@ pub(crate) fn run(of: SchemaOf) -> Outcome {
     let schema = match of {
         SchemaOf::Sweep => generator::sweep::schema(),
         SchemaOf::Train => trainer::schema(),
+        SchemaOf::Estimate => live::schema(),
         SchemaOf::Progress => PROGRESS.to_owned(),
     };
     println!("{}", schema.trim_end());

@@ -3,7 +3,7 @@
 use std::fs;
 
 use serde_json::{Value, json};
-use testkit::command::text;
+use testkit::command::{said, text};
 
 use crate::workshop::{Workshop, ffmpeg};
 
@@ -22,20 +22,36 @@ fn a_kept_offset_joins_two_files_from_the_start_and_without_one_the_first_answer
     let sources = [text(left), text(&shifted)];
     let options = ["--as-fast-as-possible", "--offset", "right=auto"];
     let lines = workshop.lines(sources, &options);
-    assert_eq!(offset(&lines), Some(Value::Null), "nobody knows it yet");
+    assert_eq!(
+        told_offset(&lines),
+        Some(Value::Null),
+        "nobody knows it yet"
+    );
     let kept = workshop.folder.path().join("offsets.json");
-    let known = json!({"right": {"offset_s": -SHIFT_S, "sd_s": 0.005, "drift_ppm": 0.0, "drift_sd_ppm": 10.0}});
+    let offset =
+        json!({"offset_s": -SHIFT_S, "sd_s": 0.005, "drift_ppm": 0.0, "drift_sd_ppm": 10.0});
+    let known =
+        json!({"run": lines[0]["run"], "views": {"right": {"sources": sources, "offset": offset}}});
     fs::write(&kept, known.to_string()).unwrap();
     let options = [&options[..], &["--keep-offsets", text(&kept)]].concat();
     let again = workshop.lines(sources, &options);
-    let found_s = offset(&again).unwrap().as_f64().unwrap();
+    let found_s = told_offset(&again).unwrap().as_f64().unwrap();
     assert!((found_s + SHIFT_S).abs() < 1e-9, "{found_s}");
     let together = [&lines, &again].map(|lines| used_together(lines));
     assert!(together[1] > together[0] + 50, "{together:?}");
+    // The cameras changed places.
+    let swapped = [sources[1], sources[0]];
+    let output = workshop.command(swapped).args(&options).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(
+        said(&output).contains("remove this one"),
+        "{}",
+        said(&output)
+    );
 }
 
 /// The first offset that is told.
-fn offset(lines: &[Value]) -> Option<Value> {
+fn told_offset(lines: &[Value]) -> Option<Value> {
     let told = lines.iter().find(|line| line["event"] == "offset")?;
     Some(told["offset_s"].clone())
 }

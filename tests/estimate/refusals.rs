@@ -1,11 +1,13 @@
 //! Inputs and outputs that are refused, with what to do.
 
 use std::fs;
+use std::path::Path;
 
 use serde_json::Value;
 use testkit::command::{said, text};
 use testkit::files::copy_folder;
 
+use crate::distances;
 use crate::workshop::{DTD, VIEWS, Workshop, ffmpeg};
 
 #[test]
@@ -174,4 +176,72 @@ fn a_port_in_use_is_refused() {
         .unwrap();
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(said(&output).contains(&address), "{}", said(&output));
+}
+
+#[test]
+fn settings_in_a_file_do_what_options_do() {
+    let workshop = Workshop::shared();
+    let source = workshop.source();
+    let settings = workshop.folder.path().join("ESTIMATE.toml");
+    let views = VIEWS.map(|view| format!("[views.{view}]\nsource = \"{source}\"\n"));
+    let run = workshop.run();
+    let arguments = ["estimate", text(&run), "--config", text(&settings)];
+    for estimator in ["inverse_range", "inverse_range_filtered"] {
+        let of_all = format!("estimator = \"{estimator}\"\n");
+        fs::write(&settings, of_all + &views.concat()).unwrap();
+        let output = DTD.run(&[&arguments[..], &["--as-fast-as-possible"]].concat());
+        assert!(output.status.success(), "{}", said(&output));
+        let lines = String::from_utf8(output.stdout).unwrap();
+        let of_file: Vec<Value> = (lines.lines())
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect();
+        assert_eq!(of_file[0]["estimator"], estimator);
+        let options = ["--as-fast-as-possible", "--estimator", estimator];
+        let of_options = workshop.lines([&source, &source], &options);
+        assert_eq!(distances(&of_file), distances(&of_options));
+    }
+    let unknown = "[views.tower]\nsource = \"x.mp4\"\n";
+    fs::write(&settings, views.concat() + unknown).unwrap();
+    let output = DTD.run(&arguments);
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("its views are left, right") && said.contains("ESTIMATE.toml"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_gpu_that_is_not_there_is_refused_with_what_to_do() {
+    let nodes = ["/dev/dri", "/dev/nvidia0"];
+    if nodes.iter().any(|node| Path::new(node).exists()) {
+        return testkit::skipped("this computer has a GPU");
+    }
+    let workshop = Workshop::shared();
+    for decoder in ["vaapi", "cuda"] {
+        // Neither camera is there.
+        let absent = "rtsp://127.0.0.1:9/x";
+        let mut command = workshop.command([absent, absent]);
+        let output = command.args(["--decoder", decoder]).output().unwrap();
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(
+            said.contains(decoder) && said.contains("give cpu"),
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn a_camera_that_is_not_plugged_in_is_named_by_the_check() {
+    let workshop = Workshop::shared();
+    let source = workshop.source();
+    let mut command = workshop.command([&source, "/dev/video97"]);
+    let output = command.arg("--check").output().unwrap();
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("/dev/video97") && said.contains("No such file"),
+        "{said}"
+    );
 }

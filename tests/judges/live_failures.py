@@ -1,9 +1,10 @@
 """How soon `dtd estimate` notices that a view over RTSP fails: killed, stopped, frozen, black, each several times.
 
-    live_failures.py DTD RUN TIMES BLACK.mp4 VIEW=VIDEO.mp4 ...
+    live_failures.py DTD RUN CORPUS FOLDER TIMES [RATE]
 
-Serves the videos with rtsp_server.py, which causes the failures of the first view, and prints JSON: seconds until the program says so, on
-stdout, and until the view is `up` again. The black video has as many images a second as the others.
+Serves the scene after the landing of the corpus's first scenario, with noise, at RATE images per second (30), with rtsp_server.py, which
+causes the failures of the first view. Prints JSON: seconds until the program says so, on stdout, and until the view is `up` again. FOLDER
+keeps the feeds. Needs ffmpeg.
 """
 
 import json
@@ -15,7 +16,9 @@ import threading
 import time
 from pathlib import Path
 
-QUIET_S, FAILS_S, MOST_S = 6.0, 2.5, 8.0
+from live_feeds import NOISE, NOISY, join, rate_and_ticks, serve, still
+
+QUIET_S, FAILS_S, MOST_S, PIECE_S = 4.0, 2.5, 8.0, 20
 
 
 class Program:
@@ -47,17 +50,30 @@ def percentile(numbers, part):
     return ordered[min(len(ordered) - 1, round(part * len(ordered)))]
 
 
+def feeds(corpus, folder, rate, lasts_s):
+    """Noisy scenes by view, and a black one."""
+    folder.mkdir(parents=True, exist_ok=True)
+    scenario = min(path.parent for path in Path(corpus).glob("scenarios/*/DONE.json"))
+    own_rate, _ = rate_and_ticks(scenario)
+    pieces = {view: f",fps={rate}{NOISE}" for view in json.loads((scenario / "scenario.json").read_text())["views"]}
+    pieces["black"] = f",fps={rate},drawbox=c=black:t=fill"
+    videos = {}
+    for name, look in pieces.items():
+        video = next((scenario / "views").glob("*.mp4")) if name == "black" else scenario / "views" / f"{name}.mp4"
+        piece, videos[name] = folder / f"{name}-piece.mp4", folder / f"{name}.mp4"
+        still(video, own_rate, PIECE_S, NOISY.replace("-g 60", f"-g {rate}") + f" -r {rate}", piece, look)
+        join([(piece, PIECE_S)] * (lasts_s // PIECE_S + 1), videos[name])
+    return videos
+
+
 def main():
-    dtd, run, times, black, *videos = sys.argv[1:]
-    view = videos[0].split("=")[0]
-    script = Path(__file__).with_name("rtsp_server.py")
-    server = subprocess.Popen(
-        ["/usr/bin/python3", script, *videos, f"{view}:black={black}"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    port = int(server.stdout.readline())
-    names = [video.split("=")[0] for video in videos]
-    sources = [part for name in names for part in ("--view", f"{name}=rtsp://127.0.0.1:{port}/{name}")]
-    program = Program([dtd, "estimate", run, *sources])
+    dtd, run, corpus, folder, times, *rate = sys.argv[1:]
+    lasts_s = int(4 * int(times) * (QUIET_S + FAILS_S + MOST_S))
+    videos = feeds(corpus, Path(folder), int(rate[0]) if rate else 30, lasts_s)
+    black = videos.pop("black")
+    view = next(iter(videos))
+    server, addresses = serve(videos, f"{view}:black={black}")
+    program = Program([dtd, "estimate", run, *addresses])
     try:
         print(json.dumps(measured(program, server, view, int(times)), indent=1))
     finally:

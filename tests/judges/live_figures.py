@@ -15,6 +15,8 @@ import time
 import urllib.request
 from pathlib import Path
 
+from live_feeds import serve
+
 
 def percentiles(text, stage):
     pattern = rf'dtd_latency_seconds_bucket{{stage="{stage}",le="([^"]+)"}} (\d+)'
@@ -30,15 +32,9 @@ def processor_s(pid):
 
 def main():
     dtd, run, seconds, *videos = sys.argv[1:]
-    script = Path(__file__).with_name("rtsp_server.py")
-    server = subprocess.Popen(["/usr/bin/python3", script, *videos], stdout=subprocess.PIPE, text=True)
-    port = int(server.stdout.readline())
-    sources = []
-    for video in videos:
-        view = video.split("=")[0]
-        sources += ["--view", f"{view}=rtsp://127.0.0.1:{port}/{view}"]
+    server, addresses = serve(dict(video.split("=", 1) for video in videos))
     lines = Path(os.environ.get("LINES_TO", "/dev/null")).open("w")
-    command = [dtd, "estimate", run, *sources, "--metrics", "127.0.0.1:0"]
+    command = [dtd, "estimate", run, *addresses, "--metrics", "127.0.0.1:0"]
     live = subprocess.Popen(command, stdout=lines, stderr=subprocess.PIPE, text=True)
     address = None
     while address is None:

@@ -1,10 +1,11 @@
 """The offset of two cameras' clocks, as `dtd estimate` measures it: arrivals of a corpus, one after the other in a file for each view, of
 which the second begins half a second later and runs 100 ppm fast.
 
-    live_offsets.py DTD RUN CORPUS FOLDER [SCENARIO ...]
+    live_offsets.py [--real-time | --judge] DTD RUN CORPUS FOLDER [SCENARIO ...]
 
 Prints JSON: each offset that was told with its error and its stated deviation, and the mean error of the distances of each arrival (1 to
-10 NM) beside that of the same files without an offset. FOLDER keeps the files. Needs ffmpeg and pyarrow.
+10 NM) beside that of the same files without an offset. The files are read as fast as possible; with --real-time, they are played; with
+--judge, lines that an earlier call with the same arguments has left in FOLDER are judged again. Needs ffmpeg and pyarrow.
 """
 
 import json
@@ -13,10 +14,10 @@ import sys
 from pathlib import Path
 
 import pyarrow.parquet as parquet
+from live_truth import errors, mean, truth_of
 
 OFFSET_S, DRIFT = 0.5, 100e-6
 GAP_S = 90
-NM_M = 1852
 
 
 def compose(scenarios, view, folder):
@@ -42,45 +43,48 @@ def copy(*arguments):
     subprocess.run(command, check=True)
 
 
-def lines_of(dtd, run, left, right, *more):
-    command = [dtd, "estimate", run, "--view", f"left={left}", "--view", f"right={right}", "--as-fast-as-possible", *more]
-    ran = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-    return [json.loads(line) for line in ran.stdout.splitlines()]
+def run_program(path, dtd, run, left, right, *more):
+    command = [dtd, "estimate", run, "--view", f"left={left}", "--view", f"right={right}", *more]
+    with path.open("w") as output:
+        subprocess.run(command, stdout=output, check=True)
 
 
-def errors(lines, scenarios, began_s):
+def lines_in(path):
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def errors_by_arrival(lines, scenarios, began_s):
     """Mean relative error of each arrival, percent, with the number of answers and of those from both views."""
     found = []
     for scenario, at_s in zip(scenarios, began_s):
-        table = parquet.read_table(scenario / "frames.parquet", columns=["time_ns", "dtd_m"]).to_pydict()
-        truth = {round((ns - table["time_ns"][0]) * 1e-6): dtd for ns, dtd in zip(table["time_ns"], table["dtd_m"])}
-        relative, both = [], 0
-        for line in lines:
-            if line.get("state") != "fresh" or line["dtd_m"] is None:
-                continue
-            true_m = truth.get(round((line["time_s"] - at_s) * 1e3))
-            if true_m is not None and NM_M <= true_m <= 10 * NM_M:
-                relative.append(abs(line["dtd_m"] / true_m - 1))
-                both += len(line["views"]) == 2
-        mean = 100 * sum(relative) / len(relative) if relative else None
-        found.append({"answers": len(relative), "from_both_views": both, "mape_percent": mean})
+        truth = truth_of(scenario)
+        # When files are played, each image waits half a second for the other view's: then no answer is fresh.
+        of_this = [line for line in lines if line.get("views") and line["dtd_m"] is not None and line["time_s"] >= at_s]
+        judged = [(len(line["views"]), errors([(line["time_s"] - at_s + truth[0][0], line["dtd_m"])], truth)) for line in of_this]
+        relative = [error for _, found_here in judged for error in found_here]
+        both = sum(views == 2 and bool(found_here) for views, found_here in judged)
+        found.append({"answers": len(relative), "from_both_views": both, "mape_percent": mean(relative)})
     return found
 
 
 def main():
-    dtd, run, corpus, folder = sys.argv[1], sys.argv[2], Path(sys.argv[3]), Path(sys.argv[4])
+    mode = sys.argv.pop(1) if sys.argv[1].startswith("--") else None
+    dtd, run, corpus, folder, *wanted = sys.argv[1:]
+    corpus, folder = Path(corpus), Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    wanted = sys.argv[5:] or sorted(path.name for path in (corpus / "scenarios").iterdir() if (path / "DONE.json").exists())
+    wanted = wanted or sorted(path.name for path in (corpus / "scenarios").iterdir() if (path / "DONE.json").exists())
     scenarios = [corpus / "scenarios" / name for name in wanted]
     left, began_s = compose(scenarios, "left", folder)
     right, _ = compose(scenarios, "right", folder)
-    shifted = folder / "right-shifted.mp4"
-    copy("-itsoffset", OFFSET_S, "-itsscale", 1 + DRIFT, "-i", right, shifted)
-    kept = folder / "offsets.json"
-    kept.unlink(missing_ok=True)
-    measured = ["--offset", "right=auto", "--keep-offsets", str(kept)]
-    ideal = lines_of(dtd, run, left, right)
-    lines = lines_of(dtd, run, left, shifted, *measured)
+    kept, measured, ideal = (folder / name for name in ("offsets.json", "shifted.jsonl", "ideal.jsonl"))
+    if mode != "--judge":
+        shifted = folder / "right-shifted.mp4"
+        copy("-itsoffset", OFFSET_S, "-itsscale", 1 + DRIFT, "-i", right, shifted)
+        kept.unlink(missing_ok=True)
+        fast = [] if mode == "--real-time" else ["--as-fast-as-possible"]
+        run_program(measured, dtd, run, left, shifted, "--offset", "right=auto", "--keep-offsets", str(kept), *fast)
+        run_program(ideal, dtd, run, left, right, *fast)
+    lines, ideal = lines_in(measured), lines_in(ideal)
     offsets = []
     for line in lines:
         if line.get("event") == "offset" and line["offset_s"] is not None:
@@ -97,14 +101,11 @@ def main():
                     "drift_sd_ppm": line["drift_sd_ppm"],
                 }
             )
-    again = lines_of(dtd, run, left, right, *measured)
-    first = next(line for line in again if line.get("event") == "offset")
     result = {
         "offsets": offsets,
-        "arrivals": errors(lines, scenarios, began_s),
-        "without_offset": errors(ideal, scenarios, began_s),
+        "arrivals": errors_by_arrival(lines, scenarios, began_s),
+        "without_offset": errors_by_arrival(ideal, scenarios, began_s),
         "kept": json.loads(kept.read_text()),
-        "first_of_next_start": first,
     }
     print(json.dumps(result, indent=1))
 

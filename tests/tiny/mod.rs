@@ -18,7 +18,7 @@ use testkit::command::Dtd;
 pub(crate) use testkit::command::said;
 use testkit::files::copy_folder;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
-use testkit::{MadeOnce, onnx_runtime};
+use testkit::{MadeOnce, TINY_TRAINING, onnx_runtime};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -47,38 +47,6 @@ visibility_m = 80000
     .toml()
 }
 
-/// Just enough steps to create every file of a run.
-const TRAINING: &str = r#"
-[calibration]
-hidden = [8]
-features = 8
-head_hidden = [8]
-log_every = 5
-
-[calibration.optimisation]
-steps = 10
-batch_size = 16
-learning_rate = 2e-3
-
-[estimator]
-lstm = [8]
-head_hidden = [8]
-log_every = 5
-
-[estimator.optimisation]
-steps = 10
-batch_size = 16
-learning_rate = 1e-3
-
-[mono]
-hidden = [8]
-
-[mono.optimisation]
-steps = 10
-batch_size = 16
-learning_rate = 3e-3
-"#;
-
 /// Longer than any verb takes here.
 pub(crate) const TOO_LONG: Duration = Duration::from_secs(300);
 
@@ -100,7 +68,9 @@ static MADE: LazyLock<(MadeOnce, Tiny)> = LazyLock::new(|| {
 
 fn make(folder: &Path) {
     fs::write(folder.join("sweep.toml"), sweep_toml()).unwrap();
-    fs::write(folder.join("training.toml"), TRAINING).unwrap();
+    // Just enough steps to create every file of a run.
+    let few = TINY_TRAINING.replace("steps = 60, batch_size = 64", "steps = 10, batch_size = 16");
+    fs::write(folder.join("training.toml"), few).unwrap();
     let tiny = Tiny::at(folder);
     for arguments in [
         &["generate", "sweep.toml", "--out", "corpus"][..],

@@ -51,6 +51,7 @@ pub use evaluation::{EvaluationConfig, evaluate};
 pub use export::{
     Agreement, ExportedModel, ExportedRun, Probes, REGISTRATION_NUMBERS, TOLERANCE, export,
 };
+pub use networks::stage::EndedBy;
 pub use run::choice::Choice;
 pub use run::fitted_cameras::fitted_cameras;
 pub use run::folder::RunFolder;

@@ -174,14 +174,9 @@ fn cameras_of(run: &TrainedRun) -> Option<Vec<Camera>> {
         .collect()
 }
 
-/// The estimators that need neither later ticks nor the runway of a scenario.
+/// The estimators that can answer live.
 fn all_online() -> impl Iterator<Item = Estimator> {
-    Estimator::ALL.into_iter().filter(|estimator| {
-        !matches!(
-            estimator,
-            Estimator::InverseRangeSmoothed | Estimator::SelfCalibrated | Estimator::Triangulation
-        )
-    })
+    Estimator::ALL.into_iter().filter(|of| of.is_online())
 }
 
 /// The one of this name.

@@ -2,45 +2,24 @@
 //! gpu_training`.
 #![cfg(feature = "wgpu")]
 
+mod hardly_trained;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 
 use dataset::work::watch::{Silent, Watch};
+use hardly_trained::narrow;
 use testkit::synthetic::SyntheticCorpus;
-use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{TrainConfig, TrainingBackend, train};
 
 /// Small networks and few steps.
 fn config(backend: TrainingBackend) -> TrainConfig {
-    let optimisation = || Optimisation {
-        steps: 40,
-        batch_size: 64,
-        learning_rate: 3e-3,
-    };
-    TrainConfig {
-        backend,
-        calibration: CalibrationConfig {
-            hidden: vec![16],
-            features: 16,
-            head_hidden: vec![16],
-            optimisation: optimisation(),
-            log_every: 10,
-            ..CalibrationConfig::default()
-        },
-        estimator: EstimatorConfig {
-            lstm: vec![16, 16],
-            head_hidden: vec![16],
-            optimisation: optimisation(),
-            log_every: 10,
-            ..EstimatorConfig::default()
-        },
-        mono: MonoConfig {
-            hidden: vec![16],
-            optimisation: optimisation(),
-            ..MonoConfig::default()
-        },
-        ..TrainConfig::default()
-    }
+    let mut config = narrow(16, 40, 64, 3e-3);
+    config.backend = backend;
+    config.calibration.log_every = 10;
+    config.estimator.lstm = vec![16, 16];
+    config.estimator.log_every = 10;
+    config
 }
 
 /// Ends the training while it trains the LSTM.

@@ -157,7 +157,12 @@ fn live_answers_are_about_as_accurate_as_those_of_hindsight_and_have_no_smoother
 fn detections_of_an_earlier_version_and_estimators_that_look_ahead_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (corpus, run) = trained(folder.path());
-    for name in ["inverse_range_smoothed", "triangulation", "guess"] {
+    for name in [
+        "inverse_range_smoothed",
+        "triangulation",
+        "no_vision_time_weather",
+        "guess",
+    ] {
         let refused = OnlineRun::open(&run, Some(name)).err().unwrap().to_string();
         assert!(refused.contains("inverse_range_filtered"), "{refused}");
     }

@@ -1,5 +1,7 @@
 //! A camera that was turned and zoomed is fitted again to ten approaches; everything else stays the same.
 
+mod hardly_trained;
+
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -8,9 +10,9 @@ use dataset::files::json_file::read_json;
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::columns::Table;
 use dataset::work::watch::{Silent, Watch};
+use hardly_trained::narrow;
 use serde_json::Value;
 use testkit::synthetic::{Changed, SyntheticCorpus};
-use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{
     EvaluationConfig, Metrics, RefitConfig, RunFolder, TrainConfig, evaluate, refit, train,
 };
@@ -36,32 +38,11 @@ fn corpus(folder: &Path, name: &str, changed: Option<Changed>) -> Corpus {
 }
 
 fn settings(steps: usize) -> TrainConfig {
-    let optimisation = |learning_rate| Optimisation {
-        steps,
-        batch_size: 64,
-        learning_rate,
-    };
-    TrainConfig {
-        calibration: CalibrationConfig {
-            hidden: vec![32, 32],
-            features: 32,
-            head_hidden: vec![32],
-            optimisation: optimisation(4e-3),
-            ..CalibrationConfig::default()
-        },
-        estimator: EstimatorConfig {
-            lstm: vec![32, 32],
-            head_hidden: vec![32],
-            optimisation: optimisation(4e-3),
-            ..EstimatorConfig::default()
-        },
-        mono: MonoConfig {
-            hidden: vec![32],
-            optimisation: optimisation(5e-3),
-            ..MonoConfig::default()
-        },
-        ..TrainConfig::demo()
-    }
+    let mut config = narrow(32, steps, 64, 4e-3);
+    config.calibration.hidden = vec![32, 32];
+    config.estimator.lstm = vec![32, 32];
+    config.mono.optimisation.learning_rate = 5e-3;
+    config
 }
 
 fn evaluated(run: &RunFolder, corpus: &Corpus) -> Metrics {

@@ -1,5 +1,7 @@
 //! A training that ended before its end, and goes on.
 
+mod hardly_trained;
+
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -10,48 +12,25 @@ use dataset::corpus::Corpus;
 use dataset::corpus::splits::{Side, Splits};
 use dataset::corpus::workshop::Workshop;
 use dataset::work::watch::{Silent, Watch};
+use hardly_trained::narrow;
 use testkit::synthetic::SyntheticCorpus;
 use testkit::watch::Calls;
-use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{Error, TrainConfig, train};
 
 const STEPS: usize = 24;
 
 /// Small networks that are judged often.
 fn config() -> TrainConfig {
-    let optimisation = || Optimisation {
-        steps: STEPS,
-        batch_size: 32,
-        learning_rate: 3e-3,
-    };
-    TrainConfig {
-        calibration: CalibrationConfig {
-            hidden: vec![16],
-            features: 16,
-            head_hidden: vec![16],
-            optimisation: optimisation(),
-            log_every: 4,
-            min_steps: 8,
-            // Algorithm 1 has something to decide.
-            plateau_threshold_pct: 1e3,
-            ..CalibrationConfig::default()
-        },
-        estimator: EstimatorConfig {
-            lstm: vec![16, 16],
-            head_hidden: vec![16],
-            optimisation: optimisation(),
-            log_every: 4,
-            first_cycle: 4,
-            together_first: 0.3,
-            ..EstimatorConfig::default()
-        },
-        mono: MonoConfig {
-            hidden: vec![16],
-            optimisation: optimisation(),
-            ..MonoConfig::default()
-        },
-        ..TrainConfig::default()
-    }
+    let mut config = narrow(16, STEPS, 32, 3e-3);
+    config.calibration.log_every = 4;
+    config.calibration.min_steps = 8;
+    // Algorithm 1 has something to decide.
+    config.calibration.plateau_threshold_pct = 1e3;
+    config.estimator.lstm = vec![16, 16];
+    config.estimator.log_every = 4;
+    config.estimator.first_cycle = 4;
+    config.estimator.together_first = 0.3;
+    config
 }
 
 /// Ends the training at a report of progress, as a kill would, and writes down what it heard.

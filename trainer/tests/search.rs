@@ -1,41 +1,20 @@
 //! Several settings and seeds are trained and compared.
 
+mod hardly_trained;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::sync::Mutex;
 
 use dataset::work::watch::{Silent, Watch};
+use hardly_trained::narrow;
 use testkit::synthetic::SyntheticCorpus;
-use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{EvaluationConfig, RunFolder, Search, TrainConfig, evaluate, search};
 
 fn with_lstm(width: usize, learning_rate: f64) -> TrainConfig {
-    let optimisation = || Optimisation {
-        steps: 60,
-        batch_size: 64,
-        learning_rate,
-    };
-    TrainConfig {
-        calibration: CalibrationConfig {
-            hidden: vec![16],
-            features: 16,
-            head_hidden: vec![16],
-            optimisation: optimisation(),
-            ..CalibrationConfig::default()
-        },
-        estimator: EstimatorConfig {
-            lstm: vec![width],
-            head_hidden: vec![16],
-            optimisation: optimisation(),
-            ..EstimatorConfig::default()
-        },
-        mono: MonoConfig {
-            hidden: vec![16],
-            optimisation: optimisation(),
-            ..MonoConfig::default()
-        },
-        ..TrainConfig::default()
-    }
+    let mut config = narrow(16, 60, 64, learning_rate);
+    config.estimator.lstm = vec![width];
+    config
 }
 
 /// Bears no training, and writes down which ones are looked at.

@@ -1,5 +1,7 @@
 //! A real training in seconds: on boxes from geometry, evaluated on held-out trajectories.
 
+mod hardly_trained;
+
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -12,41 +14,20 @@ use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::Silent;
+use hardly_trained::narrow;
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus, model};
 use testkit::{program_of_venv, repository};
-use trainer::config::{
-    CalibrationConfig, EstimatorConfig, Loss, MonoConfig, Optimisation, PaperDeviation,
-};
+use trainer::config::{Loss, PaperDeviation};
 use trainer::{EvaluationConfig, Metrics, RunFolder, TrainConfig, evaluate, train};
 
 /// The paper's networks, but narrow.
 fn small() -> TrainConfig {
-    let optimisation = |steps, learning_rate| Optimisation {
-        steps,
-        batch_size: 64,
-        learning_rate,
-    };
-    TrainConfig {
-        calibration: CalibrationConfig {
-            hidden: vec![32, 32],
-            features: 32,
-            head_hidden: vec![32],
-            optimisation: optimisation(800, 4e-3),
-            ..CalibrationConfig::default()
-        },
-        estimator: EstimatorConfig {
-            lstm: vec![32, 32],
-            head_hidden: vec![32],
-            optimisation: optimisation(800, 4e-3),
-            ..EstimatorConfig::default()
-        },
-        mono: MonoConfig {
-            hidden: vec![32],
-            optimisation: optimisation(300, 5e-3),
-            ..MonoConfig::default()
-        },
-        ..TrainConfig::default()
-    }
+    let mut config = narrow(32, 800, 64, 4e-3);
+    config.calibration.hidden = vec![32, 32];
+    config.estimator.lstm = vec![32, 32];
+    config.mono.optimisation.steps = 300;
+    config.mono.optimisation.learning_rate = 5e-3;
+    config
 }
 
 fn trained(root: &Path) -> (Corpus, RunFolder) {

@@ -99,7 +99,7 @@ pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<Fou
                 });
                 break;
             }
-            Report::Ended => {}
+            Report::Clock(_) | Report::Ended => {}
         }
     }
     views.stop(Duration::from_secs(1));

@@ -1,18 +1,89 @@
 //! The clocks of all views: comparison with the first view's, their offsets, and the file that keeps these for the next start.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use dataset::files::json_file::{read_json, write_json};
 use dataset::geometry::rays::Sighting;
+use serde::{Deserialize, Serialize};
 
 use crate::clock_offset::{Offset, RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
 use crate::error::{Error, Result};
 use crate::free_clocks::{FreeClock, News};
 use crate::options::Options;
+use crate::source::Source;
 
-/// Offsets by view, as they are kept.
-type Kept = BTreeMap<String, Offset>;
+/// Offsets as they are kept: of one run, and each of two cameras.
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Kept {
+    /// BLAKE3 of the run, whose cameras they are measured with.
+    run: String,
+    views: BTreeMap<String, KeptOffset>,
+}
+
+/// The offset of a view.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KeptOffset {
+    /// Sources of the first view and of this one, without secrets.
+    sources: [String; 2],
+    offset: Offset,
+}
+
+impl Kept {
+    /// Reads the file, if it exists, and refuses one of another run, of other cameras, or with impossible numbers.
+    fn read(
+        path: &Path,
+        run: &str,
+        sources: &[Option<[String; 2]>],
+        names: &[String],
+    ) -> Result<Self> {
+        if !path.exists() {
+            return Ok(Self {
+                run: run.into(),
+                ..Self::default()
+            });
+        }
+        let refused = |why: String| {
+            Error::Views(format!(
+                "--keep-offsets {}: {why}; give another file, or remove this one to measure anew",
+                path.display()
+            ))
+        };
+        let kept: Self = read_json(path, "file of kept offsets").map_err(|error| {
+            if error.is_bad_content() {
+                refused(error.to_string())
+            } else {
+                error.into()
+            }
+        })?;
+        if kept.run != run {
+            return Err(refused(format!(
+                "it is of the run {}, and this one is {run}",
+                kept.run
+            )));
+        }
+        for (name, here) in names.iter().zip(sources) {
+            let (Some(of_view), Some(here)) = (kept.views.get(name), here) else {
+                continue;
+            };
+            if of_view.sources != *here {
+                let [first, other] = &of_view.sources;
+                return Err(refused(format!(
+                    "its offset of view {name} is between {first} and {other}, and now the sources are {} and {}",
+                    here[0], here[1]
+                )));
+            }
+            if !of_view.offset.is_sound() {
+                return Err(refused(format!(
+                    "its offset of view {name} cannot be one that was measured, because its standard deviations are not positive"
+                )));
+            }
+        }
+        Ok(kept)
+    }
+}
 
 /// The clocks of all views.
 #[derive(Debug)]
@@ -20,6 +91,8 @@ pub(crate) struct Clocks {
     names: Vec<String>,
     /// None of the first view, and of those whose offset is given.
     clocks: Vec<Option<FreeClock>>,
+    /// Sources of the first view and of each; none if one of them has none, or if the offset is given.
+    sources: Vec<Option<[String; 2]>>,
     /// Views that have had images.
     had_images: Vec<bool>,
     kept: Kept,
@@ -30,36 +103,43 @@ impl Clocks {
     /// Clocks that are compared where no offset is given.
     ///
     /// # Errors
-    /// The file of an earlier start cannot be read.
+    /// The file of an earlier start cannot be read, or is of another run or other cameras.
     pub(crate) fn of(options: &Options) -> Result<Self> {
-        let file = options.keep_offsets.clone();
-        let kept: Kept = match &file {
-            Some(path) if path.exists() => read_json(path, "file of kept offsets")?,
-            _ => Kept::new(),
-        };
-        let unsound = kept.iter().find(|(_, offset)| !offset.is_sound());
-        if let (Some(path), Some((view, _))) = (&file, unsound) {
-            return Err(Error::Views(format!(
-                "{}: the offset of view {view} cannot be one that was measured, because its standard deviations are not positive; remove \
-                 the file",
-                path.display()
-            )));
-        }
         let run = &options.run;
+        let names = run.views();
+        let shown = |name: &String| options.sources.get(name).map(Source::identity);
+        let pair = |name: &String| Some([shown(names.first()?)?, shown(name)?]);
+        let is_given = |name: &String| options.offsets_s.contains_key(name);
+        let compared = names
+            .iter()
+            .map(|name| pair(name).filter(|_| !is_given(name)));
+        let sources: Vec<Option<[String; 2]>> = compared.collect();
+        let file = options.keep_offsets.clone();
+        let kept = match &file {
+            Some(path) => Kept::read(path, run.blake3(), &sources, names)?,
+            None => Kept::default(),
+        };
         let clock = |(view, name): (usize, &String)| {
-            let is_given = view == 0 || options.offsets_s.contains_key(name);
+            let is_given = view == 0 || is_given(name);
             let cameras = [0, view].map(|view| run.camera(view));
             let drift_sd = if options.measured.contains(name) {
                 RECORDING_DRIFT_SD
             } else {
                 STREAM_DRIFT_SD
             };
-            (!is_given).then(|| FreeClock::of(cameras, kept.get(name).copied(), drift_sd))
+            (!is_given).then(|| {
+                FreeClock::of(
+                    cameras,
+                    kept.views.get(name).map(|of_view| of_view.offset),
+                    drift_sd,
+                )
+            })
         };
         Ok(Self {
-            names: run.views().to_vec(),
-            had_images: vec![false; run.views().len()],
-            clocks: run.views().iter().enumerate().map(clock).collect(),
+            had_images: vec![false; names.len()],
+            clocks: names.iter().enumerate().map(clock).collect(),
+            names: names.to_vec(),
+            sources,
             kept,
             file,
         })
@@ -113,12 +193,63 @@ impl Clocks {
     }
 
     fn keep(&mut self, view: usize, offset: Offset) {
-        self.kept.insert(self.names[view].clone(), offset);
+        let Some(sources) = self.sources[view].clone() else {
+            return;
+        };
+        let of_view = KeptOffset { sources, offset };
+        self.kept.views.insert(self.names[view].clone(), of_view);
         let written = self.file.as_ref().map(|path| write_json(path, &self.kept));
         if let Some(Err(error)) = written {
             tracing::warn!(
                 "the offset of view {} is not kept: {error}",
                 self.names[view]
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kept_for(run: &str, sources: [&str; 2]) -> Result<Kept> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("offsets.json");
+        let offset = Offset {
+            offset_s: 0.5,
+            sd_s: 0.004,
+            drift_ppm: 0.0,
+            drift_sd_ppm: 10.0,
+        };
+        let of_view = KeptOffset {
+            sources: ["a", "b"].map(Into::into),
+            offset,
+        };
+        let kept = Kept {
+            run: "this".into(),
+            views: [("right".into(), of_view)].into(),
+        };
+        write_json(&path, &kept).unwrap();
+        let names = ["left", "right"].map(Into::into);
+        let [left, right] = sources.map(String::from);
+        let sources = [None, Some([left, right])];
+        Kept::read(&path, run, &sources, &names)
+    }
+
+    #[test]
+    fn offsets_of_another_run_or_of_other_cameras_are_refused_with_what_to_do() {
+        let kept = kept_for("this", ["a", "b"]).unwrap();
+        assert_eq!(kept.views["right"].offset.offset_s, 0.5);
+        for (run, sources, expected) in [
+            ("other", ["a", "b"], "it is of the run this"),
+            ("this", ["b", "a"], "is between a and b"),
+        ] {
+            let error = kept_for(run, sources).unwrap_err();
+            assert!(error.is_bad_input(), "{error}");
+            let said = error.to_string();
+            assert!(
+                said.contains(expected) && said.contains("remove this one"),
+                "{said}"
             );
         }
     }

@@ -2,6 +2,8 @@
 
 use std::net::SocketAddr;
 
+use crate::options::Decoder;
+
 /// An error of a live estimation.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -45,6 +47,16 @@ pub enum Error {
         /// The system's error.
         r#source: std::io::Error,
     },
+    /// What should decode is not there.
+    #[error(
+        "--decoder {decoder}: FFmpeg finds no such GPU here: {why}; give cpu to decode on the processor"
+    )]
+    Decoder {
+        /// What was asked for.
+        decoder: Decoder,
+        /// FFmpeg's message.
+        why: String,
+    },
     /// The output takes no more lines, although somebody reads it.
     #[error("lines cannot be written to the output: {0}; make room there and start again")]
     Output(std::io::Error),
@@ -68,7 +80,11 @@ impl Error {
     /// True if the caller has to change an argument or a file.
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::Source { .. } | Self::View { .. } | Self::Views(_) | Self::Metrics { .. } => true,
+            Self::Source { .. }
+            | Self::View { .. }
+            | Self::Views(_)
+            | Self::Metrics { .. }
+            | Self::Decoder { .. } => true,
             Self::Dataset(error) => error.is_bad_content(),
             Self::Search(error) => error.is_bad_input(),
             Self::Run(_) => true,

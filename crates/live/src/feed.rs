@@ -14,6 +14,7 @@ use crate::error::Error;
 use crate::image_look::Looks;
 use crate::input::{End, Input, InputImage};
 use crate::metrics::{Fate, Stage};
+use crate::options::Decoder;
 use crate::place::{OpenFault, Patience};
 use crate::search::Searched;
 use crate::shared::{Pace, Shared, ViewStatus};
@@ -67,6 +68,8 @@ pub(crate) enum Report {
         size_px: [u32; 2],
         clock: ClockSource,
     },
+    /// Another source gives the times of its images from now on.
+    Clock(ClockSource),
     /// It was lost, or is not there.
     Lost(String),
     /// It can never be used.
@@ -80,6 +83,7 @@ pub(crate) struct Feed {
     pub(crate) view: usize,
     pub(crate) name: String,
     pub(crate) source: Source,
+    pub(crate) decoder: Decoder,
     /// Size of the images that the run knows.
     pub(crate) size_px: [u32; 2],
     pub(crate) slot: Arc<Slot<FeedImage>>,
@@ -109,9 +113,8 @@ impl Feed {
                     Report::Ended
                 }
                 Ok(End::Finished) => Report::Lost("the sender ended it".into()),
-                Ok(End::Lost(why)) | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => {
-                    Report::Lost(why)
-                }
+                Ok(End::Lost(why) | End::Useless(why))
+                | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => Report::Lost(why),
             };
             let is_over = !matches!(report, Report::Lost(_));
             self.report(report);
@@ -137,7 +140,7 @@ impl Feed {
     /// Opens the source and hands over its images until they end.
     fn once(&mut self) -> Result<End, OpenFault> {
         let patience = Patience::new(self.shared.clock, self.shared.stop.clone());
-        let mut input = Input::open(&self.source, &self.name, patience)?;
+        let mut input = Input::open(&self.source, self.decoder, &self.name, patience)?;
         self.report(Report::Opened {
             codec: input.codec(),
         });
@@ -145,6 +148,7 @@ impl Feed {
         loop {
             let image = match input.next() {
                 Ok(image) => image,
+                Err(End::Useless(why)) => return Err(OpenFault::Useless(why)),
                 Err(end) => return Ok(end),
             };
             self.take(image, &mut connection)?;
@@ -159,14 +163,16 @@ impl Feed {
             return Ok(());
         };
         let decoded_s = shared.clock.now_s();
-        if !std::mem::replace(&mut connection.had_image, true) {
-            if size_px != self.size_px {
-                self.check_first(size_px)?;
+        let clock = stamp.clock;
+        match connection.clock.replace(clock) {
+            None => {
+                if size_px != self.size_px {
+                    self.check_first(size_px)?;
+                }
+                self.report(Report::FirstImage { size_px, clock });
             }
-            self.report(Report::FirstImage {
-                size_px,
-                clock: stamp.clock,
-            });
+            Some(before) if before != clock => self.report(Report::Clock(clock)),
+            Some(_) => {}
         }
         let is_other_size = size_px != self.size_px;
         let seen = Seen {
@@ -284,5 +290,6 @@ impl Feed {
 struct Connection {
     stamper: Stamper,
     looks: Looks,
-    had_image: bool,
+    /// Source of the time of the last image.
+    clock: Option<ClockSource>,
 }

@@ -13,6 +13,8 @@ use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::{Packet, decoder, format, frame, media};
 
 use crate::access_unit::{AccessUnit, AccessUnits, UnitCodec};
+use crate::gpu::Gpu;
+use crate::options::Decoder;
 use crate::place::{OpenFault, Patience, Place, RecordedTimes};
 use crate::source::Source;
 
@@ -32,6 +34,8 @@ pub(crate) enum End {
     Finished,
     /// The connection is gone.
     Lost(String),
+    /// No image of it can ever be used.
+    Useless(String),
     /// The caller stopped it.
     Stopped,
 }
@@ -55,6 +59,7 @@ pub(crate) struct Input {
     stream: usize,
     seconds_per_unit: f64,
     decoder: decoder::Video,
+    gpu: Option<Gpu>,
     units: Option<AccessUnits>,
     /// Images that are complete and not yet decoded.
     complete: VecDeque<AccessUnit>,
@@ -75,6 +80,7 @@ impl Input {
     /// Opens a source for a view.
     pub(crate) fn open(
         source: &Source,
+        decoder: Decoder,
         view: &str,
         patience: Arc<Patience>,
     ) -> Result<Self, OpenFault> {
@@ -108,8 +114,13 @@ impl Input {
         if !source.is_recorded() {
             context.set_flags(codec::Flags::LOW_DELAY);
         }
+        let gpu = Gpu::open(decoder).map_err(|error| OpenFault::Absent(error.to_string()))?;
+        if let Some(gpu) = &gpu {
+            gpu.attach_to(&mut context);
+        }
         Ok(Self {
             decoder: context.decoder().video().map_err(useless)?,
+            gpu,
             stream: index,
             seconds_per_unit: unit,
             input,
@@ -138,7 +149,7 @@ impl Input {
         loop {
             let mut coded = frame::Video::empty();
             match self.decoder.receive_frame(&mut coded) {
-                Ok(()) => return Ok(self.image(coded)),
+                Ok(()) => return self.image(coded),
                 Err(ffmpeg_next::Error::Eof) => return Err(End::Finished),
                 Err(ffmpeg_next::Error::Other { errno })
                     if errno == ffmpeg_next::util::error::EAGAIN => {}
@@ -157,7 +168,19 @@ impl Input {
         }
     }
 
-    fn image(&mut self, coded: frame::Video) -> InputImage {
+    fn image(&mut self, coded: frame::Video) -> Result<InputImage, End> {
+        let coded = match &mut self.gpu {
+            None => coded,
+            Some(gpu) if gpu.has_decoded(&coded) => gpu
+                .download(&coded)
+                .map_err(|error| End::Lost(format!("the GPU gives no image: {error}")))?,
+            Some(_) => {
+                let codec = self.codec();
+                return Err(End::Useless(format!(
+                    "the GPU does not decode {codec}; give --decoder cpu"
+                )));
+            }
+        };
         let pts = coded.timestamp();
         let of_image = |(sent, ..): &(Option<i64>, f64, Option<f64>)| *sent == pts;
         let (_, arrival_s, sender_s) = match self.sent.iter().position(of_image) {
@@ -171,14 +194,14 @@ impl Input {
         let timestamp_s = pts.map(|pts| pts as f64 * self.seconds_per_unit);
         let has_errors = coded.is_corrupt() || coded.has_decode_errors();
         self.is_damaged = has_errors || self.is_damaged && !coded.is_key();
-        InputImage {
+        Ok(InputImage {
             timestamp_s,
             image: DecodedImage::of(coded),
             arrival_s,
             sender_s,
             recorded_s: (self.recorded.as_ref()).and_then(|recorded| recorded.time_s(timestamp_s?)),
             is_damaged: self.is_damaged,
-        }
+        })
     }
 
     /// Reads a packet.

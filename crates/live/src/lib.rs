@@ -4,7 +4,7 @@
 //! Output: answers and events, one after another ([`Line`]), and counts ([`Metrics`]).
 //!
 //! ```text
-//! source, place, input   where images come from; FFmpeg's side of it
+//! source, place, input, gpu   where images come from; FFmpeg's side of it
 //! clock           the time of each image; clocks, free_clocks, clock_offset: offsets of cameras' clocks, by what both see
 //! feed            a thread a view: opens, decodes, opens again; hands over the newest image
 //! view_state      whether a view can be measured
@@ -16,8 +16,6 @@
 //!
 //! An answer is never older than it says: each has the time of its images, its age and a state.
 
-#![forbid(unsafe_code)]
-
 mod access_unit;
 mod answers;
 mod check;
@@ -28,6 +26,7 @@ mod conductor;
 mod error;
 mod feed;
 mod free_clocks;
+mod gpu;
 mod image_look;
 mod input;
 mod line;
@@ -40,6 +39,7 @@ mod overload;
 mod pairing;
 mod place;
 mod search;
+mod settings;
 mod shared;
 mod slot;
 mod source;
@@ -53,6 +53,7 @@ pub use clock::ClockSource;
 pub use conductor::estimate;
 pub use error::{Error, Result};
 pub use line::{Answer, AnswerState, Event, Line};
-pub use options::Options;
+pub use options::{Decoder, Options};
+pub use settings::{Settings, ViewSettings, schema};
 pub use source::{Source, Stream};
 pub use view_state::ViewState;

@@ -92,7 +92,9 @@ impl Stage {
 }
 
 /// Upper ends of the histogram's classes, milliseconds.
-const CLASSES_MS: [u64; 14] = [1, 2, 5, 10, 15, 20, 25, 30, 40, 60, 80, 100, 200, 1_000];
+const CLASSES_MS: [u64; 20] = [
+    1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100, 200, 1_000,
+];
 
 /// Counts of all views.
 #[derive(Debug)]

@@ -1,10 +1,14 @@
 //! Options of a live estimation, checked against the run.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use labeller::Searcher;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use trainer::live::OnlineRun;
 
 use crate::error::{Error, Result};
@@ -14,6 +18,42 @@ use crate::source::Source;
 /// Offsets of clocks are smaller, seconds.
 const MOST_OFFSET_S: f64 = 3_600.0;
 
+/// What decodes images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Decoder {
+    /// The processor.
+    #[default]
+    Cpu,
+    /// A GPU with VA-API: Intel, AMD.
+    Vaapi,
+    /// A GPU of NVIDIA.
+    Cuda,
+}
+
+impl FromStr for Decoder {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "cpu" => Ok(Self::Cpu),
+            "vaapi" => Ok(Self::Vaapi),
+            "cuda" => Ok(Self::Cuda),
+            _ => Err("expected cpu, vaapi or cuda".into()),
+        }
+    }
+}
+
+impl fmt::Display for Decoder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Cpu => "cpu",
+            Self::Vaapi => "vaapi",
+            Self::Cuda => "cuda",
+        })
+    }
+}
+
 /// Options of a live estimation.
 pub struct Options {
     /// The run.
@@ -22,6 +62,8 @@ pub struct Options {
     pub searcher: Searcher,
     /// Sources by view.
     pub sources: BTreeMap<String, Source>,
+    /// What decodes their images.
+    pub decoder: Decoder,
     /// Views that have none.
     pub without: Vec<String>,
     /// Seconds that are added to the times of a view's images.

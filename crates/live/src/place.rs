@@ -228,6 +228,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_device_is_opened_by_its_path_with_ffmpegs_own_reader() {
+        let source = Source::Device("/dev/video97".into());
+        let place = Place::of(&source, "left").ok().unwrap();
+        assert_eq!((&*place.name, place.is_stream), ("/dev/video97", false));
+        let stop = Arc::new(AtomicBool::new(false));
+        let patience = Patience::new(RunClock::start(), stop);
+        dataset::video::start_ffmpeg();
+        let mut readers = ffmpeg_next::device::input::video();
+        assert!(readers.any(|reader| reader.name().contains("v4l2")));
+        let fault = place.open(&patience, true).err().unwrap();
+        // It may be plugged in later.
+        let OpenFault::Absent(why) = fault else {
+            panic!("{fault:?}")
+        };
+        assert!(why.contains("No such file"), "{why}");
+    }
+
+    #[test]
     fn an_image_that_was_not_decoded_shifts_no_time_of_another() {
         let rate = 30_000.0 / 1_001.0;
         let images = (0..100).map(|tick| f64::from(tick) / rate);

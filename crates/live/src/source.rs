@@ -56,6 +56,9 @@ impl Transport {
     }
 }
 
+/// Digits of a fingerprint.
+const FINGERPRINT_DIGITS: usize = 16;
+
 /// Our own parameter of an address.
 const TRANSPORT: &str = "transport";
 
@@ -63,6 +66,22 @@ impl Source {
     /// True if its images can wait: a recording, not a camera.
     pub fn is_recorded(&self) -> bool {
         matches!(self, Self::File(_) | Self::Scenario { .. })
+    }
+
+    /// Its text, which differs if the source does: a fingerprint stands for what the text of an address hides.
+    pub(crate) fn identity(&self) -> String {
+        match self {
+            Self::Stream(stream) => {
+                let (shown, whole) = (self.to_string(), stream.address.as_str());
+                let hash = blake3::hash(whole.as_bytes()).to_hex();
+                if shown == whole {
+                    shown
+                } else {
+                    format!("{shown} ({})", &hash[..FINGERPRINT_DIGITS])
+                }
+            }
+            _ => self.to_string(),
+        }
     }
 
     /// With the password of its server; other sources have none.
@@ -108,7 +127,7 @@ impl Stream {
             .is_some_and(|(before, _)| before.split('=').any(is_password_name));
         if address.password().is_some() || in_query || in_path {
             return Err(refused(
-                "all users of this computer can read the password in a command; set DTD_PASSWORD_VIEW (e.g. DTD_PASSWORD_LEFT) or give \
+                "others can read a password in a command or in settings; set DTD_PASSWORD_VIEW (e.g. DTD_PASSWORD_LEFT) or give \
                  --password-file VIEW=FILE, and leave it out here"
                     .into(),
             ));
@@ -321,6 +340,18 @@ mod tests {
                 assert!(!said.contains("secret"), "{said}");
             }
         }
+    }
+
+    #[test]
+    fn channels_of_one_recorder_are_different_sources_although_their_texts_are_the_same() {
+        let of = |text: &str| text.parse::<Source>().unwrap();
+        let [one, two] = [1, 2].map(|channel| of(&format!("rtsp://camera/?channel={channel}")));
+        assert_eq!(one.to_string(), two.to_string());
+        assert_ne!(one.identity(), two.identity());
+        let with_password = one.clone().with_password(Some("secret".into()));
+        assert_eq!(with_password.identity(), one.identity());
+        assert_eq!(of("rtsp://camera/left").identity(), "rtsp://camera/left");
+        assert_eq!(of("left.mp4").identity(), "left.mp4");
     }
 
     #[test]

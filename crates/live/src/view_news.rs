@@ -9,6 +9,7 @@ use crate::view_state::ViewState;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ViewNews {
     told: Option<ViewState>,
+    told_clock: Option<ClockSource>,
     /// Cause of its loss.
     why: Option<String>,
     clock: Option<ClockSource>,
@@ -21,10 +22,11 @@ impl ViewNews {
         match report {
             Report::Opened { .. } => {}
             Report::FirstImage { clock, .. } => (self.clock, self.why) = (Some(clock), None),
+            Report::Clock(clock) => self.clock = Some(clock),
             Report::Lost(why) | Report::Useless(why) => self.why = Some(why),
             Report::Ended => {
                 self.has_ended = true;
-                self.why = Some("the recording is over".into());
+                self.why.get_or_insert("the recording is over".into());
             }
         }
     }
@@ -34,17 +36,20 @@ impl ViewNews {
         self.has_ended
     }
 
-    /// The event about a state, if it is another one than before. At the beginning every view is down.
+    /// The event about a state, if it or the source of times is another one than before. At the beginning every view is down.
     pub(crate) fn of(
         &mut self,
         view: &str,
         state: ViewState,
     ) -> Option<impl FnOnce(f64) -> Event + use<>> {
         let is_first_fault = self.told.is_none() && self.why.is_some();
-        if self.told.unwrap_or(ViewState::Down) == state && !is_first_fault {
+        // The clock of a view that is down is that of images which it has not shown yet.
+        let is_other_clock = state != ViewState::Down && self.told_clock != self.clock;
+        let is_told = self.told.unwrap_or(ViewState::Down) == state && !is_other_clock;
+        if is_told && !is_first_fault {
             return None;
         }
-        self.told = Some(state);
+        (self.told, self.told_clock) = (Some(state), self.clock);
         let (why, clock, view) = (self.why_of(view, state), self.clock, view.to_owned());
         Some(move |time_s| Event::View {
             time_s,
@@ -77,7 +82,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_is_told_once_and_a_view_that_is_down_from_the_beginning_with_its_fault() {
+    fn a_state_and_a_clock_are_told_once_and_a_view_that_is_down_from_the_beginning_with_its_fault()
+    {
         let mut news = ViewNews::default();
         assert!(news.of("left", ViewState::Down).is_none());
         news.take(Report::Lost("nobody answers".into()));
@@ -90,7 +96,20 @@ mod tests {
             (Some("nobody answers"), ViewState::Down)
         );
         assert!(news.of("left", ViewState::Down).is_none());
+        // It is reported before the state changes.
+        news.take(Report::FirstImage {
+            size_px: [1920, 1280],
+            clock: ClockSource::Timestamps,
+        });
+        assert!(news.of("left", ViewState::Down).is_none());
         assert!(news.of("left", ViewState::Up).is_some());
+        assert!(news.of("left", ViewState::Up).is_none());
+        news.take(Report::Clock(ClockSource::Sender));
+        let event = news.of("left", ViewState::Up).unwrap()(1.5);
+        let Event::View { clock, .. } = event else {
+            panic!("{event:?}")
+        };
+        assert_eq!(clock, Some(ClockSource::Sender));
         assert!(news.of("left", ViewState::Up).is_none());
         let event = news.of("left", ViewState::Moved).unwrap()(2.0);
         assert!(format!("{event:?}").contains("dtd refit RUN --view left"));

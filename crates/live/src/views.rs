@@ -6,8 +6,11 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use dataset::video::start_ffmpeg;
+
 use crate::error::{Error, Result};
 use crate::feed::{Feed, Message};
+use crate::gpu::Gpu;
 use crate::lockstep::Lockstep;
 use crate::options::Options;
 use crate::search::Search;
@@ -36,6 +39,9 @@ pub(crate) struct Views {
 impl Views {
     /// Starts the threads of all views that have a source. `searches`: false if images are only looked at.
     pub(crate) fn start(options: &Options, shared: &Arc<Shared>, searches: bool) -> Result<Self> {
+        // A GPU that is not there is no news of one view.
+        start_ffmpeg();
+        Gpu::open(options.decoder)?;
         let (send, messages) = channel();
         let names = options.run.views();
         let lockstep = Arc::new(Lockstep::of(names.len()));
@@ -59,6 +65,7 @@ impl Views {
                 view,
                 name: name.clone(),
                 source: source.clone(),
+                decoder: options.decoder,
                 size_px: [camera.width_px, camera.height_px],
                 slot: slot.clone(),
                 status: status.clone(),

@@ -2,6 +2,8 @@
 and output.
 
 Each question is one line of JSON, ``[what, ...]``; so is each answer. Only a picture's answer, its number of bytes, is followed by bytes.
+Statements look like questions, but have no answer: they are sent with the next question. X-Plane's functions cost nothing, a question costs
+two changes of the running process, and a frame of the plugin would need more than a hundred of them.
 """
 
 from __future__ import annotations
@@ -21,6 +23,9 @@ from xp_rules import ENABLE, START
 
 # The stand-in has no screen to wait for; without a pause an idle plugin would take a whole core.
 LEAST_PAUSE_S = 0.001
+# Frames after which it is found out anew which values are read, and the most conversions that are remembered.
+FRAMES_REMEMBERED = 64
+MOST_CONVERSIONS = 1_000
 
 
 class PipeWorld:
@@ -30,18 +35,39 @@ class PipeWorld:
         self._pipe = pipe
         self._kinds: dict[str, Kind | None] = {}
         self._published: dict[str, float] = {}
+        self._statements: list[bytes] = []
+        # The values that are read, all with one question, and their content until something changes.
+        self._wanted: list[tuple[str, int]] = []
+        self._values: dict[tuple[str, int], float] = {}
+        # Conversions, and the origin for which they hold.
+        self._converted: dict[tuple[Any, ...], tuple[float, float, float]] = {}
+        self._origin: Any = None
         self.cockpit_view = cockpit_view
         # X-Plane's folder, for X-Plane's own files.
         self._path = tempfile.TemporaryDirectory(prefix="dtd-stand-in-")
         Path(self._path.name, "Log.txt").touch()
 
     def _ask(self, *question: Any) -> Any:
-        self._pipe.write(json.dumps(question).encode() + b"\n")
+        self._say(*question)
+        self.flush()
         line = self._pipe.readline()
         if not line:
             # The stand-in is gone.
             sys.exit(0)
         return json.loads(line)
+
+    def _say(self, *statement: Any) -> None:
+        self._statements.append(json.dumps(statement).encode() + b"\n")
+
+    def _change(self, *statement: Any) -> None:
+        """A statement that may change any value."""
+        self._values.clear()
+        self._say(*statement)
+
+    def flush(self) -> None:
+        """Sends the statements."""
+        said, self._statements = self._statements, []
+        self._pipe.write(b"".join(said))
 
     def kind(self, name: str) -> Kind | None:
         if name not in self._kinds:
@@ -50,55 +76,79 @@ class PipeWorld:
         return self._kinds[name]
 
     def get(self, name: str, index: int) -> float:
-        return self._ask("get", name, index)
+        wanted = (name, index)
+        if wanted not in self._values:
+            if wanted not in self._wanted:
+                self._wanted.append(wanted)
+                self._say("want", name, index)
+            self._values = dict(zip(self._wanted, self._ask("values")))
+        return self._values[wanted]
 
     def set(self, name: str, index: int, value: float) -> None:
-        self._ask("set", name, index, value)
+        self._change("set", name, index, value)
 
     def knows_command(self, path: str) -> bool:
         return self._ask("knows_command", path)
 
     def command(self, path: str) -> None:
-        self._ask("command", path)
+        self._change("command", path)
 
     def world_to_local(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
-        return tuple(self._ask("world_to_local", latitude, longitude, altitude))
+        return self._convert("world_to_local", latitude, longitude, altitude)
 
     def local_to_world(self, x: float, y: float, z: float) -> tuple[float, float, float]:
-        return tuple(self._ask("local_to_world", x, y, z))
+        return self._convert("local_to_world", x, y, z)
+
+    def _convert(self, *question: Any) -> tuple[float, float, float]:
+        if question not in self._converted:
+            if len(self._converted) >= MOST_CONVERSIONS:
+                self._converted.clear()
+            self._converted[question] = tuple(self._ask(*question))
+        return self._converted[question]
 
     def ground_below(self, x: float, y: float, z: float) -> tuple[float, float, float] | None:
         ground = self._ask("ground_below", x, y, z)
         return None if ground is None else tuple(ground)
 
     def place_user(self, latitude: float, longitude: float, altitude: float, heading: float, speed: float) -> None:
-        self._ask("place_user", latitude, longitude, altitude, heading, speed)
+        # The origin may move.
+        self._converted.clear()
+        self._origin = None
+        self._change("place_user", latitude, longitude, altitude, heading, speed)
 
     def publish(self, name: str, value: float) -> None:
         if self._published.get(name) != value:
             self._published[name] = value
-            self._ask("publish", name, value)
+            self._change("publish", name, value)
 
     def begin_frame(self) -> int:
-        return self._ask("begin_frame")
+        self._values.clear()
+        frame, origin = self._ask("begin_frame")
+        if origin != self._origin:
+            self._origin = origin
+            self._converted.clear()
+        if frame % FRAMES_REMEMBERED == 0:
+            self._wanted.clear()
+            self._say("want_nothing")
+        return frame
 
     def place_camera(self, position: list[float] | None) -> None:
         if position is not None:
-            self._ask("place_camera", *position)
+            self._change("place_camera", *position)
         elif self.cockpit_view:
-            self._ask("own_camera")
+            self._change("own_camera")
 
     def show_frame(self, rectangles: list[tuple[float, ...]]) -> None:
         self._ask("show", rectangles)
 
     def lose_camera(self) -> None:
-        self._ask("lose_camera")
+        self._change("lose_camera")
 
     def others_fly(self) -> bool:
         return self._ask("others_fly")
 
     def let_others_fly(self, fly: bool) -> None:
-        self._ask("let_others_fly", int(fly))
+        self._change("let_others_fly", int(fly))
 
     def system_path(self) -> str:
         return self._path.name
@@ -130,7 +180,8 @@ class LoggingXp(FakeXp):
     def log(self, text: str) -> None:
         super().log(text)
         if text:
-            self.world._ask("log", text)
+            self.world._say("log", text)
+            self.world.flush()
 
 
 def run(settings: dict[str, Any]) -> None:
@@ -180,6 +231,7 @@ def run(settings: dict[str, Any]) -> None:
         xp.frame()
         if steal_every and frame % steal_every == 0:
             xp.steal_camera()
+        world.flush()
         if xp.misplaced:
             sys.exit(f"the plugin called what X-Plane does not allow there: {xp.misplaced}")
         pause_until(max(began_s + period_s, time.monotonic() + LEAST_PAUSE_S))

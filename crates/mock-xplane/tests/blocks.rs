@@ -175,7 +175,8 @@ async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn every_picture_of_a_block_is_the_settled_one_whatever_the_lag() {
-    for lag in [0, 1, 4] {
+    // Lags of one and three frames are those of the next two tests.
+    for lag in [0, 4] {
         check(SceneBehind::Constant(lag), [lag as u32; 2]).await;
     }
 }

@@ -13,7 +13,7 @@ pub(crate) const PAPER: &str = "paper_lstm";
 pub struct Results {
     /// Version of this software.
     pub dtd: String,
-    /// The command without its folder.
+    /// The command, with `paper` as its folder.
     pub command: String,
     /// The corpus.
     pub corpus: CorpusFigures,

@@ -1,13 +1,16 @@
 //! The `dtd` command, run to its end or as a server.
 
 use std::ffi::OsStr;
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
 use serde_json::Value;
+use tempfile::TempDir;
 
+use crate::files::copy_folder;
 use crate::repository;
 
 /// The command under test: `Dtd::at(env!("CARGO_BIN_EXE_dtd"))`.
@@ -52,6 +55,23 @@ impl Dtd {
             String::from_utf8_lossy(&output.stderr)
         );
         json(&output)
+    }
+
+    /// A folder with a sweep (`sweep.toml`, beside the recorded flights in `flights/`) and its recorded and labelled `corpus/`.
+    pub fn recorded(self, sweep: &str) -> TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let flights = repository().join("tests/data/flights");
+        copy_folder(&flights, &folder.path().join("flights"));
+        fs::write(folder.path().join("sweep.toml"), sweep).unwrap();
+        for arguments in [
+            &["generate", "sweep.toml", "--out", "corpus"][..],
+            &["label", "corpus"],
+        ] {
+            let mut command = self.command(arguments);
+            let output = command.current_dir(folder.path()).output().unwrap();
+            assert!(output.status.success(), "{arguments:?}: {}", said(&output));
+        }
+        folder
     }
 
     /// Starts a verb that serves, on free ports.

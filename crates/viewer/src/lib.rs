@@ -9,7 +9,6 @@
 mod assets;
 mod bitmap;
 mod byte_range;
-mod connections;
 mod doorkeeper;
 mod error;
 mod library;

@@ -23,7 +23,7 @@ use crate::pictures::{Form, Picture};
 use crate::planes::{MOST_EVERY, Part};
 use crate::refusal::Refusal;
 use crate::run::{Run, Summary};
-use crate::{assets, connections, overview, path, planes, scenario_tables, thumbnail, video_file};
+use crate::{assets, overview, path, planes, scenario_tables, thumbnail, video_file};
 
 /// Columns and rows of a picture that is sent as planes, and of its part if there is one.
 const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
@@ -54,7 +54,9 @@ pub async fn serve(options: ViewOptions, ready: impl FnOnce(SocketAddr)) -> Resu
     let library = Arc::new(Library::new(corpus, runs));
     read_ahead(library.clone());
     ready(address);
-    connections::serve(listener, router(library, address)).await
+    axum::serve(listener, router(library, address))
+        .await
+        .map_err(cannot_listen)
 }
 
 /// The runs by the names of their folders, numbered where several have the same.

@@ -1,28 +1,27 @@
 //! Makes the table of a runway from published ones, and compares them: a course that is off by 0.1 degrees moves the path by 32 m at 10 NM.
 //!
 //! Courses are geodesics between the ends, never the stated ones. Where tables differ, the one is recommended whose centreline meets the
-//! localizer's antenna, else the one whose length is the stated one.
+//! localizer's antenna, else the one on whose centreline arrivals fly, else the one whose length is the stated one.
+
+mod line;
 
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use dataset::geometry::geodesy::{Geodetic, LatLon};
-use dataset::geometry::runway::{Runway, RunwayCoordinates};
-use dataset::numbers::units::Degrees;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::runway::Runway;
 use serde::Serialize;
 
-use super::sources::{Aid, Ends, Facts, SourceError, Wanted};
+use line::{Line, differences, recommended};
 
-/// Tables contradict each other beyond these differences: degrees, metres over ground, metres of height.
-const COURSE_DEG: f64 = 0.05;
+use super::sources::{Aid, Facts, SourceError, Wanted};
+use crate::tracks::{ArrivalAxis, TrackFileError, arrival_axis};
+
+/// Tables contradict each other beyond these differences: metres over ground, metres of height.
 const PLACE_M: f64 = 10.0;
 const HEIGHT_M: f64 = 5.0;
 /// The distance of the ends may differ from the stated length by this much, metres: overruns are counted differently.
 const LENGTH_M: f64 = 50.0;
-/// A localizer further from the centreline, metres, belongs to an approach at an angle.
-const OFFSET_LOCALIZER_M: f64 = 100.0;
-/// Two centrelines are equally near to the localizer within this, metres.
-const EQUALLY_NEAR_M: f64 = 3.0;
 /// Distances of glide path antennas past the threshold, metres; others belong to another threshold.
 const ANTENNA_M: std::ops::RangeInclusive<f64> = 150.0..=600.0;
 /// Without a glide path antenna: 3 degrees, over the threshold at a height of 50 ft.
@@ -35,6 +34,22 @@ pub enum ImportError {
     /// A file says nothing.
     #[error(transparent)]
     Source(#[from] SourceError),
+    /// A file of tracks cannot be read.
+    #[error(transparent)]
+    Tracks(#[from] TrackFileError),
+    /// No track judges the runway.
+    #[error(
+        "no track in {} lands on {airport} {runway}",
+        files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")
+    )]
+    NoArrival {
+        /// The airport.
+        airport: String,
+        /// The runway.
+        runway: String,
+        /// The files.
+        files: Vec<PathBuf>,
+    },
     /// No file has the runway.
     #[error(
         "no ends of {airport} {runway} in {}; {}",
@@ -81,30 +96,24 @@ pub struct Imported {
     pub runway: Runway,
     /// Figures on which tables differ.
     pub conflicts: Vec<Conflict>,
+    /// The line that arrivals fly, relative to the runway.
+    pub arrivals: Option<ArrivalAxis>,
     /// Source of threshold and course.
     ends_from: String,
     elevation_from: String,
     glide_path_from: String,
 }
 
-/// A runway by one table.
-struct Line<'a> {
-    ends: &'a Ends,
-    threshold: LatLon,
-    course_deg: f64,
-    /// Between the ends of the pavement, metres.
-    length_m: f64,
-    /// From the landing threshold on, metres.
-    landing_m: f64,
-    /// Distance of the localizer's antenna from the centreline, metres.
-    localizer_m: Option<f64>,
-}
-
-/// Reads `files` and makes the runway.
+/// Reads `files` and makes the runway; arrivals in `tracks` judge it.
 ///
 /// # Errors
-/// A file that is no table, or none with the runway.
-pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported, ImportError> {
+/// A file that is no table, or none with the runway; tracks of which none lands on it.
+pub fn import(
+    airport: &str,
+    runway: &str,
+    files: &[PathBuf],
+    tracks: &[PathBuf],
+) -> Result<Imported, ImportError> {
     let mut facts = Facts::default();
     for file in files {
         facts.read(file, &Wanted { airport, runway })?;
@@ -116,12 +125,23 @@ pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported
         } => Some((*place, *frequency_mhz)),
         Aid::GlidePath { .. } => None,
     });
-    let lines: Vec<Line<'_>> = facts
+    let mut lines: Vec<Line<'_>> = facts
         .ends
         .iter()
         .map(|ends| Line::of(ends, localizer.map(|(place, _)| place)))
         .collect();
-    let Some((best, reason)) = recommended(&lines) else {
+    for line in &mut lines {
+        line.arrivals = arrival_axis(tracks, &line.runway(airport, runway))?;
+    }
+    let has_arrival = lines.iter().any(|line| line.arrivals.is_some());
+    if !(tracks.is_empty() || lines.is_empty() || has_arrival) {
+        return Err(ImportError::NoArrival {
+            airport: airport.to_owned(),
+            runway: runway.to_owned(),
+            files: tracks.to_vec(),
+        });
+    }
+    let Some((table, reason)) = recommended(&lines) else {
         let mut seen = facts.seen;
         seen.sort();
         seen.dedup();
@@ -133,6 +153,26 @@ pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported
         });
     };
     let mut conflicts = Vec::new();
+    let localizers = localizer.map(|(place, _)| place).zip(facts.opposite);
+    let moved = localizers
+        .filter(|_| {
+            table
+                .localizer_m
+                .is_some_and(|localizer_m| localizer_m > PLACE_M)
+        })
+        .and_then(|(localizer, opposite)| table.onto_axis(opposite, localizer));
+    let mut on_axis = moved.as_ref().map(|ends| Line::of(ends, None));
+    if let Some(line) = &mut on_axis {
+        line.arrivals = arrival_axis(tracks, &line.runway(airport, runway))?;
+    }
+    let best = on_axis.as_ref().unwrap_or(table);
+    let reason = match &on_axis {
+        Some(_) => format!(
+            "; the ends of {} moved onto it, as no table meets it{reason}",
+            table.ends.source
+        ),
+        None => reason,
+    };
     for other in &lines {
         conflicts.extend(differences(best, other, &reason));
     }
@@ -147,6 +187,16 @@ pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported
                 best.ends.source
             ),
             recommended: format!("{}: a chart, or arrivals, decide", best.ends.source),
+        });
+    }
+    if let Some(axis) = best.arrivals.filter(ArrivalAxis::is_elsewhere) {
+        conflicts.push(Conflict {
+            figure: "course_true_deg",
+            found: format!(
+                "arrivals ({}) fly {:+.1} m to the right of the centreline of {}, turned by {:+.3} degrees",
+                axis.arrivals, axis.offset_m, best.ends.source, axis.turned_deg
+            ),
+            recommended: format!("{}: a chart decides", best.ends.source),
         });
     }
     let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
@@ -208,6 +258,7 @@ pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported
             width_m: best.ends.width_m.map(|width_m| round(width_m, 0)),
         },
         conflicts,
+        arrivals: best.arrivals,
         ends_from: format!("geodesic between the ends of {}{reason}", best.ends.source),
         elevation_from,
         glide_path_from,
@@ -272,130 +323,6 @@ impl Imported {
         }
         text
     }
-}
-
-impl<'a> Line<'a> {
-    fn of(ends: &'a Ends, localizer: Option<LatLon>) -> Self {
-        let (near, far) = (&ends.near, &ends.far);
-        let towards_deg = near.place.azimuth_to_deg(far.place);
-        let threshold = match near.displaced_m {
-            0.0 => near.place,
-            displaced_m => near.place.destination(towards_deg, displaced_m),
-        };
-        let mut line = Self {
-            ends,
-            threshold,
-            course_deg: Degrees(threshold.azimuth_to_deg(far.place)).wrapped_360().0,
-            length_m: near.place.distance_m(far.place),
-            landing_m: threshold.distance_m(far.place),
-            localizer_m: None,
-        };
-        let offset_m = localizer.map(|place| line.place(place).cross_track_m.abs());
-        line.localizer_m = offset_m.filter(|offset_m| *offset_m < OFFSET_LOCALIZER_M);
-        line
-    }
-
-    /// A place in coordinates of the threshold.
-    fn place(&self, place: LatLon) -> RunwayCoordinates {
-        RunwayCoordinates::of(
-            place.at_altitude_m(0.0),
-            self.threshold.at_altitude_m(0.0),
-            self.course_deg,
-        )
-    }
-
-    fn along_m(&self, place: LatLon) -> f64 {
-        self.place(place).along_track_m
-    }
-
-    /// By how much its length is not the stated one, metres.
-    fn off_length_m(&self, stated_m: f64) -> f64 {
-        (self.length_m - stated_m).abs()
-    }
-}
-
-/// The table that agrees best with what is independent of it, and why.
-fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>, String)> {
-    let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
-    // A centreline that is far from the localizer is the worst, unless all are: then it belongs to an approach at an angle.
-    let is_on_axis = lines.iter().any(|line| line.localizer_m.is_some());
-    let far_m = if is_on_axis { f64::MAX } else { 0.0 };
-    let localizer_m = |line: &Line<'_>| line.localizer_m.unwrap_or(far_m);
-    let off_m = |line: &Line<'_>| stated_m.map_or(0.0, |stated_m| line.off_length_m(stated_m));
-    let mut best = lines.first()?;
-    for line in &lines[1..] {
-        let nearer_m = localizer_m(best) - localizer_m(line);
-        let is_better = if nearer_m.abs() > EQUALLY_NEAR_M {
-            nearer_m > 0.0
-        } else {
-            off_m(line) + PLACE_M < off_m(best)
-        };
-        if is_better {
-            best = line;
-        }
-    }
-    let of_each = |what: &dyn Fn(&Line<'_>) -> Option<f64>| {
-        let each = lines
-            .iter()
-            .filter_map(|line| Some((line.ends.source, what(line)?)));
-        each.map(|(source, metres)| format!("{metres:.1} m ({source})"))
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
-    let mut reasons = Vec::new();
-    if best.localizer_m.is_some() {
-        reasons.push(format!(
-            "its centreline misses the localizer by {}",
-            of_each(&|line| line.localizer_m)
-        ));
-    }
-    if let Some(stated_m) = stated_m {
-        let lengths = of_each(&|line| Some(line.off_length_m(stated_m)));
-        reasons.push(format!(
-            "its length differs from the stated {stated_m:.0} m by {lengths}"
-        ));
-    }
-    let reason = reasons.join("; ");
-    Some((
-        best,
-        if reason.is_empty() {
-            reason
-        } else {
-            format!("; {reason}")
-        },
-    ))
-}
-
-/// Figures of another table that contradict those of the recommended one.
-fn differences(best: &Line<'_>, other: &Line<'_>, reason: &str) -> Vec<Conflict> {
-    let (one, two) = (best.ends.source, other.ends.source);
-    let recommended = format!("{one}{reason}");
-    let mut found = Vec::new();
-    let off_deg = Degrees(other.course_deg - best.course_deg).wrapped_180().0;
-    if off_deg.abs() > COURSE_DEG {
-        found.push(Conflict {
-            figure: "course_true_deg",
-            found: format!(
-                "{:.3} by {one}, {:.3} by {two}: {:.0} m at 10 NM",
-                best.course_deg,
-                other.course_deg,
-                18_520.0 * off_deg.abs().to_radians().sin()
-            ),
-            recommended: recommended.clone(),
-        });
-    }
-    let place = best.place(other.threshold);
-    if place.dtd_m > PLACE_M {
-        found.push(Conflict {
-            figure: "threshold",
-            found: format!(
-                "{two} has it {:.1} m further along the runway and {:.1} m to the right of {one}'s",
-                -place.along_track_m, place.cross_track_m
-            ),
-            recommended,
-        });
-    }
-    found
 }
 
 /// Height of the threshold, and its source.

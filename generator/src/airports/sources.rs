@@ -63,6 +63,8 @@ pub(super) enum Aid {
 pub(super) struct Facts {
     pub(super) ends: Vec<Ends>,
     pub(super) aids: Vec<Aid>,
+    /// Localizer of the opposite direction, which stands before this threshold.
+    pub(super) opposite: Option<LatLon>,
     /// The runways of the airport that were seen, for a message.
     pub(super) seen: Vec<String>,
 }
@@ -106,6 +108,25 @@ pub enum SourceError {
 pub(super) struct Wanted<'a> {
     pub(super) airport: &'a str,
     pub(super) runway: &'a str,
+}
+
+impl Wanted<'_> {
+    /// The same runway in the other direction: 20R for 02L.
+    fn opposite(&self) -> Option<String> {
+        let digits = self
+            .runway
+            .trim_end_matches(|letter: char| !letter.is_ascii_digit());
+        let number: u32 = digits
+            .parse()
+            .ok()
+            .filter(|number| (1..=36).contains(number))?;
+        let side = match &self.runway[digits.len()..] {
+            "L" => "R",
+            "R" => "L",
+            other => other,
+        };
+        Some(format!("{:02}{side}", (number + 17) % 36 + 1))
+    }
 }
 
 impl Facts {

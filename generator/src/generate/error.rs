@@ -449,6 +449,7 @@ mod tests {
         ScenarioError::Bridge(BridgeError::Pixels(PixelError::OtherWindow {
             wanted: size(1920),
             window: size(1900),
+            may_have_margins: false,
         }))
     }
 

@@ -1,15 +1,22 @@
-//! Outlook of a plan: the parts of the approach that each camera shows, and heights of profiles and clouds above the runway.
+//! Outlook of a plan: the parts of the approach that each camera shows, flights that miss the runway, and heights of profiles and clouds
+//! above it. Recordings are flown as they are, others once in each profile and weather, by the built-in flight model.
+
+mod sight;
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use dataset::corpus::scenario::Flight;
 use dataset::geometry::approach_profile::ApproachProfile;
+use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::RunwayCoordinates;
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::{Plan, PlannedScenario};
 use serde::Serialize;
+
+use sight::InSight;
 
 use super::fly_request;
 use crate::sweep::Sweep;
@@ -35,6 +42,11 @@ pub struct Outlook {
     /// Profiles with a level segment that is unusually low, and its height above the runway, metres.
     #[serde(skip)]
     pub low_levels_m: BTreeMap<String, f64>,
+    /// Distances from the touchdown target and the centreline of flights that miss the runway, by profile and weather, metres.
+    #[serde(skip)]
+    misses_m: BTreeMap<(String, String), [f64; 2]>,
+    #[serde(skip)]
+    in_sight: InSight,
 }
 
 /// Where a view sees the aircraft's centre of gravity: distances to go along the course, nautical miles, over one flight of each profile
@@ -59,6 +71,8 @@ impl Outlook {
             profiles_above_runway_m: BTreeMap::new(),
             clouds_above_runway_m: BTreeMap::new(),
             low_levels_m: BTreeMap::new(),
+            misses_m: BTreeMap::new(),
+            in_sight: InSight::default(),
         };
         let cameras = plan.common.cameras.iter();
         outlook.views = cameras
@@ -68,35 +82,78 @@ impl Outlook {
                 leaves_nm: None,
             })
             .collect();
-        let mut flights = BTreeMap::new();
+        let mut flights: BTreeMap<(&str, &str), Flown> = BTreeMap::new();
         for scenario in &plan.scenarios {
-            if let Some(live) = &scenario.parameters.live {
-                let (name, profile) = (live.profile_name.clone(), &live.profile);
-                let start_m = profile.start_altitude_msl_m() - ground_m;
-                if let Some(level_m) = lowest_level_m(profile, ground_m, LOWEST_LEVEL_M) {
-                    outlook.low_levels_m.insert(name.clone(), level_m);
-                }
-                outlook.profiles_above_runway_m.insert(name, start_m);
-            }
-            for layer in &scenario.parameters.conditions.weather.clouds {
-                let range = outlook
-                    .clouds_above_runway_m
-                    .entry(scenario.weather.clone())
-                    .or_insert([f64::INFINITY, f64::NEG_INFINITY]);
-                widen(range, layer.base_msl_m - ground_m);
-                widen(range, layer.top_msl_m - ground_m);
-            }
+            outlook.add_heights(scenario, ground_m);
             // Repeats of a flight differ by metres.
             let flight = match &scenario.parameters.live {
-                Some(live) => &live.profile_name,
-                None => &scenario.trajectory,
+                Some(live) => (live.profile_name.as_str(), scenario.weather.as_str()),
+                None => (scenario.trajectory.as_str(), ""),
             };
-            flights.entry(flight).or_insert(scenario);
-        }
-        for scenario in flights.values() {
-            outlook.watch(scenario, plan, &states(sweep, plan, scenario));
+            let flown = match flights.entry(flight) {
+                Entry::Occupied(flown) => flown.into_mut(),
+                Entry::Vacant(entry) => {
+                    let flown = entry.insert(Flown::of(sweep, plan, scenario));
+                    outlook.watch(scenario, plan, &flown.states);
+                    outlook.land(scenario, plan, flown);
+                    flown
+                }
+            };
+            outlook.in_sight.add(scenario, &plan.common, &flown.states);
         }
         outlook
+    }
+
+    /// Warnings about views that never show the aircraft, or only beyond the visibility.
+    pub fn hidden_aircraft(&self) -> Vec<String> {
+        self.in_sight.warnings()
+    }
+
+    /// Warnings about flights that miss the runway: `dtd verify` rejects them.
+    pub fn missed_runways(&self) -> Vec<String> {
+        let misses = self.misses_m.iter();
+        misses
+            .map(|((profile, weather), [off_m, beside_m])| {
+                format!(
+                    "the profile {profile:?} touches down {off_m:.0} m from the target, {beside_m:.0} m beside the centreline, in the weather \
+                     {weather:?} with the built-in flight model, and `dtd verify` rejects that: are its start and the wind as intended?"
+                )
+            })
+            .collect()
+    }
+
+    fn add_heights(&mut self, scenario: &PlannedScenario, ground_m: f64) {
+        if let Some(live) = &scenario.parameters.live {
+            let (name, profile) = (live.profile_name.clone(), &live.profile);
+            let start_m = profile.start_altitude_msl_m() - ground_m;
+            if let Some(level_m) = lowest_level_m(profile, ground_m, LOWEST_LEVEL_M) {
+                self.low_levels_m.insert(name.clone(), level_m);
+            }
+            self.profiles_above_runway_m.insert(name, start_m);
+        }
+        for layer in &scenario.parameters.conditions.weather.clouds {
+            let range = self
+                .clouds_above_runway_m
+                .entry(scenario.weather.clone())
+                .or_insert([f64::INFINITY, f64::NEG_INFINITY]);
+            widen(range, layer.base_msl_m - ground_m);
+            widen(range, layer.top_msl_m - ground_m);
+        }
+    }
+
+    /// Adds where a flight of a profile touches down, if that is not the runway.
+    fn land(&mut self, scenario: &PlannedScenario, plan: &Plan, flown: &Flown) {
+        let (Some(live), Some(touchdown)) = (&scenario.parameters.live, flown.touchdown) else {
+            return;
+        };
+        let runway = &plan.common.runway;
+        let place =
+            RunwayCoordinates::of(touchdown, runway.touchdown_target(), runway.course_true_deg);
+        if !place.may_be_touchdown() {
+            let flight = (live.profile_name.clone(), scenario.weather.clone());
+            self.misses_m
+                .insert(flight, [place.dtd_m, place.cross_track_m.abs()]);
+        }
     }
 
     /// Adds a flight to what the views see.
@@ -127,37 +184,48 @@ impl Outlook {
     }
 }
 
-/// The states of a scenario's flight until it passes the target, once a second: of its recording, else of the built-in flight model.
-fn states(sweep: &Sweep, plan: &Plan, scenario: &PlannedScenario) -> Vec<FlightState> {
-    let runway = &plan.common.runway;
-    let parameters = &scenario.parameters;
-    let computed;
-    let trajectory: &Trajectory = match &parameters.live {
-        Some(live) => {
-            let request = fly_request(&plan.common, scenario, live);
-            let states = flight_model::fly(&request, &parameters.conditions.weather);
-            let Ok(trajectory) = Trajectory::new(states) else {
-                return Vec::new();
-            };
-            computed = trajectory;
-            &computed
+/// A flight.
+#[derive(Default)]
+struct Flown {
+    /// Its states until it passes the target, once a second; none if it never comes there.
+    states: Vec<FlightState>,
+    touchdown: Option<Geodetic>,
+}
+
+impl Flown {
+    /// The flight of a scenario: its recording, else by the built-in flight model.
+    fn of(sweep: &Sweep, plan: &Plan, scenario: &PlannedScenario) -> Self {
+        let parameters = &scenario.parameters;
+        let computed;
+        let trajectory: &Trajectory = match &parameters.live {
+            Some(live) => {
+                let request = fly_request(&plan.common, scenario, live);
+                let states = flight_model::fly(&request, &parameters.conditions.weather);
+                let Ok(trajectory) = Trajectory::new(states) else {
+                    return Self::default();
+                };
+                computed = trajectory;
+                &computed
+            }
+            None => {
+                let recordings = sweep
+                    .recorded
+                    .iter()
+                    .flat_map(|flights| &flights.recordings);
+                let is_flown = |blake3: &str| matches!(&parameters.flight, Flight::Recorded { blake3: flown, .. } if flown == blake3);
+                let mut recordings = recordings.filter(|recording| is_flown(&recording.blake3));
+                let Some(recording) = recordings.next() else {
+                    return Self::default();
+                };
+                &recording.trajectory
+            }
+        };
+        let window = trajectory.approach(&plan.common.runway, parameters.start_dtd_m);
+        Self {
+            states: window.map_or_else(|_| Vec::new(), |window| trajectory.resample(window, LOOKS)),
+            touchdown: trajectory.touchdown(),
         }
-        None => {
-            let recordings = sweep
-                .recorded
-                .iter()
-                .flat_map(|flights| &flights.recordings);
-            let is_flown = |blake3: &str| matches!(&parameters.flight, Flight::Recorded { blake3: flown, .. } if flown == blake3);
-            let mut recordings = recordings.filter(|recording| is_flown(&recording.blake3));
-            let Some(recording) = recordings.next() else {
-                return Vec::new();
-            };
-            &recording.trajectory
-        }
-    };
-    trajectory
-        .approach(runway, parameters.start_dtd_m)
-        .map_or_else(|_| Vec::new(), |window| trajectory.resample(window, LOOKS))
+    }
 }
 
 /// Height of the lowest level segment above the runway, metres, if it is below `least_m`.

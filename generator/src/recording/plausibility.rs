@@ -8,7 +8,7 @@ mod units;
 
 use std::fmt;
 
-use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::geodesy::{Geodetic, LatLon};
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::spread::median;
@@ -129,7 +129,9 @@ impl<'a> Seen<'a> {
         if approach.len() < 2 {
             return Ok(());
         }
+        units::times(approach)?;
         units::speeds(approach)?;
+        units::directions(approach)?;
         units::climb(approach)?;
         units::airspeed(approach)?;
         units::attitude(approach)
@@ -288,32 +290,13 @@ impl<'a> Seen<'a> {
 }
 
 /// The form of its coordinates in which a flight without an approach would be near the runway.
-pub(super) fn elsewhere(states: &[FlightState], runway: &Runway) -> Option<Implausible> {
-    let target = runway.touchdown_target();
-    let nearest_m = |change: &dyn Fn(f64, f64) -> (f64, f64)| {
-        let distances = states.iter().filter_map(|state| {
-            let Geodetic {
-                latitude_deg,
-                longitude_deg,
-                altitude_msl_m,
-            } = state.pose.position();
-            let (latitude_deg, longitude_deg) = change(latitude_deg, longitude_deg);
-            let is_place = latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0;
-            let there = Geodetic {
-                latitude_deg,
-                longitude_deg,
-                altitude_msl_m,
-            };
-            is_place.then(|| target.lat_lon().distance_m(there.lat_lon()))
-        });
-        distances.min_by(f64::total_cmp).unwrap_or(f64::INFINITY)
-    };
-    let here_m = nearest_m(&|latitude, longitude| (latitude, longitude));
-    if here_m < NEAR_M {
-        return None;
-    }
+pub(super) fn elsewhere(
+    states: impl Iterator<Item = FlightState>,
+    runway: &Runway,
+) -> Option<Implausible> {
     type Change = fn(f64, f64) -> (f64, f64);
-    let forms: [(&str, Change); 4] = [
+    const FORMS: [(&str, Change); 5] = [
+        ("what they are", |latitude, longitude| (latitude, longitude)),
         ("swapped coordinates", |latitude, longitude| {
             (longitude, latitude)
         }),
@@ -329,7 +312,27 @@ pub(super) fn elsewhere(states: &[FlightState], runway: &Runway) -> Option<Impla
             |latitude, longitude| (-latitude, longitude),
         ),
     ];
-    let (looks_like, _) = forms.iter().find(|(_, form)| nearest_m(form) < NEAR_M)?;
+    let target = runway.touchdown_target().lat_lon();
+    let mut nearest_m = [f64::INFINITY; FORMS.len()];
+    for state in states {
+        let here = state.pose.position();
+        for (nearest_m, (_, form)) in nearest_m.iter_mut().zip(FORMS) {
+            let (latitude_deg, longitude_deg) = form(here.latitude_deg, here.longitude_deg);
+            if latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0 {
+                let there = LatLon {
+                    latitude_deg,
+                    longitude_deg,
+                };
+                *nearest_m = nearest_m.min(target.distance_m(there));
+            }
+        }
+    }
+    let here_m = nearest_m[0];
+    if here_m < NEAR_M {
+        return None;
+    }
+    let mut others = FORMS.iter().zip(nearest_m).skip(1);
+    let ((looks_like, _), _) = others.find(|(_, nearest_m)| *nearest_m < NEAR_M)?;
     Some(Implausible::Unit {
         column: "latitude_deg and longitude_deg",
         looks_like,

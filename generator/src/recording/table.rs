@@ -1,5 +1,6 @@
 //! The CSV table of a recorded flight: a header with the names of the columns, then a row per state.
 
+use std::io::BufRead;
 use std::path::Path;
 
 use dataset::geometry::pose::{Controls, FlightState, Pose};
@@ -38,71 +39,96 @@ pub(super) struct Row {
     pub(super) fault: Option<FieldOutOfLimits>,
 }
 
-/// Reads all rows of the file at `path`, whose content is `bytes`.
-pub(super) fn rows(path: &Path, bytes: &[u8]) -> Result<Vec<Row>, RecordingError> {
-    let (separator, separator_name) = separator(bytes);
-    let unreadable = |cause| RecordingError::NotATable {
-        path: path.to_owned(),
-        cause,
-    };
-    let mut reader = csv::ReaderBuilder::new()
-        .delimiter(separator)
-        .trim(csv::Trim::All)
-        .from_reader(bytes);
-    let header = reader.headers().map_err(unreadable)?.clone();
-    let place = |name: &str| header.iter().position(|found| found == name);
-    let names = COLUMNS.iter().map(|(name, _)| *name).chain([ON_GROUND]);
-    let missing: Vec<&str> = names.filter(|name| place(name).is_none()).collect();
-    if !missing.is_empty() {
-        return Err(RecordingError::MissingColumns {
+/// The rows of a table, one after the other.
+pub(super) struct Rows<'a, R> {
+    path: &'a Path,
+    records: csv::StringRecordsIntoIter<R>,
+    /// Places of [`COLUMNS`], and of [`ON_GROUND`].
+    places: [usize; COLUMNS.len()],
+    on_ground: usize,
+}
+
+impl<'a, R: BufRead> Rows<'a, R> {
+    /// Reads the header of the file at `path`.
+    pub(super) fn new(path: &'a Path, mut file: R) -> Result<Self, RecordingError> {
+        let unreadable = |cause| RecordingError::NotATable {
             path: path.to_owned(),
-            missing: missing.join(", "),
-            found: header.iter().collect::<Vec<_>>().join(", "),
-            separator: separator_name,
-        });
+            cause,
+        };
+        let head = file.fill_buf().map_err(|error| unreadable(error.into()))?;
+        let (separator, separator_name) = separator(head);
+        let mut reader = csv::ReaderBuilder::new()
+            .delimiter(separator)
+            .trim(csv::Trim::All)
+            .from_reader(file);
+        let header = reader.headers().map_err(unreadable)?.clone();
+        let place = |name: &str| header.iter().position(|found| found == name);
+        let names = COLUMNS.iter().map(|(name, _)| *name).chain([ON_GROUND]);
+        let missing: Vec<&str> = names.filter(|name| place(name).is_none()).collect();
+        if !missing.is_empty() {
+            return Err(RecordingError::MissingColumns {
+                path: path.to_owned(),
+                missing: missing.join(", "),
+                found: header.iter().collect::<Vec<_>>().join(", "),
+                separator: separator_name,
+            });
+        }
+        Ok(Self {
+            path,
+            records: reader.into_records(),
+            places: COLUMNS.map(|(name, _)| place(name).unwrap_or_default()),
+            on_ground: place(ON_GROUND).unwrap_or_default(),
+        })
     }
-    let places = COLUMNS.map(|(name, _)| place(name).unwrap_or_default());
-    let on_ground = place(ON_GROUND).unwrap_or_default();
-    let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(unreadable)?;
+
+    fn row(&self, record: &csv::StringRecord) -> Result<Row, RecordingError> {
         let line = record.position().map_or(0, csv::Position::line);
         let bad =
             |column: &'static str, found: &str, expected: &'static str| RecordingError::NotAValue {
-                path: path.to_owned(),
+                path: self.path.to_owned(),
                 line,
                 column,
                 found: found.to_owned(),
                 expected,
             };
         let mut numbers = [0.0; COLUMNS.len()];
-        for ((number, at), (column, _)) in numbers.iter_mut().zip(places).zip(COLUMNS) {
+        for ((number, at), (column, _)) in numbers.iter_mut().zip(self.places).zip(COLUMNS) {
             let text = &record[at];
             *number = text
                 .parse()
                 .map_err(|_| bad(column, text, expected_number(column, text)))?;
         }
-        let is_on_ground = truth(&record[on_ground])
-            .ok_or_else(|| bad(ON_GROUND, &record[on_ground], "0, 1, false or true"))?;
+        let is_on_ground = truth(&record[self.on_ground])
+            .ok_or_else(|| bad(ON_GROUND, &record[self.on_ground], "0, 1, false or true"))?;
         let mut check = Check::default();
         for (number, (column, limits)) in numbers.iter().zip(COLUMNS) {
             check.number(column, *number, limits);
         }
-        rows.push(Row {
+        Ok(Row {
             line,
             state: state(numbers, is_on_ground),
             fault: check.first(),
-        });
+        })
     }
-    Ok(rows)
+}
+
+impl<R: BufRead> Iterator for Rows<'_, R> {
+    type Item = Result<Row, RecordingError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        Some(match self.records.next()? {
+            Ok(record) => self.row(&record),
+            Err(cause) => Err(RecordingError::NotATable {
+                path: self.path.to_owned(),
+                cause,
+            }),
+        })
+    }
 }
 
 /// The separator that finds the most of our columns in the first line.
-fn separator(bytes: &[u8]) -> (u8, &'static str) {
-    let header = bytes
-        .split(|byte| *byte == b'\n')
-        .next()
-        .unwrap_or_default();
+fn separator(head: &[u8]) -> (u8, &'static str) {
+    let header = head.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let known = |separator: u8| {
         let fields = header.split(|byte| *byte == separator);
         let names = fields.map(|field| {

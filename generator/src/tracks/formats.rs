@@ -1,4 +1,7 @@
-//! Files of tracks: CSV as `traffic` and OpenSky write them, and `trace_full` of readsb (JSON). The names of the columns tell the units.
+//! Files of tracks: CSV as `traffic` and OpenSky write them, `trace_full` of readsb (JSON), and JSON lines of `jet1090`. The names of the
+//! columns tell the units.
+
+mod jet1090;
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
@@ -59,7 +62,7 @@ pub enum TrackFileError {
     /// Columns are missing.
     #[error(
         "{}: no column for {missing}; its columns are {found}. Expected those of traffic (timestamp, latitude, longitude, altitude), of \
-         OpenSky (time, lat, lon, baroaltitude), or trace_full of readsb",
+         OpenSky (time, lat, lon, baroaltitude), trace_full of readsb, or JSON lines of jet1090",
         path.display()
     )]
     MissingColumns {
@@ -81,7 +84,9 @@ pub(super) fn read(path: &Path, runway: &Runway) -> Result<Vec<Track>, TrackFile
     let mut file = BufReader::new(outside_file::open(path, TRACKS)?);
     let head = file.fill_buf().map_err(|error| broken(error.to_string()))?;
     let first = head.iter().find(|byte| !byte.is_ascii_whitespace());
-    let mut tracks = if first == Some(&b'{') {
+    let mut tracks = if jet1090::is_one(head) {
+        jet1090::read(file, runway.touchdown_target().lat_lon()).map_err(broken)?
+    } else if first == Some(&b'{') {
         let bytes = outside_file::read(path, TRACE)?;
         let trace = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
         vec![trace_full(&trace).ok_or_else(|| {
@@ -262,11 +267,15 @@ fn csv_tracks<R: Read>(
         };
         tracks.entry(name.to_owned()).or_default().add(fix, target);
     }
+    Ok(tracks_of(tracks))
+}
+
+fn tracks_of(kept: BTreeMap<String, Kept>) -> Vec<Track> {
     let track = |(name, kept): (String, Kept)| Track {
         aircraft: (!name.is_empty()).then_some(name),
         fixes: kept.fixes(),
     };
-    Ok(tracks.into_iter().map(track).collect())
+    kept.into_iter().map(track).collect()
 }
 
 /// Seconds since 1970 of a date such as `2021-10-07 13:35:44+00:00`; without a zone it is UTC.

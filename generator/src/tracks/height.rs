@@ -2,7 +2,8 @@
 //!
 //! Barometric altitudes are above 1013.25 hPa, in steps of 25 ft, and stretched by temperature. On final approach the aircraft is on the
 //! glide path, which ends at the touchdown target: a line through the altitudes there gives the altitude of the target and, if the angle is
-//! near the glide path's, the stretch. A flight with another angle keeps it.
+//! near the glide path's, the stretch. A flight with another angle keeps it. One that is off the glide path by as much as temperatures
+//! explain cannot be told from one on it.
 
 use dataset::geometry::runway::Runway;
 use dataset::numbers::spread::median;
@@ -16,14 +17,39 @@ const FEWEST: usize = 8;
 const ANGLES_DEG: std::ops::RangeInclusive<f64> = 2.0..=6.5;
 /// Altitudes further from the line are left out, metres.
 const OUTLIER_M: f64 = 25.0;
-/// Stretches that temperature causes.
-const STRETCH: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+/// Stretches of air from 20 degrees below to 25 above standard, 0.931 to 1.087, and the error of the slope.
+const STRETCH: std::ops::RangeInclusive<f64> = 0.925..=1.093;
+/// Standard deviation of the stretch where the angle does not give it.
+const STRETCH_SD: f64 = 0.045;
+/// Altitudes within this distance of each other, metres, are off the line in the same way: steps and gusts last about six seconds.
+const ALIKE_M: f64 = 450.0;
+/// What is left of the steps after smoothing, metres (standard deviation).
+const STEPS_SD_M: f64 = 1.0;
+/// Half the width of an interval that holds 90 % of a normal distribution.
+const NORMAL_90: f64 = 1.645;
 
 /// From altitudes to heights above the touchdown target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Datum {
     target_m: f64,
     stretch: f64,
+    line: Line,
+    /// The stretch is that of the glide path.
+    is_tied: bool,
+}
+
+/// A line through altitudes by the distance to go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Line {
+    at_zero_m: f64,
+    slope: f64,
+    /// Mean and standard deviation of the distances, metres.
+    middle_m: f64,
+    spread_m: f64,
+    /// Standard deviation of the altitudes from the line, metres.
+    off_m: f64,
+    /// Number of altitudes that are off in ways of their own.
+    independent: f64,
 }
 
 impl Datum {
@@ -48,29 +74,56 @@ impl Datum {
                 altitudes: points.len(),
             });
         }
-        let (target_m, slope) = line_through(&points);
+        let line = Line::through(&points);
+        let slope = line.slope;
         let angle_deg = slope.atan().to_degrees();
         if !ANGLES_DEG.contains(&angle_deg) {
             return Err(NoArrival::NoDescent { angle_deg });
         }
         let stretch = runway.glide_path_deg.to_radians().tan() / slope;
+        let is_tied = STRETCH.contains(&stretch);
         Ok(Self {
-            target_m,
-            stretch: if STRETCH.contains(&stretch) {
-                stretch
-            } else {
-                1.0
-            },
+            target_m: line.at_zero_m,
+            stretch: if is_tied { stretch } else { 1.0 },
+            line,
+            is_tied,
         })
     }
 
     pub(super) fn height_m(self, altitude_m: f64) -> f64 {
         (altitude_m - self.target_m) * self.stretch
     }
+
+    /// Half the width of the interval that holds 90 % of the errors of a height, for flights on the glide path.
+    pub(super) fn half_width_90_m(self, height_m: f64) -> f64 {
+        let line = self.line;
+        let level_m = self.stretch * line.off_m / line.independent.sqrt();
+        let slope_sd = line.off_m / line.independent.sqrt() / line.spread_m.max(1.0);
+        // A steeper line has a lower target, and with the glide path's stretch less height at the same altitude.
+        let tied_m = if self.is_tied {
+            height_m / line.slope
+        } else {
+            0.0
+        };
+        let turned_m = (self.stretch * line.middle_m - tied_m) * slope_sd;
+        let stretched_m = if self.is_tied {
+            0.0
+        } else {
+            STRETCH_SD * height_m
+        };
+        let parts = [level_m, turned_m, stretched_m, STEPS_SD_M];
+        NORMAL_90
+            * parts
+                .iter()
+                .map(|part_m| part_m * part_m)
+                .sum::<f64>()
+                .sqrt()
+    }
 }
 
-/// The same by medians, which single wrong altitudes do not move: the slope is the median between the nearer and the further half.
-fn line_through_medians(points: &[(f64, f64)]) -> (f64, f64) {
+/// Value at 0 and slope of a line by medians, which single wrong values do not move: the slope is the median between the nearer and the
+/// further half.
+pub(super) fn line_through_medians(points: &[(f64, f64)]) -> (f64, f64) {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = sorted.len() / 2;
@@ -90,16 +143,27 @@ fn line_through_medians(points: &[(f64, f64)]) -> (f64, f64) {
     (median(&mut at_zero), slope)
 }
 
-/// Value at 0 and slope of the line of least squares.
-fn line_through(points: &[(f64, f64)]) -> (f64, f64) {
-    let count = points.len() as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
-    let (x, y) = (mean(|point| point.0), mean(|point| point.1));
-    let (mut xx, mut xy) = (0.0, 0.0);
-    for (px, py) in points {
-        xx += (px - x) * (px - x);
-        xy += (px - x) * (py - y);
+impl Line {
+    /// The line of least squares.
+    fn through(points: &[(f64, f64)]) -> Self {
+        let count = points.len() as f64;
+        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+        let (x, y) = (mean(&|point| point.0), mean(&|point| point.1));
+        let xx = mean(&|point| (point.0 - x).powi(2));
+        let xy = mean(&|point| (point.0 - x) * (point.1 - y));
+        let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+        let off_m2 = mean(&|point| (point.1 - y - slope * (point.0 - x)).powi(2));
+        let distances = points.iter().map(|point| point.0);
+        let (nearest_m, furthest_m) = distances.fold((f64::MAX, f64::MIN), |(low, high), x| {
+            (low.min(x), high.max(x))
+        });
+        Self {
+            at_zero_m: y - slope * x,
+            slope,
+            middle_m: x,
+            spread_m: xx.sqrt(),
+            off_m: off_m2.sqrt(),
+            independent: ((furthest_m - nearest_m) / ALIKE_M).clamp(2.0, count.max(2.0)),
+        }
     }
-    let slope = if xx > 0.0 { xy / xx } else { 0.0 };
-    (y - slope * x, slope)
 }

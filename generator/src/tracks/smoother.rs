@@ -8,6 +8,8 @@ pub(super) struct Measured {
     pub(super) place_m: f64,
     /// Speed, if it was measured.
     pub(super) speed_mps: Option<f64>,
+    /// Acceleration of a turn: the noise is stronger there, m/s^2.
+    pub(super) turns_mps2: f64,
 }
 
 /// Place and speed at a time.
@@ -29,6 +31,8 @@ pub(super) struct Noise {
 
 /// A place this many standard deviations away is an outlier.
 const OUTLIER: f64 = 5.0;
+/// A turn changes within about this time, seconds: the spectral density of its acceleration is the square times this.
+const TURN_S: f64 = 0.3;
 /// Passes in which outliers are found.
 const PASSES: usize = 3;
 
@@ -100,7 +104,8 @@ fn pass(measured: &[Measured], is_outlier: &[bool], noise: Noise) -> Vec<Smoothe
     let mut steps: Vec<(f64, State, State)> = Vec::with_capacity(measured.len());
     for (seen, is_outlier) in measured.iter().zip(is_outlier) {
         let step_s = seen.time_s - time_s;
-        let predicted = state.predicted(step_s, noise.acceleration);
+        let acceleration = noise.acceleration + TURN_S * seen.turns_mps2 * seen.turns_mps2;
+        let predicted = state.predicted(step_s, acceleration);
         state = predicted;
         if !is_outlier {
             state = state.updated(0, seen.place_m, noise.place_m);
@@ -213,6 +218,7 @@ mod tests {
                     time_s,
                     place_m: truth_m(time_s) + wobble_m + if second == 100 { 500.0 } else { 0.0 },
                     speed_mps: Some(80.0 - 0.1 * time_s),
+                    turns_mps2: 0.0,
                 }
             })
             .collect()

@@ -7,6 +7,7 @@ use dataset::numbers::spread::{mean_and_deviation, median};
 use dataset::numbers::units::Degrees;
 
 use super::arrival::{NoArrival, Seen, arrival, without_jumps};
+use super::attitude::{final_speed_mps, flaps, gear, pitch_deg, roll_deg};
 use super::formats::Fix;
 use super::height::Datum;
 use super::smoother::{Measured, Noise, Smoothed, at, smooth};
@@ -48,11 +49,11 @@ const BRAKES_MPS2: f64 = 2.0;
 const TAXI_MPS: f64 = 20.0;
 /// A state without a fix this near is derived, seconds.
 const MEASURED_S: f64 = 2.0;
-/// Turn rates are taken over this time on both sides, seconds.
+/// Turn rates are taken over this time on both sides, seconds: of the path, and of reported tracks, which have steps.
 const TURN_S: f64 = 2.0;
-const GRAVITY_MPS2: f64 = 9.81;
+const TURNS_S: f64 = 5.0;
 
-const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,roll_deg,heading_true_deg,tas_mps,v_north_mps,v_east_mps,v_down_mps,flap_norm,gear_norm,on_ground,position";
+const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,roll_deg,heading_true_deg,tas_mps,v_north_mps,v_east_mps,v_down_mps,flap_norm,gear_norm,on_ground,altitude_90_m,position";
 
 /// The states of a recording.
 pub(super) struct Made {
@@ -68,6 +69,8 @@ struct Row {
     numbers: [f64; 12],
     on_ground: bool,
     is_measured: bool,
+    /// Half the width of the 90 % interval of the height.
+    height_90_m: f64,
 }
 
 /// The smoothed path.
@@ -81,6 +84,15 @@ struct Path<'a> {
     touchdown_s: f64,
     /// Height that is left at touchdown by the smoothed heights.
     left_m: f64,
+    datum: Datum,
+    final_mps: f64,
+}
+
+/// Deviations of the measured positions from the path, metres (standard deviation).
+struct Scatter {
+    along_m: f64,
+    across_m: f64,
+    outliers: usize,
 }
 
 /// The states of the arrival of a track.
@@ -88,54 +100,7 @@ pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival
     let (fixes, jumps) = without_jumps(fixes);
     let seen = arrival(&fixes, runway)?;
     let datum = Datum::of(&seen, runway)?;
-    let along_mps = |at: &Seen| {
-        let track_deg = at.fix.track_deg?;
-        let off = Degrees(track_deg - runway.course_true_deg)
-            .wrapped_180()
-            .0
-            .to_radians();
-        Some(-at.fix.ground_speed_mps? * off.cos())
-    };
-    let along: Vec<Measured> = seen
-        .iter()
-        .map(|at| measured(at, at.to_go_m, along_mps(at).filter(|_| !at.fix.on_ground)))
-        .collect();
-    let across: Vec<Measured> = seen
-        .iter()
-        .map(|at| measured(at, at.right_m, None))
-        .collect();
-    let heights: Vec<Measured> = seen
-        .iter()
-        .filter(|at| !at.fix.on_ground)
-        .filter_map(|at| Some(measured(at, datum.height_m(at.fix.altitude_m?), None)))
-        .collect();
-    let heights = without_spikes(&heights);
-    let (to_go, along_outliers) = smooth(&along, ALONG);
-    let (right, across_outliers) = smooth(&across, ACROSS);
-    let (height, _) = smooth(&heights, HEIGHT);
-    let is_outlier: Vec<bool> = (along_outliers.iter().zip(&across_outliers))
-        .map(|(along, across)| *along || *across)
-        .collect();
-    let deviation = |measured: &[Measured], path: &[Smoothed]| {
-        let errors = measured
-            .iter()
-            .zip(path)
-            .zip(&is_outlier)
-            .filter(|(_, outlier)| !**outlier);
-        let errors = errors.map(|((seen, path), _)| seen.place_m - path.place_m);
-        mean_and_deviation(errors)[1]
-    };
-    let (along_sd_m, across_sd_m) = (deviation(&along, &to_go), deviation(&across, &right));
-    let mut path = Path {
-        runway,
-        ends_s: seen[seen.len() - 1].fix.time_s,
-        to_go,
-        right,
-        height,
-        touchdown_s: f64::INFINITY,
-        left_m: 0.0,
-    };
-    path.land(&seen);
+    let (path, scatter) = Path::through(&seen, datum, runway);
     let first_s = seen[0].fix.time_s;
     let last_s = path.touchdown_s + ROLL_S;
     let count = ((last_s - first_s) / STEP_S).floor() as usize + 1;
@@ -144,9 +109,9 @@ pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival
         rows: times
             .map(|time_s| path.row(time_s, first_s, &seen))
             .collect(),
-        along_sd_m,
-        across_sd_m,
-        outliers: jumps + is_outlier.iter().filter(|outlier| **outlier).count(),
+        along_sd_m: scatter.along_m,
+        across_sd_m: scatter.across_m,
+        outliers: jumps + scatter.outliers,
         continued_s: (last_s - path.ends_s).max(0.0),
     })
 }
@@ -162,15 +127,94 @@ fn without_spikes(heights: &[Measured]) -> Vec<Measured> {
     kept.map(|index| heights[index]).collect()
 }
 
-fn measured(at: &Seen, place_m: f64, speed_mps: Option<f64>) -> Measured {
-    Measured {
-        time_s: at.fix.time_s,
-        place_m,
-        speed_mps,
+/// Acceleration of the turn around a fix, by the reported tracks.
+fn turns_mps2(seen: &[Seen], index: usize) -> f64 {
+    let here_s = seen[index].fix.time_s;
+    let first = seen.partition_point(|at| at.fix.time_s < here_s - TURNS_S);
+    let last = seen.partition_point(|at| at.fix.time_s <= here_s + TURNS_S) - 1;
+    let tracks = seen[first].fix.track_deg.zip(seen[last].fix.track_deg);
+    let (Some((before, after)), Some(speed_mps)) = (tracks, seen[index].fix.ground_speed_mps)
+    else {
+        return 0.0;
+    };
+    let lasts_s = seen[last].fix.time_s - seen[first].fix.time_s;
+    if lasts_s <= 0.0 {
+        return 0.0;
     }
+    speed_mps * Degrees(after - before).wrapped_180().0.to_radians() / lasts_s
 }
 
-impl Path<'_> {
+impl<'a> Path<'a> {
+    /// The path through the fixes of an arrival.
+    fn through(seen: &[Seen], datum: Datum, runway: &'a Runway) -> (Self, Scatter) {
+        let velocity_mps = |at: &Seen| {
+            let (Some(track_deg), Some(speed_mps)) = (at.fix.track_deg, at.fix.ground_speed_mps)
+            else {
+                return [None; 2];
+            };
+            let off = (track_deg - runway.course_true_deg).to_radians();
+            [-off.cos(), off.sin()].map(|part| Some(part * speed_mps))
+        };
+        let mut measured: [Vec<Measured>; 3] = [Vec::new(), Vec::new(), Vec::new()];
+        for (index, at) in seen.iter().enumerate() {
+            let velocity_mps = if at.fix.on_ground {
+                [None; 2]
+            } else {
+                velocity_mps(at)
+            };
+            let turns_mps2 = turns_mps2(seen, index);
+            let one = |place_m, speed_mps| Measured {
+                time_s: at.fix.time_s,
+                place_m,
+                speed_mps,
+                turns_mps2,
+            };
+            measured[0].push(one(at.to_go_m, velocity_mps[0]));
+            measured[1].push(one(at.right_m, velocity_mps[1]));
+            if let Some(altitude_m) = at.fix.altitude_m.filter(|_| !at.fix.on_ground) {
+                measured[2].push(Measured {
+                    turns_mps2: 0.0,
+                    ..one(datum.height_m(altitude_m), None)
+                });
+            }
+        }
+        let [along, across, heights] = measured;
+        let heights = without_spikes(&heights);
+        let (to_go, along_outliers) = smooth(&along, ALONG);
+        let (right, across_outliers) = smooth(&across, ACROSS);
+        let (height, _) = smooth(&heights, HEIGHT);
+        let is_outlier: Vec<bool> = (along_outliers.iter().zip(&across_outliers))
+            .map(|(along, across)| *along || *across)
+            .collect();
+        let deviation = |measured: &[Measured], path: &[Smoothed]| {
+            let errors = measured
+                .iter()
+                .zip(path)
+                .zip(&is_outlier)
+                .filter(|(_, outlier)| !**outlier);
+            let errors = errors.map(|((seen, path), _)| seen.place_m - path.place_m);
+            mean_and_deviation(errors)[1]
+        };
+        let scatter = Scatter {
+            along_m: deviation(&along, &to_go),
+            across_m: deviation(&across, &right),
+            outliers: is_outlier.iter().filter(|outlier| **outlier).count(),
+        };
+        let mut path = Self {
+            runway,
+            ends_s: seen[seen.len() - 1].fix.time_s,
+            to_go,
+            right,
+            height,
+            touchdown_s: f64::INFINITY,
+            left_m: 0.0,
+            datum,
+            final_mps: final_speed_mps(seen),
+        };
+        path.land(seen);
+        (path, scatter)
+    }
+
     /// Finds the touchdown: by the first fix on the ground, or where the path reaches it; after the end of the track by its last sink rate.
     fn land(&mut self, seen: &[Seen]) {
         let rolls_s = seen
@@ -263,9 +307,7 @@ impl Path<'_> {
         let turn = Degrees(self.track_deg(time_s + TURN_S) - self.track_deg(time_s - TURN_S))
             .wrapped_180()
             .0;
-        let bank_deg = (speed_mps * (turn / (2.0 * TURN_S)).to_radians() / GRAVITY_MPS2)
-            .atan()
-            .to_degrees();
+        let bank_deg = roll_deg(speed_mps, turn / (2.0 * TURN_S));
         let nearest = seen.partition_point(|at| at.fix.time_s < time_s);
         let near = nearest.checked_sub(1).into_iter().chain([nearest]);
         let is_measured = near
@@ -281,7 +323,7 @@ impl Path<'_> {
                 if on_ground {
                     0.0
                 } else {
-                    path_deg + angle_of_attack_deg(speed_mps)
+                    pitch_deg(path_deg, speed_mps, self.final_mps, bank_deg)
                 },
                 if on_ground { 0.0 } else { bank_deg },
                 Degrees(self.track_deg(time_s)).wrapped_360().0,
@@ -294,23 +336,9 @@ impl Path<'_> {
             ],
             on_ground,
             is_measured,
+            height_90_m: self.datum.half_width_90_m(self.height_m(time_s)),
         }
     }
-}
-
-/// Of an airliner with its flaps as [`flaps`] has them: about 6 degrees at 70 m/s, less when it is faster.
-fn angle_of_attack_deg(speed_mps: f64) -> f64 {
-    (10.5 * (62.0 / speed_mps.max(30.0)).powi(2) - 2.5).clamp(0.0, 8.0)
-}
-
-/// Extended with falling speed.
-fn flaps(speed_mps: f64) -> f64 {
-    ((105.0 - speed_mps) / 33.0).clamp(0.0, 1.0)
-}
-
-/// Down at five miles.
-fn gear(to_go_m: f64) -> f64 {
-    ((9_500.0 - to_go_m) / 700.0).clamp(0.0, 1.0)
 }
 
 impl Made {
@@ -329,8 +357,12 @@ impl Made {
             } else {
                 "derived"
             };
-            let _ = writeln!(text, ",{},{position}", u8::from(row.on_ground));
+            let on_ground = u8::from(row.on_ground);
+            let _ = writeln!(text, ",{on_ground},{:.1},{position}", row.height_90_m);
         }
         text
     }
 }
+
+#[cfg(test)]
+mod tests;

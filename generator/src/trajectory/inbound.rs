@@ -19,25 +19,89 @@ pub(crate) fn last_approach(
     is_airborne: impl Fn(usize) -> bool,
     start_dtd_m: f64,
 ) -> Option<Inbound> {
-    let before = |index: usize| to_go_m[index] > 0.0 || to_go_m[index].is_nan();
-    let passes = |index: &usize| before(index - 1) && !before(*index);
-    // A take-off run passes the target as well, but begins on the ground.
-    let comes_from_the_air = |passing: &usize| {
-        (0..*passing)
-            .rev()
-            .take_while(|index| before(*index))
-            .any(&is_airborne)
-    };
-    let crossings = (1..to_go_m.len()).rev().filter(passes);
-    let passing = crossings.clone().find(comes_from_the_air);
-    let end = passing.unwrap_or(to_go_m.len());
-    let since = (0..end).rev().take_while(|index| before(*index)).last()?;
-    let is_far = |index: usize| to_go_m[index].is_nan() || to_go_m[index] > start_dtd_m;
-    let first = match (since..end).rev().find(|index| is_far(*index)) {
-        Some(far) => far + 1,
-        None => (since..end).max_by(|a, b| to_go_m[*a].total_cmp(&to_go_m[*b]))?,
-    };
-    (first < to_go_m.len()).then_some(Inbound { first, passing })
+    let mut approaches = Approaches::new(start_dtd_m);
+    for (index, to_go_m) in to_go_m.iter().enumerate() {
+        approaches.add(*to_go_m, is_airborne(index));
+    }
+    approaches.last()
+}
+
+/// The same state by state, for flights of any length.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Approaches {
+    start_dtd_m: f64,
+    states: usize,
+    /// The states before the target since it was passed.
+    run: Option<Run>,
+    /// The last approach that passes the target.
+    passing: Option<Inbound>,
+}
+
+/// States before the target, one after the other.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    /// The one after the last that is further away than the approach begins.
+    after_far: Option<usize>,
+    /// The last of those that are furthest away, and its distance.
+    furthest: (usize, f64),
+    comes_from_the_air: bool,
+}
+
+impl Approaches {
+    pub(crate) fn new(start_dtd_m: f64) -> Self {
+        Self {
+            start_dtd_m,
+            states: 0,
+            run: None,
+            passing: None,
+        }
+    }
+
+    /// Adds a state.
+    pub(crate) fn add(&mut self, to_go_m: f64, is_airborne: bool) {
+        let index = self.states;
+        self.states += 1;
+        if to_go_m > 0.0 || to_go_m.is_nan() {
+            let run = self.run.get_or_insert(Run {
+                after_far: None,
+                furthest: (index, to_go_m),
+                comes_from_the_air: false,
+            });
+            if to_go_m.is_nan() || to_go_m > self.start_dtd_m {
+                run.after_far = Some(index + 1);
+            }
+            if to_go_m.total_cmp(&run.furthest.1).is_ge() {
+                run.furthest = (index, to_go_m);
+            }
+            run.comes_from_the_air |= is_airborne;
+            return;
+        }
+        // A take-off run passes the target as well, but begins on the ground.
+        if let Some(run) = self.run.take().filter(|run| run.comes_from_the_air) {
+            self.passing = Some(Inbound {
+                first: run.first(),
+                passing: Some(index),
+            });
+        }
+    }
+
+    /// The last approach so far.
+    pub(crate) fn last(&self) -> Option<Inbound> {
+        let ends_before = || {
+            let first = self.run?.first();
+            (first < self.states).then_some(Inbound {
+                first,
+                passing: None,
+            })
+        };
+        self.passing.or_else(ends_before)
+    }
+}
+
+impl Run {
+    fn first(&self) -> usize {
+        self.after_far.unwrap_or(self.furthest.0)
+    }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@
 
 use std::fs;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
@@ -16,15 +16,12 @@ use generator::generate::{
     Cancel, Event, GenerateError, GenerateOptions, Outcome, Patience, SimulatorTarget, Simulators,
     generate,
 };
-use generator::shard::Shard;
 use generator::sweep::Sweep;
-use mock_xplane::server::{Engine, ServerOptions};
+use mock_xplane::server::Engine;
 use testkit::repository;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit_simulator::{quiet, serving, serving_with};
 use tokio::task::AbortHandle;
-use xplane_bridge::LocalUdp;
-use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 /// Four small scenarios from 2 NM: two fly live, two fly a recording.
 pub fn sweep_toml() -> String {
@@ -84,31 +81,23 @@ pub async fn stand_in() -> SimulatorTarget {
     SimulatorTarget::Address(serving(quiet()).await)
 }
 
-/// The same on a given port and with a given engine, and with a way to make it disappear.
-pub async fn stand_in_with(port: u16, engine: Arc<dyn Engine>) -> (SocketAddr, AbortHandle) {
-    let (addresses, server) = serving_with(ServerOptions { port, ..quiet() }, engine).await;
+/// The same with a given engine, and with a way to make it disappear.
+pub async fn stand_in_with(engine: Arc<dyn Engine>) -> (SocketAddr, AbortHandle) {
+    let (addresses, server) = serving_with(quiet(), engine).await;
     (addresses.udp, server)
 }
 
 /// Short timeouts: what fails here fails at once.
 pub fn options(simulators: impl Into<Simulators>, only: &[&str]) -> GenerateOptions {
     GenerateOptions {
-        simulators: simulators.into(),
-        local_udp: LocalUdp::default(),
-        stand_in_program: PathBuf::from("unused"),
-        pixels: PixelChoice::Auto,
-        encoder: None,
-        screen: Arc::new(FfmpegScreen::here()),
         only: only.iter().map(|id| (*id).to_owned()).collect(),
-        shard: Shard::WHOLE,
         patience: Patience {
             attempts: 2,
             first_pause: Duration::from_millis(10),
             simulator: Duration::from_secs(20),
             ..Patience::default()
         },
-        restart: None,
-        remote: None,
+        ..GenerateOptions::new(simulators)
     }
 }
 

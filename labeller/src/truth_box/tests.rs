@@ -172,6 +172,11 @@ fn the_truth_box_is_the_box_of_a_silhouette_cast_ray_by_ray() {
         {
             let pixel = DVec2::new(left - 1.0, top - 1.0)
                 + DVec2::new(f64::from(column), f64::from(row)) * step;
+            // Only the outermost hits count.
+            let inside = (pixel.x - left).min(right - pixel.x);
+            if inside.min(pixel.y - top).min(bottom - pixel.y) > 0.5 {
+                continue;
+            }
             let ray = in_body * camera.ray(pixel);
             if mesh
                 .triangles

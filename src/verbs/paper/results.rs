@@ -63,9 +63,9 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
     Ok(Page { path, results })
 }
 
-/// The options that change the figures.
+/// The command that makes these figures anywhere: the options that change them, and a folder.
 fn command(args: &PaperArgs) -> String {
-    let mut command = format!("dtd paper --scale {}", args.scale.name());
+    let mut command = format!("dtd paper --out paper --scale {}", args.scale.name());
     if let Some(rate) = args.frame_rate {
         command += &format!(" --frame-rate {}", as_text(rate));
     }

@@ -3,13 +3,17 @@
 use std::collections::BTreeSet;
 
 use dataset::plan::Plan;
-use generator::plan::hidden_aircraft;
+use generator::plan::Outlook;
 use generator::sweep::Sweep;
 
-/// Warns of a local time that the airport does not have, of parts of the sweep that no scenario uses, and of views
-/// that never have the aircraft in sight.
-pub(crate) fn warn(sweep: &Sweep, plan: &Plan) {
-    for line in unused(sweep, plan).into_iter().chain(hidden_aircraft(plan)) {
+/// Warns of a local time that the airport does not have, of parts of the sweep that no scenario uses, of views that never have the
+/// aircraft in sight, and of flights that miss the runway.
+pub(crate) fn warn(sweep: &Sweep, plan: &Plan, outlook: &Outlook) {
+    let lines = unused(sweep, plan).into_iter();
+    for line in lines
+        .chain(outlook.hidden_aircraft())
+        .chain(outlook.missed_runways())
+    {
         eprint_warning!("{line}");
     }
 }

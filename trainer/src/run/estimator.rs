@@ -1,7 +1,8 @@
 //! The estimators of distance to touchdown: the one list of their names, their words in the report, and their answers.
 //!
-//! One more estimator is one more variant: whatever it lacks, the compiler names. It gets whole flights of observations, without the
-//! truth, and gives a distance or no answer per tick. Views are removed from the observations before it sees them.
+//! One more estimator is one more variant: the compiler then names what this file lacks. What it learns is fitted by [`crate::training`]
+//! and stored by [`crate::run::trained`]. An estimator gets whole flights of observations, without the truth, and gives a distance or no
+//! answer per tick. Views are removed from the observations before it sees them.
 
 use burn::tensor::Device;
 use onnx_graph::proto::ModelProto;
@@ -18,9 +19,23 @@ use crate::networks::normalisation::TARGET_UNIT_M;
 use crate::run::trained::TrainedRun;
 use crate::samples::{Observation, ScenarioSummary};
 
-/// One estimator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Estimator {
+/// Declares the enum with the list of its variants, from which none can be missing.
+macro_rules! estimators {
+    ($($(#[$documented:meta])* $variant:ident,)*) => {
+        /// One estimator.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub(crate) enum Estimator {
+            $($(#[$documented])* $variant,)*
+        }
+
+        impl Estimator {
+            /// All of them, in the order of tables, plots and columns.
+            pub(crate) const ALL: [Self; [$(stringify!($variant)),*].len()] = [$(Self::$variant),*];
+        }
+    };
+}
+
+estimators! {
     /// Calibration networks, then an LSTM over the views.
     PaperLstm,
     /// Least squares of the inverse range.
@@ -119,22 +134,6 @@ impl<'a> Task<'a> {
 }
 
 impl Estimator {
-    /// All of them, in the order of tables, plots and columns.
-    pub(crate) const ALL: [Self; 12] = [
-        Self::PaperLstm,
-        Self::InverseRange,
-        Self::InverseRangeFiltered,
-        Self::InverseRangeSmoothed,
-        Self::SelfCalibrated,
-        Self::Triangulation,
-        Self::MonoNetworkBox,
-        Self::MonoNetworkPosition,
-        Self::MonoNetwork,
-        Self::MonoPinhole,
-        Self::NoVisionTime,
-        Self::NoVisionTimeWeather,
-    ];
-
     /// Its name in files.
     pub(crate) fn name(self) -> &'static str {
         self.description().name
@@ -145,7 +144,33 @@ impl Estimator {
         match self {
             Self::Triangulation => Standing::Oracle,
             Self::NoVisionTime | Self::NoVisionTimeWeather => Standing::NoVision,
-            _ => Standing::Competitor,
+            Self::PaperLstm
+            | Self::InverseRange
+            | Self::InverseRangeFiltered
+            | Self::InverseRangeSmoothed
+            | Self::SelfCalibrated
+            | Self::MonoNetworkBox
+            | Self::MonoNetworkPosition
+            | Self::MonoNetwork
+            | Self::MonoPinhole => Standing::Competitor,
+        }
+    }
+
+    /// True if it can answer live: it needs neither later ticks, nor the runway, the weather or the start of a scenario.
+    pub(crate) fn is_online(self) -> bool {
+        match self {
+            Self::PaperLstm
+            | Self::InverseRange
+            | Self::InverseRangeFiltered
+            | Self::MonoNetworkBox
+            | Self::MonoNetworkPosition
+            | Self::MonoNetwork
+            | Self::MonoPinhole => true,
+            Self::InverseRangeSmoothed
+            | Self::SelfCalibrated
+            | Self::Triangulation
+            | Self::NoVisionTime
+            | Self::NoVisionTimeWeather => false,
         }
     }
 
@@ -256,7 +281,16 @@ impl Estimator {
         let knowing = match self {
             Self::InverseRangeFiltered => Knowing::Past,
             Self::InverseRangeSmoothed => Knowing::All,
-            _ => return None,
+            Self::PaperLstm
+            | Self::InverseRange
+            | Self::SelfCalibrated
+            | Self::Triangulation
+            | Self::MonoNetworkBox
+            | Self::MonoNetworkPosition
+            | Self::MonoNetwork
+            | Self::MonoPinhole
+            | Self::NoVisionTime
+            | Self::NoVisionTimeWeather => return None,
         };
         let baselines = &task.run.baselines;
         let flights = task.observations.chunk_by(|a, b| a.scenario == b.scenario);
@@ -312,6 +346,13 @@ impl Estimator {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_answers_live_is_neither_an_oracle_nor_without_vision() {
+        for estimator in Estimator::ALL.into_iter().filter(|of| of.is_online()) {
+            assert_eq!(estimator.standing(), Standing::Competitor, "{estimator:?}");
+        }
+    }
 
     #[test]
     fn names_are_those_in_files() {

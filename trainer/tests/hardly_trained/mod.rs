@@ -1,23 +1,35 @@
-//! Settings with which a training takes a second: formulas are as good as ever, networks are not.
+//! Settings of trainings that take seconds.
+#![allow(dead_code, reason = "each test file uses a part of it")]
 
 use trainer::TrainConfig;
 use trainer::config::Optimisation;
 
+/// Formulas are as good as ever, networks are not.
 pub(crate) fn hardly_trained() -> TrainConfig {
-    let steps = Optimisation {
-        steps: 20,
-        batch_size: 16,
-        learning_rate: 1e-3,
+    narrow(8, 20, 16, 1e-3)
+}
+
+/// Networks with one layer of this width, all of them trained for as many steps.
+pub(crate) fn narrow(
+    width: usize,
+    steps: usize,
+    batch_size: usize,
+    learning_rate: f64,
+) -> TrainConfig {
+    let optimisation = Optimisation {
+        steps,
+        batch_size,
+        learning_rate,
     };
     let mut config = TrainConfig::default();
-    config.calibration.hidden = vec![8];
-    config.calibration.features = 8;
-    config.calibration.head_hidden = vec![8];
-    config.calibration.optimisation = steps.clone();
-    config.estimator.lstm = vec![8];
-    config.estimator.head_hidden = vec![8];
-    config.estimator.optimisation = steps.clone();
-    config.mono.hidden = vec![8];
-    config.mono.optimisation = steps;
+    config.calibration.hidden = vec![width];
+    config.calibration.features = width;
+    config.calibration.head_hidden = vec![width];
+    config.calibration.optimisation = optimisation.clone();
+    config.estimator.lstm = vec![width];
+    config.estimator.head_hidden = vec![width];
+    config.estimator.optimisation = optimisation.clone();
+    config.mono.hidden = vec![width];
+    config.mono.optimisation = optimisation;
     config
 }

@@ -187,7 +187,8 @@ impl Found {
             ),
         }
         steps.push(
-            "Settings > Graphics: give X-Plane's window the size of your pictures, e.g. 1920x1280, at a display scale of 100 %."
+            "Start X-Plane with a window of the size of your pictures, e.g. --window=1920x1280, at a display scale of 100 %. If dtd runs on \
+             this computer and grabs its screen, a window of 32 pixels more each way (--window=1952x1312) is several times as fast."
                 .into(),
         );
         steps.push(

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::pixels::MARGIN_PX;
+use crate::pixels::{MARGIN_PX, margins_around};
 
 /// A way from a drawn frame to its pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,6 +35,27 @@ impl PictureSize {
         Self {
             width_px: self.width_px + 2 * MARGIN_PX,
             height_px: self.height_px + 2 * MARGIN_PX,
+        }
+    }
+
+    /// True if such images can be taken in a window of this size: the same size, or one with room for frame codes if it
+    /// `may_have_margins`.
+    pub(crate) fn fits(self, window: Self, may_have_margins: bool) -> bool {
+        window == self || may_have_margins && margins_around(self, window).is_some()
+    }
+
+    /// The windows for such images, as advice.
+    pub(crate) fn window_advice(self, may_have_margins: bool) -> String {
+        if may_have_margins {
+            format!(
+                "Start X-Plane with --window={} (the margins number its frames, which is fastest) or with --window={self}",
+                self.with_margins()
+            )
+        } else {
+            format!(
+                "Start X-Plane with --window={self}, exactly this size (a larger window only serves a dtd on X-Plane's computer that grabs \
+                 the screen)"
+            )
         }
     }
 }

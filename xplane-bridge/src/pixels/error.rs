@@ -125,8 +125,8 @@ pub enum PixelError {
     },
     /// A cover does not go.
     #[error(
-        "something has covered {rectangle} of the pictures for {waited:.0?}: a message, a window, a notification or a pointer. Close it, or \
-         move it away, and keep it from coming again"
+        "{rectangle} of the pictures has not looked like the beginning of the block for {waited:.0?}: a message, a window, a notification \
+         or a pointer covers the scene, or covered it then and has gone. Close it, or move it away, and keep it from coming again"
     )]
     StaysCovered {
         /// Covered rectangle, from the images' top left.
@@ -171,15 +171,16 @@ pub enum PixelError {
     },
     /// The simulator draws into a window of another size.
     #[error(
-        "pictures of {wanted} pixels are wanted, and the simulator's window has {window}. Start X-Plane with --window={} for pictures off the \
-         screen (the margins number its frames, which is fastest), or with --window={wanted}, or change [picture] in the sweep",
-        .wanted.with_margins()
+        "pictures of {wanted} pixels are wanted, and the simulator's window has {window}. {}, or change [picture] in the sweep",
+        .wanted.window_advice(*.may_have_margins)
     )]
     OtherWindow {
         /// The images.
         wanted: PictureSize,
         /// The window.
         window: PictureSize,
+        /// True if the window may be larger, with margins for the numbers of frames.
+        may_have_margins: bool,
     },
     /// No window on this screen can show such images.
     #[error(

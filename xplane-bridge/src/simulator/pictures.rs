@@ -10,7 +10,7 @@ use crate::error::BridgeError;
 use crate::link::{Deliver, PictureSize, ScreenOffer};
 use crate::pixels::{
     CodedGrabs, Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind,
-    RemoteScreen, Screen, ScreenSource, Screenshots, margins_around,
+    RemoteScreen, Screen, ScreenSource, Screenshots,
 };
 use futures_util::future::BoxFuture;
 
@@ -56,6 +56,13 @@ impl Simulator {
         }
     }
 
+    /// True if the window may have margins around the images of this source, in which the plugin numbers its frames. Over a network a
+    /// grab takes longer than a frame is shown.
+    pub(super) fn may_have_margins(&self, kind: PixelKind) -> bool {
+        let is_near = matches!(self.drawn_on, DrawnOn::Here);
+        kind == PixelKind::Screen && self.description.frame_codes && is_near
+    }
+
     /// Chooses the source of images, and proves that it works: for the screen, that the simulator's window is visible, complete, and in
     /// the size of the images, width and height in pixels, on `screen`, or on the screen of the simulator's computer if it is another one
     /// and the plugin grabs there. Without this call, images come over the link.
@@ -78,14 +85,15 @@ impl Simulator {
             };
             // A minimised window has none; looking for it reports what to do.
             let window = self.description.drawn_size;
-            // Over a network a grab takes longer than a frame is shown.
-            let is_near = matches!(self.drawn_on, DrawnOn::Here);
-            let has_codes = self.description.frame_codes && kind == PixelKind::Screen && is_near;
-            let fits = |window: PictureSize| {
-                window == wanted || has_codes && margins_around(wanted, window).is_some()
-            };
-            if let Some(window) = window.filter(|size| size.width_px > 0 && !fits(*size)) {
-                return Err(PixelError::OtherWindow { wanted, window }.into());
+            let has_codes = self.may_have_margins(kind);
+            let fits = |window: &PictureSize| wanted.fits(*window, has_codes);
+            if let Some(window) = window.filter(|size| size.width_px > 0 && !fits(size)) {
+                let refused = PixelError::OtherWindow {
+                    wanted,
+                    window,
+                    may_have_margins: has_codes,
+                };
+                return Err(refused.into());
             }
             self.pixels = match kind {
                 PixelKind::Screen => {

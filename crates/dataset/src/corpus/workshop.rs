@@ -213,7 +213,11 @@ pub fn refuse_strangers(
 }
 
 /// The same for foreign entries that the maker has found itself.
-pub fn refuse_named(folder: &Path, what: &'static str, mut names: Vec<String>) -> Result<()> {
+pub(crate) fn refuse_named(
+    folder: &Path,
+    what: &'static str,
+    mut names: Vec<String>,
+) -> Result<()> {
     if names.is_empty() {
         return Ok(());
     }

@@ -28,8 +28,8 @@ impl FileKind {
     pub const SWEEP: Self = Self::new("sweep", 16 * MIB);
     /// A plan, of a million scenarios at most.
     pub const PLAN: Self = Self::new("plan", 4 * GIB);
-    /// A recorded flight.
-    pub const RECORDING: Self = Self::new("recording", 256 * MIB);
+    /// A recorded flight. It is not read into memory.
+    pub const RECORDING: Self = Self::new("recording", 1 << 40);
     /// Settings of a training or of a program.
     pub const SETTINGS: Self = Self::new("settings", 16 * MIB);
     /// The hashes of a scenario's files.

@@ -32,6 +32,11 @@ pub struct Runway {
     pub width_m: Option<f64>,
 }
 
+/// Wheels touch down at most a long runway's length from the target, metres ...
+const FARTHEST_TOUCHDOWN_M: f64 = 5_000.0;
+/// ... and at most a wide runway's width from its centreline, metres.
+const WIDEST_RUNWAY_M: f64 = 100.0;
+
 /// The position of a point relative to the touchdown target: geodesic polar coordinates about the target, resolved along the
 /// course.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,6 +120,11 @@ impl RunwayCoordinates {
             cross_track_m: dtd_m * off_course.sin(),
             height_over_target_m: position.altitude_msl_m - target.altitude_msl_m,
         }
+    }
+
+    /// True where the wheels of an aircraft that lands on this runway may touch it.
+    pub fn may_be_touchdown(&self) -> bool {
+        self.dtd_m <= FARTHEST_TOUCHDOWN_M && self.cross_track_m.abs() <= WIDEST_RUNWAY_M
     }
 }
 

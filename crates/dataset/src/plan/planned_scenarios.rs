@@ -51,12 +51,6 @@ impl PlannedScenarios {
         })
     }
 
-    /// Identifiers of the planned scenarios, sorted; none without a plan.
-    pub fn ids(&self) -> impl Iterator<Item = &str> {
-        let planned = self.config_hashes.iter().flat_map(BTreeMap::keys);
-        planned.map(String::as_str)
-    }
-
     /// True if a scenario is planned; without a plan, always true.
     pub fn has(&self, id: &str) -> bool {
         let planned = self.config_hashes.as_ref();

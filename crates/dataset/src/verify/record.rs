@@ -18,11 +18,6 @@ const LENGTH_TOLERANCE_M: f64 = 1e-5;
 /// The same for elements of rotations and relative to focal lengths.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 
-/// Wheels touch down at most a long runway's length from the target, metres ...
-const FARTHEST_TOUCHDOWN_M: f64 = 5_000.0;
-/// ... and at most a wide runway's width from its centreline, metres.
-const WIDEST_RUNWAY_M: f64 = 100.0;
-
 /// Reads `scenario.json`; all numbers outside their limits are faults.
 pub(super) fn read(folder: &ScenarioFolder, faults: &mut Faults) -> Option<ScenarioRecord> {
     let read = ScenarioRecord::read_with_faults(&folder.record_path());
@@ -98,7 +93,7 @@ pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &m
     }
     if let Some(touched) = record.flight_touchdown {
         let place = RunwayCoordinates::of(touched, record.touchdown, record.runway.course_true_deg);
-        if !(place.dtd_m <= FARTHEST_TOUCHDOWN_M && place.cross_track_m.abs() <= WIDEST_RUNWAY_M) {
+        if !place.may_be_touchdown() {
             faults.file(
                 RECORD,
                 format!(

@@ -361,17 +361,26 @@ fn a_sound_corpus_has_no_findings_and_everything_was_looked_at() {
 }
 
 #[test]
-fn a_flipped_byte_is_found_by_its_hash() {
+fn a_flipped_byte_is_found_in_every_file() {
     let example = Example::new();
-    let path = example.path("calibration.json");
-    let mut bytes = fs::read(&path).unwrap();
-    let at = bytes.len() - 3;
-    bytes[at] ^= 1;
-    fs::write(&path, bytes).unwrap();
-    assert_found(
-        &example.findings(),
-        "calibration.json does not match its seal",
-    );
+    for file in [
+        "scenario.json",
+        "calibration.json",
+        "frames.parquet",
+        "boxes_truth.parquet",
+        "views/left.mp4",
+        "views/right.mp4",
+    ] {
+        let whole = fs::read(example.path(file)).unwrap();
+        let mut flipped = whole.clone();
+        flipped[whole.len() / 2] ^= 1;
+        fs::write(example.path(file), flipped).unwrap();
+        assert_found(
+            &example.findings(),
+            &format!("{file} does not match its seal"),
+        );
+        fs::write(example.path(file), whole).unwrap();
+    }
 }
 
 #[test]
@@ -542,7 +551,7 @@ fn a_dropped_picture_and_a_truncated_video_are_found() {
         let bytes = fs::read(&path).unwrap();
         fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     });
-    assert_found(&findings, "views/left.mp4");
+    assert_found(&findings, "views/left.mp4 view left: cannot open it");
 }
 
 #[test]
@@ -573,7 +582,11 @@ fn a_wrong_touchdown_a_foreign_schema_and_odd_conditions_are_found() {
     );
     assert_found(
         &Example::with_record(|r| r.schema_version = 99),
-        "schema version 99",
+        "has schema version 99",
+    );
+    assert_found(
+        &Example::with_record(|r| r.schema_version = 0),
+        "schema version is 0",
     );
     let findings = Example::with_record(|r| r.conditions.weather.rain_ratio = 2.0);
     assert!(
@@ -679,7 +692,7 @@ fn a_missing_column_and_missing_boxes_are_found() {
 }
 
 #[test]
-fn a_leaking_split_is_found_by_what_was_flown_not_by_what_is_listed() {
+fn a_leaking_split_is_found_by_what_was_flown_and_by_what_is_listed() {
     let example = Example::new();
     let mut shared = record(IDS[1]);
     shared.trajectory = format!("live-{}", IDS[0]);
@@ -693,6 +706,15 @@ fn a_leaking_split_is_found_by_what_was_flown_not_by_what_is_listed() {
         "{}",
         example.findings()
     );
+
+    let mut listed = splits([Side::Train, Side::Test]);
+    for assignment in listed.scenarios.values_mut() {
+        assignment.trajectory = shared.trajectory.clone();
+    }
+    write_json(&example.corpus.splits_path(), &listed).unwrap();
+    let findings = example.findings();
+    let words = "is on two sides: 0001-0600-clear-r1 is on the train side";
+    assert!(findings.contains(words), "{findings}");
 }
 
 /// A registration of the right view at tick 0.

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use trainer::paper::{
     EPOCHS, MAPE_PCT, MONO_MAPE_PCT, PaperCondition, REDUCTION_PCT, TABLE_3, TRAINING_HOURS,
 };
-use trainer::{ErrorFigures, EstimatorMetrics, Metrics, SplitFigures};
+use trainer::{EndedBy, ErrorFigures, EstimatorMetrics, Metrics, SplitFigures};
 
 use super::table::{Table, number};
 use crate::results::{PAPER, Results};
 
-/// The formula that sees the same boxes.
-const SAME_BOXES: &str = "inverse_range";
+/// The formula that sees the same boxes, and the registered shifts between the views.
+const WITH_SHIFTS: &str = "inverse_range";
 /// Monoscopic networks.
 const MONOSCOPIC: [&str; 3] = ["mono_network", "mono_network_position", "mono_network_box"];
 /// Weathers among the conditions of table 3; the others are local times.
@@ -61,6 +61,15 @@ fn overall(of: &EstimatorMetrics) -> [Option<Error>; 2] {
     of_views(&of.overall)
 }
 
+/// The error over all ticks that the estimator answers, also where no view sees the aircraft.
+fn of_its_answers(of: &EstimatorMetrics) -> Option<Error> {
+    let of = &of.overall.all;
+    Some(Error {
+        mape_pct: of.mape_pct?,
+        sd_pct: of.sd_pct,
+    })
+}
+
 /// Figures of an estimator, or none if it is unknown.
 fn figures(
     metrics: &Metrics,
@@ -75,7 +84,7 @@ pub(super) fn by_condition(results: &Results) -> String {
     let best = &results.recommended;
     let names = [best, FILTERED].map(|name| format!("`{name}`, other flights"));
     let mut table = Table::new(&[
-        "two views / at least one (table 3)",
+        "condition (table 3)",
         "paper",
         "`paper_lstm`, scenarios drawn",
         "over the paper's",
@@ -132,11 +141,12 @@ pub(super) fn by_condition(results: &Results) -> String {
     });
     format!(
         "## Errors by weather and local time\n\n{}\n\n\
-         A dash: the estimator does not answer all of these ticks, or there are none. The paper's overall MAPE is {MAPE_PCT} %, without a\n\
-         word on which ticks it is of; `paper_lstm` has {} %{interval} of at least one view, scenarios drawn.\n\n\
+         Ticks that two views see / that at least one sees. A dash: the estimator does not answer all of these ticks, or there are none. The\n\
+         paper's overall MAPE is {MAPE_PCT} %, and it does not say over which ticks; `paper_lstm` has {} %{interval} over those that at least\n\
+         one view sees, scenarios drawn.\n\n\
          `dtd train corpus --out run` keeps the scenarios of a flight together; with `--split-by-scenario 0.3` scenarios are drawn, as in\n\
-         the paper, and {} of {} test scenarios share their flight with the training. The MAPE of `paper_lstm` on other flights less that\n\
-         on the drawn ones is {} points: one draw, one seed, other test scenarios.",
+         the paper, and {} of {} test scenarios share their flight with the training. On other flights the MAPE of `paper_lstm`\n\
+         differs by {} points from its MAPE with drawn scenarios: one draw, one seed, other test scenarios.",
         table.markdown(),
         number(drawn[1].map(|of| of.mape_pct), DECIMALS),
         results.by_scenario.split.test_scenarios_sharing_flights,
@@ -158,6 +168,10 @@ fn ratio(ours: [Option<Error>; 2], published: [Option<Error>; 2]) -> String {
 }
 
 fn pair(values: [Option<Error>; 2], decimals: usize) -> String {
+    joined(&values, decimals)
+}
+
+fn joined(values: &[Option<Error>], decimals: usize) -> String {
     let cell = |value: Option<Error>| {
         let mape = number(value.map(|of| of.mape_pct), decimals);
         match value.and_then(|of| of.sd_pct) {
@@ -165,7 +179,8 @@ fn pair(values: [Option<Error>; 2], decimals: usize) -> String {
             None => mape,
         }
     };
-    values.map(cell).join(" / ")
+    let cells: Vec<String> = values.iter().copied().map(cell).collect();
+    cells.join(" / ")
 }
 
 /// By weather and time.
@@ -174,7 +189,7 @@ pub(super) fn by_cell(results: &Results) -> String {
         return String::new();
     };
     let (weathers, times) = TABLE_3.split_at(WEATHERS);
-    let heading: Vec<&str> = ["two views"]
+    let heading: Vec<&str> = ["weather"]
         .into_iter()
         .chain(times.iter().map(|time| time.name))
         .collect();
@@ -190,7 +205,7 @@ pub(super) fn by_cell(results: &Results) -> String {
         table.row([weather.name.to_owned()].into_iter().chain(cells));
     }
     format!(
-        "`paper_lstm` by both, scenarios drawn:\n\n{}",
+        "`paper_lstm` by both, where two views see the aircraft, scenarios drawn:\n\n{}",
         table.markdown()
     )
 }
@@ -262,11 +277,15 @@ pub(super) fn all(results: &Results) -> String {
         "coverage, other flights, %",
     ]);
     for (name, of) in &results.by_trajectory.estimators {
-        let drawn = figures(&results.by_scenario, name, overall);
+        let cell = |of: &EstimatorMetrics| {
+            let [dual, combination] = overall(of);
+            joined(&[dual, combination, of_its_answers(of)], DECIMALS)
+        };
+        let drawn = results.by_scenario.estimators.get(name);
         table.row([
             format!("`{name}`"),
-            pair(drawn, DECIMALS),
-            pair(overall(of), DECIMALS),
+            drawn.map_or_else(|| "-".into(), cell),
+            cell(of),
             number(of.overall.all.coverage.map(|share| 100.0 * share), 1),
         ]);
     }
@@ -287,14 +306,16 @@ pub(super) fn all(results: &Results) -> String {
             number(one.reduction_pct, 0),
         ]);
     }
-    let [dual, combination] = figures(&results.by_scenario, SAME_BOXES, overall)
+    let [dual, combination] = figures(&results.by_scenario, WITH_SHIFTS, overall)
         .map(|of| number(of.map(|of| of.mape_pct), DECIMALS));
     format!(
         "## All estimators\n\n{}\n\n\
-         Two views / at least one. `no_vision_time` and `no_vision_time_weather` see no image: the mean distance of the training flights by\n\
-         time since the start, and by weather. An estimator that is no better has learned nothing from the images.\n\n\
-         `{SAME_BOXES}` has {dual} % (two views) and {combination} % (at least one) from the boxes of `paper_lstm` and the shifts between\n\
-         the views: cameras, profile and images are no cause of an error above that.\n\n{}\n\n\
+         Two views / at least one / all ticks that the estimator answers, whose share is the coverage. Filter and smoother also answer\n\
+         where no view sees the aircraft. `no_vision_time` and `no_vision_time_weather` see no image: the mean distance of the training\n\
+         flights by time since the start, and by weather. An estimator that does no better has learned nothing from the images.\n\n\
+         `{WITH_SHIFTS}` has {dual} % (two views) and {combination} % (at least one) from the boxes of `paper_lstm` and the registered shifts\n\
+         between the views, which `paper_lstm` does not get. So cameras and flight profiles do not cause larger errors; noise of the boxes\n\
+         may.\n\n{}\n\n\
          Each network over the ticks of its view, `paper_lstm` over the ticks of at least one view.",
         table.markdown(),
         against.markdown()
@@ -333,6 +354,25 @@ fn seconds_in(name: &str) -> Option<u32> {
     let words = name.split('_').collect::<Vec<_>>();
     let seconds = words.windows(2).find(|pair| pair[1] == "s")?[0];
     seconds.parse().ok()
+}
+
+/// Note on a training of the paper's estimator that the limit of steps ended while its error still fell; empty if it did not.
+pub(super) fn still_falling(results: &Results) -> String {
+    let stages = &results.by_scenario.training.stages;
+    let of_paper = stages.iter().find(|stage| stage.network == PAPER);
+    let fall_pct = of_paper.and_then(|stage| match &stage.cycles[..] {
+        [.., before, last] if stage.ended_by == EndedBy::Steps => {
+            let before_pct = before.validation_mape_pct.first().copied().flatten()?;
+            Some(before_pct - last.validation_mape_pct.first().copied().flatten()?)
+        }
+        _ => None,
+    });
+    match fall_pct {
+        Some(fall_pct) if fall_pct > 0.0 => format!(
+            ", and reached its limit of steps while its validation error still fell (by {fall_pct:.DECIMALS$} points in the last [cycle](#training))"
+        ),
+        _ => String::new(),
+    }
 }
 
 /// Steps of the trainings, and the reasons why they ended.
@@ -374,7 +414,7 @@ pub(super) fn training(results: &Results) -> String {
     }
     format!(
         "## Training\n\n{}\n\nMini-batches of {} samples; {:.0} minutes for all networks and formulas. `plateau`: a cycle of the learning rate,\n\
-         each twice as long as the one before, lowered no validation error by more than the threshold; `steps`: the limit was reached.",
+         each twice as long as the one before, lowered no validation error by more than the threshold (0.01 points unless set); `steps`: the limit was reached.",
         table.markdown(),
         stages.first().map_or(0, |stage| stage.batch_size),
         results.by_scenario.training.training_s / 60.0

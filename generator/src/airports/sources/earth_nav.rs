@@ -27,6 +27,7 @@ pub(super) fn read<R: BufRead>(
     wanted: &Wanted<'_>,
     facts: &mut Facts,
 ) -> Result<(), SourceError> {
+    let opposite = wanted.opposite();
     while let Some(line) = lines.next()? {
         let fields: Vec<&str> = line.split_whitespace().collect();
         let is_aid = matches!(fields.first(), Some(&("4" | "5" | "6")));
@@ -34,12 +35,18 @@ pub(super) fn read<R: BufRead>(
             .get(AIRPORT)
             .is_some_and(|icao| *icao == wanted.airport);
         let after = fields.get(AIRPORT + 1..).unwrap_or_default();
-        let is_runway = after.iter().take(2).any(|name| *name == wanted.runway);
-        if !(is_aid && is_here && is_runway) {
+        let is_of = |runway: &str| after.iter().take(2).any(|name| *name == runway);
+        let is_runway = is_of(wanted.runway);
+        let is_opposite = fields.first() != Some(&"6") && opposite.as_deref().is_some_and(is_of);
+        if !(is_aid && is_here && (is_runway || is_opposite)) {
             continue;
         }
         let field = |at: usize| fields.get(at).copied();
         let place = lines.place(field(1), field(2))?;
+        if is_opposite {
+            facts.opposite = Some(place);
+            continue;
+        }
         facts.aids.push(if fields[0] == "6" {
             let coded = lines.number("the glide path's angle and bearing", field(6), ANGLE)?;
             let elevation_ft = lines.number("the elevation", field(3), ELEVATION_FT)?;

@@ -8,8 +8,9 @@ use super::Implausible;
 
 /// Ratios of two units, and what a number in the wrong one looks like.
 const LENGTH_RATIOS: [(f64, &str); 1] = [(3.280_84, "feet")];
-const SPEED_RATIOS: [(f64, &str); 3] = [
+const SPEED_RATIOS: [(f64, &str); 4] = [
     (1.943_84, "knots"),
+    (3.280_84, "feet per second"),
     (3.6, "kilometres per hour"),
     (196.85, "feet per minute"),
 ];
@@ -20,6 +21,8 @@ const CLIMB_TOLERANCE_M: f64 = 30.0;
 const CLIMB_TOLERANCE: f64 = 0.25;
 /// Airspeed over ground speed.
 const AIRSPEED_RATIOS: std::ops::RangeInclusive<f64> = 0.5..=1.7;
+/// Velocities may point this far beside the way of the positions on average, degrees.
+const BESIDE_DEG: f64 = 15.0;
 /// Slower states have no heading that has to agree with the track.
 const MOVING_MPS: f64 = 30.0;
 /// Largest median angle between heading and track: more than any crosswind causes.
@@ -35,18 +38,80 @@ const FEWEST_TURNS: u32 = 15;
 /// Roll in degrees over the bank of a turn: about 1. In radians it is 0.017.
 const ROLL_IN_RADIANS: std::ops::RangeInclusive<f64> = 0.005..=0.04;
 const ROLL_TO_THE_LEFT: f64 = -0.4;
-/// Pitch in degrees varies by more than this, unless it is made up.
-const LEAST_PITCH_RANGE: f64 = 0.005;
+/// Pitch and roll vary by more than this as numbers, unless they are made up.
+const LEAST_RANGE: f64 = 0.005;
 const GRAVITY_MPS2: f64 = 9.81;
 
-/// The name of the unit in which a quantity has this many times its number.
+/// The name of the unit in which a quantity has this many times its number; of two, the nearer one.
 fn unit_of(ratio: f64, units: &[(f64, &'static str)]) -> Option<&'static str> {
-    let fits = |(factor, _): &&(f64, &str)| (ratio / factor - 1.0).abs() < RATIO_TOLERANCE;
-    units.iter().find(fits).map(|(_, name)| *name)
+    let off = |factor: f64| (ratio / factor - 1.0).abs();
+    let nearest = units.iter().min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
+    nearest
+        .filter(|(factor, _)| off(*factor) < RATIO_TOLERANCE)
+        .map(|(_, name)| *name)
 }
 
 fn ground_speed_mps(state: &FlightState) -> f64 {
     state.velocity_north_mps.hypot(state.velocity_east_mps)
+}
+
+/// Times that increase.
+pub(super) fn times(approach: &[FlightState]) -> Result<(), Implausible> {
+    let (first_s, last_s) = (approach[0].time_s, approach[approach.len() - 1].time_s);
+    if last_s > first_s {
+        return Ok(());
+    }
+    Err(Implausible::Contradiction {
+        why: format!(
+            "t_s goes from {first_s} to {last_s} in {} rows",
+            approach.len()
+        ),
+        expected: "seconds that increase from row to row",
+    })
+}
+
+/// Directions of the velocities against the positions.
+pub(super) fn directions(approach: &[FlightState]) -> Result<(), Implausible> {
+    let beside_deg = |exchanged: bool| {
+        let (mut along_m, mut aside_m) = (0.0, 0.0);
+        for pair in approach.windows(2) {
+            let [from, to] = [0, 1].map(|index| pair[index].pose.position().lat_lon());
+            let [north, east] = if exchanged {
+                [pair[1].velocity_east_mps, pair[1].velocity_north_mps]
+            } else {
+                [pair[1].velocity_north_mps, pair[1].velocity_east_mps]
+            };
+            let way_m = from.distance_m(to);
+            if way_m > 0.0 {
+                let off = from.azimuth_to_deg(to).to_radians() - east.atan2(north);
+                along_m += way_m * off.cos();
+                aside_m += way_m * off.sin();
+            }
+        }
+        f64::atan2(aside_m, along_m).to_degrees().abs()
+    };
+    let as_it_is_deg = beside_deg(false);
+    if as_it_is_deg < BESIDE_DEG {
+        return Ok(());
+    }
+    let looks_like = if as_it_is_deg > 180.0 - BESIDE_DEG {
+        "velocities of the opposite direction"
+    } else if beside_deg(true) < BESIDE_DEG {
+        "velocities with north and east exchanged"
+    } else {
+        return Err(Implausible::Contradiction {
+            why: format!(
+                "velocities point {as_it_is_deg:.0} degrees beside the way of the positions"
+            ),
+            expected: "the same direction",
+        });
+    };
+    Err(Implausible::Unit {
+        column: "v_north_mps and v_east_mps",
+        looks_like,
+        why: format!("they point {as_it_is_deg:.0} degrees beside the way of the positions"),
+        expected: "metres per second towards north and east",
+    })
 }
 
 /// Way over ground by positions against velocities and times.
@@ -116,7 +181,7 @@ pub(super) fn climb(approach: &[FlightState]) -> Result<(), Implausible> {
         });
     }
     let upwards = (falls_m + sinks_m).abs() <= allowed_m;
-    let feet_per_minute = unit_of(ratio.recip().abs(), &SPEED_RATIOS[2..]);
+    let feet_per_minute = unit_of(ratio.recip().abs(), &SPEED_RATIOS[3..]);
     let feet_per_second = unit_of(ratio.recip().abs(), &LENGTH_RATIOS).map(|_| "feet per second");
     let looks_like = if upwards {
         Some("velocities upwards")
@@ -228,17 +293,20 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
     let pitch = largest(&|state| state.pose.pitch_deg);
     let roll = largest(&|state| state.pose.roll_deg);
     let lasts_s = approach[approach.len() - 1].time_s - approach[0].time_s;
-    let pitches = approach.iter().map(|state| state.pose.pitch_deg);
-    let (lowest, highest) = pitches.fold((f64::MAX, f64::MIN), |(low, high), pitch| {
-        (low.min(pitch), high.max(pitch))
-    });
-    let varies = highest - lowest > LEAST_PITCH_RANGE;
-    if varies && pitch.max(roll) < RADIANS && lasts_s > 60.0 {
+    let varies = |angle: &dyn Fn(&FlightState) -> f64| {
+        let angles = approach.iter().map(angle);
+        let (lowest, highest) = angles.fold((f64::MAX, f64::MIN), |(low, high), angle| {
+            (low.min(angle), high.max(angle))
+        });
+        highest - lowest > LEAST_RANGE
+    };
+    if varies(&|state| state.pose.pitch_deg) && pitch.max(roll) < RADIANS && lasts_s > 60.0 {
         let why =
             format!("no pitch is above {pitch:.3} and no roll above {roll:.3} in {lasts_s:.0} s");
         return unit("pitch_deg and roll_deg", "radians", why, "degrees");
     }
-    if let Some(slope) = roll_over_bank(approach) {
+    let turns = roll_over_bank(approach);
+    if let Some(slope) = turns.filter(|_| varies(&|state| state.pose.roll_deg)) {
         let why = format!("roll_deg is {slope:.3} times the bank that the turns need");
         let degrees = "degrees, right wing down positive";
         if ROLL_IN_RADIANS.contains(&slope) {

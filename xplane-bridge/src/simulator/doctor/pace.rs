@@ -17,7 +17,7 @@ use super::window::picture_size;
 use super::{Check, Intent};
 use crate::error::BridgeError;
 use crate::link::{CaptureRequest, Deliver, PictureSize, PixelKind};
-use crate::pixels::{PixelChoice, Screen};
+use crate::pixels::{PixelChoice, Screen, margins_around};
 use crate::profile::{Finding, Pace, PacedBy, Profile};
 use crate::{BlockOfTicks, BlockTrial, Simulator};
 
@@ -65,13 +65,14 @@ pub(super) async fn measure(
 /// The size of the images, if the window has margins around them and time need not run.
 fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize> {
     let description = simulator.description();
-    let has_margins = picture_size(description) == Some(intent.pictures.with_margins());
+    let has_margins = simulator.may_have_margins(simulator.pixels())
+        && picture_size(description)
+            .is_some_and(|window| margins_around(intent.pictures, window).is_some());
     let time_has_to_run = description
         .profile
         .current()
         .is_some_and(Profile::time_has_to_run);
-    let may_be = simulator.pixels() == PixelKind::Screen && has_margins && !time_has_to_run;
-    may_be.then_some(intent.pictures)
+    (has_margins && !time_has_to_run).then_some(intent.pictures)
 }
 
 /// The pace in blocks; `None` if they are not possible, or not equal to settled images.

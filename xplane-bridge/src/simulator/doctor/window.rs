@@ -19,14 +19,14 @@ pub(super) fn picture_size(description: &SimulatorDescription) -> Option<Picture
     description.drawn_size.or(of_window)
 }
 
-/// Remedy for a window of another size than the pictures.
-pub(super) fn misfit(size: PictureSize, intent: Option<&Intent>) -> Option<String> {
-    let fits = |pictures: PictureSize| pictures == size || pictures.with_margins() == size;
-    let Intent { sweep, pictures } = intent.filter(|intent| !fits(intent.pictures))?;
+/// Remedy for a window in which the pictures of the sweep cannot be taken.
+fn misfit(size: PictureSize, may_have_margins: bool, intent: Option<&Intent>) -> Option<String> {
+    let Intent { sweep, pictures } =
+        intent.filter(|intent| !intent.pictures.fits(size, may_have_margins))?;
     Some(format!(
-        "Pictures of {sweep} have {pictures} pixels, which this window does not fit. Start X-Plane with --window={} for pictures off the screen, \
-         or with --window={pictures}, or give the sweep's [picture] width_px = {} and height_px = {}",
-        pictures.with_margins(),
+        "Pictures of {sweep} have {pictures} pixels, which this window does not fit. {}, or give the sweep's [picture] width_px = {} and \
+         height_px = {}",
+        pictures.window_advice(may_have_margins),
         size.width_px,
         size.height_px
     ))
@@ -41,8 +41,10 @@ pub(super) async fn check(
 ) -> (Check, Finding<Grabbing>) {
     let mut grabbing = Finding::NotMeasured("pictures do not come off the screen".into());
     let check = look(simulator, screen, &mut grabbing).await;
+    let source = simulator.description().pixels.first();
+    let may_have_margins = source.is_some_and(|source| simulator.may_have_margins(*source));
     let size = picture_size(simulator.description());
-    let misfit = size.and_then(|size| misfit(size, intent));
+    let misfit = size.and_then(|size| misfit(size, may_have_margins, intent));
     let check = match (check.verdict, misfit) {
         (Verdict::Ok | Verdict::Skipped, Some(hint)) => Check::warning(NAME, check.found, hint),
         _ => check,
@@ -122,5 +124,35 @@ async fn grabbed(
                  (docs/x-plane.md, \"X-Plane on another computer\"), with its window uncovered and the desktop's scale at 100 %",
             )
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_with_margins_fits_only_where_frames_are_numbered_and_the_remedy_names_no_other() {
+        let pictures = PictureSize {
+            width_px: 1920,
+            height_px: 1280,
+        };
+        let sweep = "night.toml".into();
+        let intent = Intent { sweep, pictures };
+        let remedy = |size, may_have_margins| misfit(size, may_have_margins, Some(&intent));
+        for may_have_margins in [true, false] {
+            assert_eq!(remedy(pictures, may_have_margins), None);
+        }
+        let with_margins = pictures.with_margins();
+        assert_eq!(remedy(with_margins, true), None);
+        let far = remedy(with_margins, false).unwrap();
+        let (exact, larger) = ("--window=1920x1280", "--window=1952x1312");
+        assert!(far.contains(exact) && !far.contains(larger), "{far}");
+        let near = PictureSize {
+            width_px: 1930,
+            height_px: 1290,
+        };
+        let near = remedy(near, true).unwrap();
+        assert!(near.contains(exact) && near.contains(larger), "{near}");
     }
 }

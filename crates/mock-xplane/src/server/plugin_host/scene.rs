@@ -76,6 +76,8 @@ pub(super) struct PluginScene {
     scenes: Arc<Scenes>,
     frame: LocalFrame,
     own: HashMap<&'static str, (Kind, bool, Vec<f64>)>,
+    /// Values that the fake reads together.
+    wanted: Vec<(String, usize)>,
     frames: u64,
     frames_drawn: FramesDrawn,
     window_covers: WindowCovers,
@@ -95,6 +97,8 @@ pub(super) struct PluginScene {
     window_px: (u32, u32),
     /// The content of the window: the scene, the simulator's windows over it, and the rectangles that the plugin drew.
     shown: Option<(PictureToDraw, Windows, Value)>,
+    /// Memory of a picture, which is drawn over.
+    memory: Vec<u8>,
 }
 
 impl PluginScene {
@@ -117,6 +121,7 @@ impl PluginScene {
             scenes: Arc::default(),
             frame,
             own: own.into(),
+            wanted: Vec::new(),
             frames: 0,
             frames_drawn: options.frames_drawn.clone(),
             window_covers: options.window_covers.clone(),
@@ -131,6 +136,7 @@ impl PluginScene {
             exposure: Exposure::NEW,
             window_px: options.window_px,
             shown: None,
+            memory: Vec::new(),
         };
         scene.put_aircraft(&parked.pose);
         scene
@@ -144,7 +150,20 @@ impl PluginScene {
         let index = || arguments.get(1)?.as_u64().map(|index| index as usize);
         Some(match what {
             "kind" => self.kind(text(0)?),
-            "get" => json!(self.get(text(0)?, index()?)?),
+            "want" => {
+                let (name, at) = (text(0)?, index()?);
+                self.get(name, at)?;
+                self.wanted.push((name.to_owned(), at));
+                Value::Null
+            }
+            "want_nothing" => {
+                self.wanted.clear();
+                Value::Null
+            }
+            "values" => {
+                let values = self.wanted.iter().map(|(name, at)| self.get(name, *at));
+                json!(values.collect::<Option<Vec<f64>>>()?)
+            }
             "set" => {
                 self.set(text(0)?, index()?, number(2)?);
                 Value::Null
@@ -197,7 +216,15 @@ impl PluginScene {
                 self.world.lock().set_own(text(0)?, number(1)?);
                 Value::Null
             }
-            "begin_frame" => json!(self.begin_frame()),
+            "begin_frame" => {
+                let frame = self.begin_frame();
+                let Geodetic {
+                    latitude_deg,
+                    longitude_deg,
+                    altitude_msl_m,
+                } = self.frame.origin;
+                json!([frame, [latitude_deg, longitude_deg, altitude_msl_m]])
+            }
             "own_camera" => {
                 self.show_own_view();
                 Value::Null
@@ -222,7 +249,8 @@ impl PluginScene {
         let side = |at: usize| u32::try_from(arguments.get(at)?.as_u64()?).ok();
         let (width_px, height_px) = (side(0)?, side(1)?);
         let windows = arguments.get(2)?.as_bool()?;
-        let mut rgb = self.draw(self.frame_to_draw(width_px, height_px)).await?;
+        let frame = self.frame_to_draw(width_px, height_px);
+        let mut rgb = self.draw(frame, Vec::new()).await?;
         if windows {
             self.windows()
                 .draw(&mut canvas(&mut rgb, (width_px, height_px)));
@@ -243,7 +271,8 @@ impl PluginScene {
         if self.shown.as_ref() == Some(&shown) {
             return Ok(());
         }
-        let Some(mut rgb) = self.draw(frame).await else {
+        let memory = std::mem::take(&mut self.memory);
+        let Some(mut rgb) = self.draw(frame, memory).await else {
             return Err("the frame was not drawn".into());
         };
         let mut canvas = canvas(&mut rgb, (width_px, height_px));
@@ -256,19 +285,20 @@ impl PluginScene {
             rgb,
         };
         let stage = stage.clone();
-        let result = spawn_blocking(move || stage.show(&picture)).await;
-        result
+        let result = spawn_blocking(move || stage.show(&picture).map(|()| picture.rgb)).await;
+        self.memory = result
             .map_err(|error| error.to_string())?
             .map_err(|error| error.to_string())?;
         self.shown = Some(shown);
         Ok(())
     }
 
-    async fn draw(&self, frame: PictureToDraw) -> Option<Vec<u8>> {
+    /// Draws a frame over a picture of any size.
+    async fn draw(&self, frame: PictureToDraw, mut rgb: Vec<u8>) -> Option<Vec<u8>> {
         let (engine, scenes) = (self.engine.clone(), self.scenes.clone());
         let drawn = spawn_blocking(move || {
             let PictureToDraw { key, painter, shot } = frame;
-            let mut rgb = vec![0; key.width_px as usize * key.height_px as usize * 3];
+            rgb.resize(key.width_px as usize * key.height_px as usize * 3, 0);
             scenes.with(engine.as_ref(), &key, |picture| {
                 painter.draw(picture, &shot, (key.width_px, key.height_px), &mut rgb);
             });

@@ -92,7 +92,9 @@ impl Hosted {
     }
 
     fn get(&mut self, name: &str) -> f64 {
-        self.ask("get", json!([name, 0])).as_f64().unwrap()
+        self.ask("want_nothing", json!([]));
+        self.ask("want", json!([name, 0]));
+        self.ask("values", json!([]))[0].as_f64().unwrap()
     }
 
     /// The shares of the picture that are panel or pop-up, and its last pixel's colour.

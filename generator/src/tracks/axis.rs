@@ -1,0 +1,96 @@
+//! The line that arrivals fly on final approach, which shows how far published figures of a runway are off.
+
+use std::path::PathBuf;
+
+use dataset::geometry::runway::Runway;
+use dataset::numbers::spread::{mean_and_deviation, median};
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+use serde::Serialize;
+
+use super::arrival::{arrival, without_jumps};
+use super::formats::{self, TrackFileError};
+use super::height::line_through_medians;
+
+/// Distances to go between which arrivals follow the centreline, metres.
+const FOLLOWS_M: (f64, f64) = (
+    0.5 * METERS_PER_NAUTICAL_MILE,
+    6.0 * METERS_PER_NAUTICAL_MILE,
+);
+const FEWEST_FIXES: usize = 20;
+/// Arrivals contradict a runway beyond these differences: metres, degrees. They keep to the centreline within about 10 m.
+const ELSEWHERE_M: f64 = 12.0;
+const ELSEWHERE_DEG: f64 = 0.1;
+
+/// The common line of some arrivals, relative to the centreline of a runway.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ArrivalAxis {
+    /// Number of arrivals.
+    pub arrivals: usize,
+    /// Offset at the touchdown target, to the right when landing, metres: median of the arrivals.
+    pub offset_m: f64,
+    /// Standard error of the offset, metres; absent for a single arrival.
+    pub offset_error_m: Option<f64>,
+    /// Their course less the runway's, degrees.
+    pub turned_deg: f64,
+    /// Standard error of that.
+    pub turned_error_deg: Option<f64>,
+}
+
+impl ArrivalAxis {
+    /// The arrivals contradict the runway.
+    pub(crate) fn is_elsewhere(&self) -> bool {
+        self.offset_m.abs() > ELSEWHERE_M || self.turned_deg.abs() > ELSEWHERE_DEG
+    }
+
+    /// Distance from the centreline, metres, averaged over the touchdown target and a place before it.
+    pub(crate) fn aside_m(&self, before_m: f64) -> f64 {
+        let there_m = self.offset_m - before_m * self.turned_deg.to_radians().tan();
+        (self.offset_m.abs() + there_m.abs()) / 2.0
+    }
+}
+
+/// Fits the arrivals in files of tracks; `None` if none lands on the runway.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn arrival_axis(
+    files: &[PathBuf],
+    runway: &Runway,
+) -> Result<Option<ArrivalAxis>, TrackFileError> {
+    let mut lines = Vec::new();
+    for file in files {
+        for track in formats::read(file, runway)? {
+            let (fixes, _) = without_jumps(&track.fixes);
+            let Ok(seen) = arrival(&fixes, runway) else {
+                continue;
+            };
+            let follows = seen
+                .iter()
+                .filter(|at| (FOLLOWS_M.0..=FOLLOWS_M.1).contains(&at.to_go_m));
+            let points: Vec<(f64, f64)> = follows.map(|at| (at.to_go_m, at.right_m)).collect();
+            if points.len() >= FEWEST_FIXES {
+                lines.push(line_through_medians(&points));
+            }
+        }
+    }
+    if lines.is_empty() {
+        return Ok(None);
+    }
+    let of = |what: fn(&(f64, f64)) -> f64| {
+        let mut values: Vec<f64> = lines.iter().map(what).collect();
+        let [_, deviation] = mean_and_deviation(values.iter().copied());
+        let count = values.len() as f64;
+        let error = (count > 1.0).then(|| deviation / (count - 1.0).sqrt());
+        (median(&mut values), error)
+    };
+    let (offset_m, offset_error_m) = of(|line| line.0);
+    // Who is further right further out flies further to the left.
+    let (turned_deg, turned_error_deg) = of(|line| -line.1.atan().to_degrees());
+    Ok(Some(ArrivalAxis {
+        arrivals: lines.len(),
+        offset_m,
+        offset_error_m,
+        turned_deg,
+        turned_error_deg,
+    }))
+}

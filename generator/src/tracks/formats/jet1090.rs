@@ -1,0 +1,79 @@
+//! JSON lines of `jet1090`: decoded Mode S messages, a line each. Positions have no speed; that of the last velocity message counts.
+
+use std::collections::BTreeMap;
+use std::io::BufRead;
+
+use dataset::geometry::geodesy::LatLon;
+use dataset::numbers::units::METERS_PER_FOOT;
+use serde::Deserialize;
+
+use super::{Fix, Kept, MPS_PER_KNOT, Track};
+
+/// A velocity is forgotten after this time, seconds.
+const VELOCITY_S: f64 = 5.0;
+/// Positions on the ground (BDS register).
+const SURFACE: &str = "06";
+
+/// A message; of its many fields, those of a flight.
+#[derive(Deserialize)]
+struct Message {
+    timestamp: f64,
+    icao24: Option<String>,
+    bds: Option<String>,
+    latitude: Option<f64>,
+    longitude: Option<f64>,
+    altitude: Option<f64>,
+    groundspeed: Option<f64>,
+    track: Option<f64>,
+}
+
+/// A velocity and its time.
+type Velocity = (f64, f64, f64);
+
+/// True if the first line of a file is such a message.
+pub(super) fn is_one(head: &[u8]) -> bool {
+    let first = head.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let contains = |word: &[u8]| first.windows(word.len()).any(|part| part == word);
+    contains(b"\"frame\"") && contains(b"\"timestamp\"")
+}
+
+/// The tracks near a place; the error is a line and the reason.
+pub(super) fn read<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, String> {
+    let mut tracks: BTreeMap<String, Kept> = BTreeMap::new();
+    let mut velocities: BTreeMap<String, Velocity> = BTreeMap::new();
+    for (index, line) in file.lines().enumerate() {
+        let bad = |error: &dyn std::fmt::Display| format!("line {}: {error}", index + 1);
+        let line = line.map_err(|error| bad(&error))?;
+        if line.trim().is_empty() {
+            continue;
+        }
+        let message: Message = serde_json::from_str(&line).map_err(|error| bad(&error))?;
+        let Some(aircraft) = message.icao24 else {
+            continue;
+        };
+        if let (Some(knots), Some(track_deg)) = (message.groundspeed, message.track) {
+            velocities.insert(
+                aircraft.clone(),
+                (message.timestamp, knots * MPS_PER_KNOT, track_deg),
+            );
+        }
+        let (Some(latitude_deg), Some(longitude_deg)) = (message.latitude, message.longitude)
+        else {
+            continue;
+        };
+        let velocity = velocities
+            .get(&aircraft)
+            .filter(|(time_s, ..)| (message.timestamp - time_s).abs() < VELOCITY_S);
+        let fix = Fix {
+            time_s: message.timestamp,
+            latitude_deg,
+            longitude_deg,
+            altitude_m: message.altitude.map(|feet| feet * METERS_PER_FOOT),
+            ground_speed_mps: velocity.map(|velocity| velocity.1),
+            track_deg: velocity.map(|velocity| velocity.2),
+            on_ground: message.bds.as_deref() == Some(SURFACE),
+        };
+        tracks.entry(aircraft).or_default().add(fix, target);
+    }
+    Ok(super::tracks_of(tracks))
+}
