@@ -551,7 +551,7 @@ fn a_dropped_picture_and_a_truncated_video_are_found() {
         let bytes = fs::read(&path).unwrap();
         fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     });
-    assert_found(&findings, "views/left.mp4 view left: cannot open it");
+    assert_found(&findings, "views/left.mp4 view left: cannot read it");
 }
 
 #[test]
@@ -713,7 +713,7 @@ fn a_leaking_split_is_found_by_what_was_flown_and_by_what_is_listed() {
     }
     write_json(&example.corpus.splits_path(), &listed).unwrap();
     let findings = example.findings();
-    let words = "is on two sides: 0001-0600-clear-r1 is on the train side";
+    let words = "is on two sides: 0001-0600-clear-r1 is on the training side";
     assert!(findings.contains(words), "{findings}");
 }
 
