@@ -21,7 +21,7 @@ AT_ONCE = 5
 # Those with limits in real time: they run beside the others, which yield the processor to them.
 IN_REAL_TIME = ["estimate"]
 # Those that take longest begin first, so that none of them is left alone at the end.
-LONGEST = ["awkward", "chain", "paper", "races", "export", "object_store", "memory", "blocks", "view", "mutations", "plugin"]
+LONGEST = ["awkward", "chain", "paper", "races", "export", "object_store", "memory", "blocks", "view", "mutations", "profile", "plugin"]
 
 
 def programs():
