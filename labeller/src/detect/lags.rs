@@ -29,6 +29,9 @@ const INCONSISTENT_PX: f64 = 1.0;
 const INCONSISTENT_SD: f64 = 8.0;
 /// ... and by this part of the aircraft's width: the views see it from two sides.
 const INCONSISTENT_PART: f64 = 0.01;
+/// Pairs of tracks of fewer ticks than this part of the longest one's may be of something else, and do not tell how rows should be: where
+/// an aircraft flies along a line, a fit would bend to what is beside it.
+const LONG_PART: f64 = 0.25;
 /// Rows that contradict by more are not told apart, pixels.
 const MOST_PX: f64 = 1_000.0;
 
@@ -136,7 +139,18 @@ impl Flight<'_> {
         if lag.lag_ms.abs().max(lag.lag_sd_ms) > MOST_MS {
             return None;
         }
-        let most_px = INCONSISTENT_PX.max(INCONSISTENT_SD * relation.sd_px);
+        let longest = of_tracks.iter().map(Vec::len).max().unwrap_or_default();
+        let long = of_tracks
+            .iter()
+            .filter(|all| all.len() as f64 >= LONG_PART * longest as f64);
+        let of_long: Vec<_> = long.flat_map(|all| thinned(all)).collect();
+        let Some(usual) = ViewRelation::robust(&of_long) else {
+            return Some(Compared {
+                lag: Some(lag),
+                vertical_px: BTreeMap::new(),
+            });
+        };
+        let most_px = INCONSISTENT_PX.max(INCONSISTENT_SD * usual.sd_px);
         let vertical = |(seen, sighting): &(&Seen, Sighted)| {
             // A track of a few ticks has no motion, which matters only to a late view.
             let sighting = match sighting {
@@ -144,7 +158,7 @@ impl Flight<'_> {
                 Sighted::Short(sighting) if !lag.is_sure() => sighting,
                 Sighted::Short(_) => return None,
             };
-            let off_px = relation.off_px(sighting).clamp(-MOST_PX, MOST_PX);
+            let off_px = usual.off_px(sighting).clamp(-MOST_PX, MOST_PX);
             let contradicts = off_px.abs() > most_px.max(INCONSISTENT_PART * seen.width_px);
             Some((seen.tick, (off_px, contradicts)))
         };
