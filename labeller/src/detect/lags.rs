@@ -130,8 +130,8 @@ impl Flight<'_> {
         let of_tracks: Vec<_> = (seen.values())
             .map(|seen| sightings(cameras, seen))
             .collect();
-        let thinned: Vec<_> = of_tracks.iter().flat_map(|all| thinned(all)).collect();
-        let relation = ViewRelation::robust(&thinned)?;
+        let kept: Vec<_> = of_tracks.iter().flat_map(|all| thinned(all)).collect();
+        let relation = ViewRelation::robust(&kept)?;
         let lag = ViewLag {
             lag_ms: -1e3 * relation.offset.seconds,
             lag_sd_ms: (1e3 * relation.offset.sd_s * ALIKE.sqrt()).hypot(COMMON_SD_MS),
