@@ -1,4 +1,4 @@
-//! Malicious and broken clients: one that is silent, slow, or asks for the impossible never disturbs others.
+//! Malicious and broken clients: one that is silent, slow, from elsewhere, or asks for the impossible never disturbs others.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
@@ -248,4 +248,22 @@ async fn clients_that_leave_their_answers_unread_keep_nobody_out_for_long() {
     }
     let answered = timeout(2 * PATIENCE, status(web, "Host: localhost\r\n")).await;
     assert_eq!(answered.unwrap(), 200);
+}
+
+#[tokio::test]
+async fn web_pages_from_elsewhere_are_refused() {
+    let running = start(LinkPatience::default(), None).await;
+    let web = running.addresses.web_api.unwrap();
+    for (headers, expected) in [
+        ("Host: localhost\r\n", 200),
+        (
+            "Host: 127.0.0.1:8086\r\nOrigin: http://localhost:3000\r\n",
+            200,
+        ),
+        ("Host: evil.example\r\n", 403),
+        ("Host: localhost\r\nOrigin: https://evil.example\r\n", 403),
+        ("Host: localhost\r\nOrigin: null\r\n", 403),
+    ] {
+        assert_eq!(status(web, headers).await, expected, "{headers}");
+    }
 }

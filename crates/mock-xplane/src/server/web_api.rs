@@ -3,6 +3,7 @@
 //! Input: requests of clients on this computer. Output: JSON. `v1` has datarefs, `v2` adds commands, `v3` flights; the world behind
 //! it is the same as for UDP and the capture link. Written from Laminar's "X-Plane Web API" and "Flight Initialization API".
 
+mod callers;
 mod commands;
 mod datarefs;
 mod flight;
@@ -125,7 +126,7 @@ fn router(service: Arc<WebApiService>) -> Router {
         .with_state(service)
 }
 
-/// No answers during an outage, or while incoming traffic is switched off.
+/// No answers during an outage, while incoming traffic is switched off, or to foreign web pages.
 async fn doorkeeper(
     State(service): State<Arc<WebApiService>>,
     request: Request,
@@ -134,6 +135,9 @@ async fn doorkeeper(
     service.outages.over().await;
     if !service.incoming_is_on {
         return Refusal::incoming_traffic_is_off().into_response();
+    }
+    if let Err(refusal) = callers::check(request.headers()) {
+        return refusal.into_response();
     }
     timeout(ANSWER_WITHIN, next.run(request))
         .await
