@@ -2,7 +2,7 @@
 """Builds all tests in the release profile and runs their programs, five at a time.
 
 `cargo test` runs one program after the other, although they mostly wait, for simulators, kills and timeouts: all of them together take
-28 minutes of processor time in 70 minutes. The output of a program is printed when it ends; one
+half an hour of processor time in more than an hour. The output of a program is printed when it ends; one
 failure does not hide the others. What failed is run once more when nothing else runs, because some tests wait for a simulator with
 deadlines that a busy machine can miss; what passes only then is named at the end.
 """

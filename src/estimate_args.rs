@@ -57,7 +57,7 @@ pub(crate) struct EstimateArgs {
     /// Rows of the pictures to search: TOP:BOTTOM [default: all]
     #[arg(long, value_name = "TOP:BOTTOM")]
     pub(crate) rows: Option<RowBand>,
-    /// What decodes the images: cpu, vaapi or cuda [default: cpu]
+    /// Decoder of the images: cpu, vaapi or cuda [default: cpu]
     ///
     /// The GPUs must be ones that FFmpeg can use. Images are searched where --device says.
     #[arg(long, value_name = "DECODER")]

@@ -251,8 +251,8 @@ fn arrivals_decide_between_tables_without_a_localizer_and_say_how_far_the_runway
         axis.offset_m.abs() < 1.0 && axis.turned_deg.abs() < 0.02,
         "{axis:?}"
     );
-    let nobody = import("ZZZZ", "25", &files, &tracks)
+    let nowhere = import("ZZZZ", "25", &files, &tracks)
         .unwrap_err()
         .to_string();
-    assert!(nobody.contains("no track in"), "{nobody}");
+    assert!(nowhere.contains("no track in"), "{nowhere}");
 }

@@ -47,7 +47,7 @@ impl Kept {
         }
         let refused = |why: String| {
             Error::Views(format!(
-                "--keep-offsets {}: {why}; give another file, or remove this one to measure anew",
+                "--keep-offsets {}: {why}; name another file, or remove this one to measure the offset again",
                 path.display()
             ))
         };

@@ -47,12 +47,12 @@ pub enum Error {
         /// The system's error.
         r#source: std::io::Error,
     },
-    /// What should decode is not there.
+    /// The requested decoder is not available.
     #[error(
         "--decoder {decoder}: FFmpeg finds no such GPU here: {why}; give cpu to decode on the processor"
     )]
     Decoder {
-        /// What was asked for.
+        /// The requested decoder.
         decoder: Decoder,
         /// FFmpeg's message.
         why: String,

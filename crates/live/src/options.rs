@@ -18,7 +18,7 @@ use crate::source::Source;
 /// Offsets of clocks are smaller, seconds.
 const MOST_OFFSET_S: f64 = 3_600.0;
 
-/// What decodes images.
+/// Decoder of images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Decoder {
@@ -62,7 +62,7 @@ pub struct Options {
     pub searcher: Searcher,
     /// Sources by view.
     pub sources: BTreeMap<String, Source>,
-    /// What decodes their images.
+    /// Decoder of their images.
     pub decoder: Decoder,
     /// Views that have none.
     pub without: Vec<String>,

@@ -23,9 +23,9 @@ pub struct Settings {
     pub model: Option<PathBuf>,
     /// Rows of the pictures to search, `TOP:BOTTOM`; all by default. `--rows` overrides it.
     pub rows: Option<String>,
-    /// Where the detector runs; cpu by default. `--device` overrides it.
+    /// Device of the detector; cpu by default. `--device` overrides it.
     pub device: Option<String>,
-    /// What decodes the images; cpu by default. `--decoder` overrides it.
+    /// Decoder of the images; cpu by default. `--decoder` overrides it.
     pub decoder: Option<Decoder>,
     /// Address of the metrics, `ADDRESS:PORT`; none by default. `--metrics` overrides it.
     pub metrics: Option<String>,
@@ -41,7 +41,7 @@ pub struct ViewSettings {
     pub source: String,
     /// Seconds to add to the times of its images. `--offset` overrides it.
     pub offset_s: Option<f64>,
-    /// Whether its video file has a clock of its own, to be compared with the first view's: `--offset VIEW=auto`.
+    /// True if its video file has a separate clock, to be compared with the first view's: `--offset VIEW=auto`.
     #[serde(default)]
     pub measures_offset: bool,
     /// File with the password of its server, on the first line. `--password-file` overrides it.

@@ -43,7 +43,7 @@ impl ViewNews {
         state: ViewState,
     ) -> Option<impl FnOnce(f64) -> Event + use<>> {
         let is_first_fault = self.told.is_none() && self.why.is_some();
-        // The clock of a view that is down is that of images which it has not shown yet.
+        // While a view is down, its clock belongs to images that it has not shown yet.
         let is_other_clock = state != ViewState::Down && self.told_clock != self.clock;
         let is_told = self.told.unwrap_or(ViewState::Down) == state && !is_other_clock;
         if is_told && !is_first_fault {

@@ -2,8 +2,8 @@
 and output.
 
 Each question is one line of JSON, ``[what, ...]``; so is each answer. Only a picture's answer, its number of bytes, is followed by bytes.
-Statements look like questions, but have no answer: they are sent with the next question. X-Plane's functions cost nothing, a question costs
-two changes of the running process, and a frame of the plugin would need more than a hundred of them.
+A statement is a question whose name ends with ``!``: it has no answer and is sent with the next question. X-Plane's functions cost nothing,
+whereas a question costs two changes of the running process, and a frame of the plugin would need more than a hundred of them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from xp_rules import ENABLE, START
 
 # The stand-in has no screen to wait for; without a pause an idle plugin would take a whole core.
 LEAST_PAUSE_S = 0.001
-# Frames after which it is found out anew which values are read, and the most conversions that are remembered.
+# Frames after which the list of values to read is built anew, and the most conversions that are remembered.
 FRAMES_REMEMBERED = 64
 MOST_CONVERSIONS = 1_000
 
@@ -35,7 +35,7 @@ class PipeWorld:
         self._pipe = pipe
         self._kinds: dict[str, Kind | None] = {}
         self._published: dict[str, float] = {}
-        self._statements: list[bytes] = []
+        self._lines: list[bytes] = []
         # The values that are read, all with one question, and their content until something changes.
         self._wanted: list[tuple[str, int]] = []
         self._values: dict[tuple[str, int], float] = {}
@@ -48,7 +48,7 @@ class PipeWorld:
         Path(self._path.name, "Log.txt").touch()
 
     def _ask(self, *question: Any) -> Any:
-        self._say(*question)
+        self._queue(*question)
         self.flush()
         line = self._pipe.readline()
         if not line:
@@ -56,18 +56,21 @@ class PipeWorld:
             sys.exit(0)
         return json.loads(line)
 
-    def _say(self, *statement: Any) -> None:
-        self._statements.append(json.dumps(statement).encode() + b"\n")
+    def _say(self, what: str, *content: Any) -> None:
+        self._queue(f"{what}!", *content)
 
-    def _change(self, *statement: Any) -> None:
+    def _queue(self, *line: Any) -> None:
+        self._lines.append(json.dumps(line).encode() + b"\n")
+
+    def _change(self, what: str, *content: Any) -> None:
         """A statement that may change any value."""
         self._values.clear()
-        self._say(*statement)
+        self._say(what, *content)
 
     def flush(self) -> None:
         """Sends the statements."""
-        said, self._statements = self._statements, []
-        self._pipe.write(b"".join(said))
+        lines, self._lines = self._lines, []
+        self._pipe.write(b"".join(lines))
 
     def kind(self, name: str) -> Kind | None:
         if name not in self._kinds:

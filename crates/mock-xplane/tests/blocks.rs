@@ -175,7 +175,7 @@ async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn every_picture_of_a_block_is_the_settled_one_whatever_the_lag() {
-    // Lags of one and three frames are those of the next two tests.
+    // The next two tests cover lags of one and three frames.
     for lag in [0, 4] {
         check(SceneBehind::Constant(lag), [lag as u32; 2]).await;
     }

@@ -1,7 +1,8 @@
 //! Pitch and roll that a path needs, for an airliner whose type is not known.
 //!
-//! The roll is that of a coordinated turn. The pitch is the angle of the path and the angle of attack, which follows from the lift: the
-//! coefficient falls with the square of the speed from its value on final approach, at 1.3 times the stall speed with the flaps extended.
+//! Turns are coordinated, which gives the roll. The pitch is the angle of the path and the angle of attack, which follows from the lift:
+//! the coefficient falls with the square of the speed from its value on final approach, at 1.3 times the stall speed with the flaps
+//! extended.
 
 use dataset::numbers::spread::median;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
@@ -14,7 +15,7 @@ const FINAL_M: (f64, f64) = (METERS_PER_NAUTICAL_MILE, 3.0 * METERS_PER_NAUTICAL
 /// Final speeds of airliners, m/s, and the one of a track without speeds there.
 const FINAL_SPEEDS_MPS: (f64, f64) = (55.0, 90.0);
 const USUAL_FINAL_MPS: f64 = 70.0;
-/// Lift coefficient on final approach: that of the stall, 2.7, over 1.3 squared.
+/// Lift coefficient on final approach: 2.7 at the stall, over 1.3 squared.
 const FINAL_LIFT: f64 = 1.6;
 /// Lift coefficient a degree, and the angle without lift: clean, and by how much flaps lower it.
 const LIFT_PER_DEG: f64 = 0.09;

@@ -22,7 +22,7 @@ const FEWEST_ARRIVALS: usize = 2;
 /// Arrivals contradict a runway beyond these differences: metres, degrees. They keep to the centreline within about 10 m.
 const ELSEWHERE_M: f64 = 12.0;
 const ELSEWHERE_DEG: f64 = 0.1;
-/// Standard error of a median over that of a mean.
+/// Ratio of the standard errors of a median and a mean.
 const MEDIAN_ERROR: f64 = 1.25;
 
 /// The common line of some arrivals, relative to the centreline of a runway.
@@ -102,7 +102,7 @@ pub fn arrival_axis(
         (median(&mut values), error)
     };
     let (offset_m, offset_error_m) = of(|line| line.0);
-    // Who is further right further out flies further to the left.
+    // An arrival that is further to the right when further out flies to the left.
     let (turned_deg, turned_error_deg) = of(|line| -line.1.atan().to_degrees());
     Ok(Some(ArrivalAxis {
         arrivals: lines.len(),

@@ -34,7 +34,7 @@ pub(super) struct Datum {
     target_m: f64,
     stretch: f64,
     line: Line,
-    /// The stretch is that of the glide path.
+    /// True if the glide path gives the stretch.
     is_tied: bool,
 }
 

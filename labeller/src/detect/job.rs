@@ -117,10 +117,10 @@ impl ScenarioJob {
             Standing::Whole => return Ok(None),
         };
         if fitted.is_none()
-            && let Some(run) = stored.as_ref().and_then(|made| made.cameras_of_run())
+            && let Some(cameras) = stored.as_ref().and_then(|made| made.cameras_of_run())
         {
             let message = format!(
-                "its views were registered with the cameras of run {run}, and are to be measured again; name that run (--registration-of), or \
+                "its views were registered with {cameras}, and are to be measured again; name that run (--registration-of), or \
                  search anew with the cameras of calibration.json (--force)"
             );
             return Err(Error::scenario(&record.id, message));

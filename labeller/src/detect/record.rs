@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::corpus::detections::{self, Provenance};
+use dataset::corpus::detections::{self, Provenance, RegisteredWith};
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::files::json_file::read_json;
 use serde::{Deserialize, Serialize};
@@ -123,10 +123,10 @@ impl DetectionRecord {
         detections::record_path(folder, model)
     }
 
-    /// Start of the hash of the run whose cameras the views were registered with, if it was one.
-    pub(super) fn cameras_of_run(&self) -> Option<String> {
-        let run = self.registration.as_ref()?.cameras_of_run.as_ref()?;
-        Some(run.chars().take(12).collect())
+    /// The run whose cameras the views were registered with, if it was one.
+    pub(super) fn cameras_of_run(&self) -> Option<RegisteredWith> {
+        let run = self.registration.as_ref()?.cameras_of_run.clone()?;
+        Some(RegisteredWith::Run(run))
     }
 
     /// Progress of this model's work with these settings on the scenario's current videos. `cameras`: those that the views must be

@@ -106,7 +106,7 @@ impl fmt::Display for RegisteredWith {
     }
 }
 
-/// The part of the record that tells it.
+/// The registration's part of a record.
 #[derive(Deserialize)]
 struct RecordedRegistration {
     registration: Option<RegistrationCameras>,

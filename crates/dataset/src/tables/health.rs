@@ -157,7 +157,7 @@ impl HealthState {
         }
     }
 
-    /// True unless boxes of such an image are off or old.
+    /// True unless boxes of such an image are off or old. An inconsistent image keeps its boxes and loses its shift.
     pub fn is_well(self) -> bool {
         matches!(self, Self::Steady | Self::Unknown | Self::Inconsistent)
     }

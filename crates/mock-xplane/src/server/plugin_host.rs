@@ -39,20 +39,8 @@ const FAKE_XP: &str = include_str!("../../fake_xp/fake_xp.py");
 const RULES: &str = include_str!("../../fake_xp/xp_rules.py");
 const HELD_LOCK: &str = include_str!("../../fake_xp/held_lock.py");
 const HOST: &str = include_str!("../../fake_xp/host.py");
-/// What the fake says without waiting for an answer.
-const STATEMENTS: [&str; 11] = [
-    "want",
-    "want_nothing",
-    "set",
-    "command",
-    "place_user",
-    "publish",
-    "place_camera",
-    "own_camera",
-    "lose_camera",
-    "let_others_fly",
-    "log",
-];
+/// Ends the name of a question that has no answer.
+const STATEMENT: char = '!';
 /// Creates the modules from the settings in the first line, and runs the host.
 const BOOTSTRAP: &str = "import json, sys, types
 settings = json.loads(sys.stdin.buffer.readline())
@@ -214,9 +202,10 @@ pub(super) async fn run(
                     // A frozen simulator draws no frame.
                     outages.over().await;
                 }
-                let answer = scene.answer(what, arguments);
+                let statement = what.strip_suffix(STATEMENT);
+                let answer = scene.answer(statement.unwrap_or(what), arguments);
                 let answer = answer.ok_or_else(|| failed(format!("it asks {line}")))?;
-                if STATEMENTS.contains(&what.as_str()) {
+                if statement.is_some() {
                     continue;
                 }
                 (answer, Vec::new())

@@ -14,7 +14,7 @@ const COURSE_DEG: f64 = 0.05;
 const OFFSET_LOCALIZER_M: f64 = 100.0;
 /// Two centrelines are equally near to the localizer within this, metres.
 const EQUALLY_NEAR_M: f64 = 3.0;
-/// A line between localizers that is turned by more, degrees, is that of another approach.
+/// A line between localizers that is turned by more, degrees, belongs to another approach.
 const SAME_RUNWAY_DEG: f64 = 0.3;
 /// Arrivals are compared with the centreline at the target and this far before it, metres.
 const ARRIVALS_M: f64 = 10_000.0;
@@ -188,7 +188,7 @@ pub(super) fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>
     ))
 }
 
-/// Figures of another table that contradict those of the recommended one.
+/// Contradictions between the recommended table and another one.
 pub(super) fn differences(best: &Line<'_>, other: &Line<'_>, reason: &str) -> Vec<Conflict> {
     let (one, two) = (best.ends.source, other.ends.source);
     let recommended = format!("{one}{reason}");

@@ -1,4 +1,4 @@
-//! JSON lines of `jet1090`: decoded Mode S messages, a line each. Positions have no speed; that of the last velocity message counts.
+//! JSON lines of `jet1090`: decoded Mode S messages, one per line. Positions have no speed; the last velocity message supplies it.
 
 use std::collections::BTreeMap;
 use std::io::BufRead;
@@ -14,7 +14,7 @@ const VELOCITY_S: f64 = 5.0;
 /// Positions on the ground (BDS register).
 const SURFACE: &str = "06";
 
-/// A message; of its many fields, those of a flight.
+/// The fields of a message that describe a flight.
 #[derive(Deserialize)]
 struct Message {
     timestamp: f64,
