@@ -39,6 +39,10 @@ pub type ComingPicture<'a> = Pin<Box<dyn Future<Output = Result<Vec<u8>, PixelEr
 /// A pending proof.
 pub type Confirmed<'a> = Pin<Box<dyn Future<Output = Result<(), BridgeError>> + Send + 'a>>;
 
+/// A pending look for a cover.
+pub type CoveredPart<'a> =
+    Pin<Box<dyn Future<Output = Result<Option<Rectangle>, BridgeError>> + Send + 'a>>;
+
 /// Shows check patterns: the simulator at the other end of the link.
 pub trait PatternDisplay: Send {
     /// Shows the pattern of a code over the window, or removes it; done when the simulator reports that it is drawn.
@@ -71,6 +75,11 @@ pub trait PixelSource: Debug + Send {
 
     /// The picture of the frame just drawn. `payload` came with the simulator's answer: the picture, or memory for it.
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_>;
+
+    /// The part of the picture that something covers now; `None` as well if that cannot be found out.
+    fn covered_part<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> CoveredPart<'a> {
+        Box::pin(std::future::ready(Ok(None)))
+    }
 
     /// Proves after the last picture that the initial proof still holds.
     fn confirm<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> Confirmed<'a>;

@@ -170,7 +170,7 @@ async fn a_cover_that_comes_for_a_second_while_a_block_is_recorded_is_in_none_of
     let simulator = &mut shown.simulator;
     simulator.set_conditions(&noon(30_000.0)).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
-    let (expected, _) = block(simulator).await;
+    let (expected, _) = block(simulator, 150).await.unwrap();
     for (number, form) in [
         Form::Message,
         Form::PluginWindow,
@@ -183,7 +183,7 @@ async fn a_cover_that_comes_for_a_second_while_a_block_is_recorded_is_in_none_of
         let (covers, display) = (shown.covers.clone(), shown.xvfb.display().to_owned());
         let after = Duration::from_millis(500 + 150 * number as u64);
         cover_for_a_second(form, covers, display, after);
-        let (found, repeated) = block(&mut shown.simulator).await;
+        let (found, repeated) = block(&mut shown.simulator, 150).await.unwrap();
         assert!(repeated > 0, "{form:?}: no picture was covered");
         for (tick, (found, expected)) in found.iter().zip(&expected).enumerate() {
             assert!(found == expected, "{form:?}: tick {tick}");
@@ -191,13 +191,41 @@ async fn a_cover_that_comes_for_a_second_while_a_block_is_recorded_is_in_none_of
     }
 }
 
-/// The pictures of 150 ticks down the glide path, from beside the runway, and how many were taken again.
-async fn block(simulator: &mut Simulator) -> (Vec<Vec<u8>>, u32) {
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cover_from_before_a_block_until_after_it_is_waited_for_or_ends_it_where_time_runs() {
+    let [left, top, width, height] = PLACE_PX;
+    let area_px = [left, top, left + width, top + height];
+    for rain_ratio in [0.0, 0.6] {
+        let mut shown = OnScreen::start_with((SIZE_PX.0 + 32, SIZE_PX.1 + 32)).await;
+        shown.register().await.unwrap();
+        let mut conditions = noon(30_000.0);
+        conditions.weather.rain_ratio = rain_ratio;
+        let simulator = &mut shown.simulator;
+        simulator.set_conditions(&conditions).await.unwrap();
+        simulator.freeze(&runway()).await.unwrap();
+        let (expected, _) = block(simulator, 20).await.unwrap();
+        let shown_for = Duration::from_secs(3);
+        shown.covers.show(WindowForm::Message, area_px, shown_for);
+        match block(simulator, 20).await {
+            Ok((found, _)) if rain_ratio == 0.0 => {
+                assert!(found == expected, "a picture shows the cover");
+            }
+            Err(BridgeError::Pixels(PixelError::CoveredBefore)) if rain_ratio > 0.0 => {}
+            other => panic!(
+                "rain {rain_ratio}: {:?}",
+                other.map(|(found, _)| found.len())
+            ),
+        }
+    }
+}
+
+/// The pictures of ticks down the glide path, from beside the runway, and how many were taken again.
+async fn block(simulator: &mut Simulator, ticks: u32) -> Result<(Vec<Vec<u8>>, u32), BridgeError> {
     let frame_rate = FrameRate {
         numerator: 10,
         denominator: 1,
     };
-    let states = down_the_glide_path(3_500.0, 150, frame_rate);
+    let states = down_the_glide_path(3_500.0, ticks, frame_rate);
     let mut recording = simulator
         .begin_block(BlockOfTicks {
             first_tick: 0,
@@ -209,10 +237,10 @@ async fn block(simulator: &mut Simulator) -> (Vec<Vec<u8>>, u32) {
         })
         .unwrap();
     let mut pictures = Vec::new();
-    while let Some(frame) = recording.next_picture().await.unwrap() {
+    while let Some(frame) = recording.next_picture().await? {
         pictures.push(frame.rgb.to_vec());
     }
     let report = recording.report();
     println!("{report:?}");
-    (pictures, report.repeated)
+    Ok((pictures, report.repeated))
 }

@@ -137,7 +137,7 @@ pub enum PixelError {
     /// A cover was noticed too late.
     #[error(
         "something covered the scene, and was noticed only after pictures of it had been recorded: a message, a window, a notification or \
-         a pointer that came in gradually. Keep it from coming again"
+         a pointer that came in gradually, or in a pause between two pictures. Keep it from coming again"
     )]
     CoveredBefore,
     /// An older pattern stays.

@@ -29,7 +29,10 @@ use tokio::time::{Instant, sleep};
 
 use super::ComingPicture;
 use super::check_pattern::{Sighting, Unreadable, both_colours, covers};
-use super::{Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource, Rectangle, RgbPicture};
+use super::{
+    Confirmed, CoveredPart, PatternDisplay, PixelError, PixelKind, PixelSource, Rectangle,
+    RgbPicture,
+};
 use crate::error::BridgeError;
 use crate::link::{PictureSize, SimulatorWindow};
 pub(crate) use coded_grabs::{CodedGrabs, CodedPicture};
@@ -261,23 +264,47 @@ impl ScreenSource {
         for code in both_colours(self.codes.next()) {
             if let Some(shown) = display.show_under_windows(code) {
                 shown.await?;
-                let picture = self.grab_shown().await?;
                 let hidden = under.get_or_insert_with(|| Hidden::new(self.window));
-                hidden.compare(&picture, code);
+                self.compare_shown(code, hidden).await?;
             }
             display.show(Some(code)).await?;
-            over.compare(&self.grab_shown().await?, code);
+            self.compare_shown(code, &mut over).await?;
         }
         Ok(over.verdict(under)?)
     }
 
-    /// The window with what was shown last.
-    async fn grab_shown(&self) -> Result<RgbPicture, PixelError> {
-        let wait = self.allowed();
+    /// What the lowest pattern that can be shown does not show, in the window.
+    async fn look_for_cover(
+        &mut self,
+        display: &mut dyn PatternDisplay,
+    ) -> Result<Option<Rectangle>, BridgeError> {
+        let mut hidden = Hidden::new(self.window);
+        for code in both_colours(self.codes.next()) {
+            let is_under = match display.show_under_windows(code) {
+                Some(shown) => shown.await.map(|()| true)?,
+                None => false,
+            };
+            if !is_under {
+                display.show(Some(code)).await?;
+            }
+            self.compare_shown(code, &mut hidden).await?;
+        }
+        Ok(hidden.largest())
+    }
+
+    /// Adds what the window hides of the pattern that was shown last.
+    async fn compare_shown(&self, code: u32, hidden: &mut Hidden) -> Result<(), PixelError> {
+        let (began, wait) = (Instant::now(), self.allowed());
         if !wait.time.is_zero() {
             sleep(wait.time).await;
         }
-        self.grabber.grab(RgbPicture::default(), wait.grabs).await
+        let mut picture = self.grabber.grab(RgbPicture::default(), wait.grabs).await?;
+        // A busy machine may show it later than it did when the lag was measured.
+        while hidden.is_another_pattern(&picture, code) && began.elapsed() < PATIENCE {
+            picture = self.grabber.grab(picture, 0).await?;
+        }
+        hidden.compare(&picture, code);
+        Ok(())
     }
 
     /// The window in the pictures that are grabbed: all of them.
@@ -365,6 +392,20 @@ impl PixelSource for ScreenSource {
                 }
                 Ok(picture.rgb)
             }
+        })
+    }
+
+    fn covered_part<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> CoveredPart<'a> {
+        Box::pin(async move {
+            let found = self.look_for_cover(display).await;
+            let found = clearing(found, display).await?;
+            self.wait_until_gone().await?;
+            let [left_px, top_px] = self.margins_px.unwrap_or_default();
+            Ok(found.map(|cover| Rectangle {
+                x_px: cover.x_px.saturating_sub(left_px),
+                y_px: cover.y_px.saturating_sub(top_px),
+                ..cover
+            }))
         })
     }
 

@@ -12,9 +12,9 @@
 //! - where time runs, also if rain or clouds changed it again and again, and suddenly it and its neighbours stand still to the last bit
 //!   ([`CoverKind::StandsStill`]): something opaque that came in too gradually to be noticed.
 //!
-//! A cell that a moving rectangle touches is not judged. An object that lay over the scene from the first image of the block on counts as
-//! part of it; when it goes, the scene differs from the beginning and is called covered. The two cases cannot be distinguished here: the
-//! attempt is repeated.
+//! A cell that a moving rectangle touches is not judged. An object that lay over the scene from the first image on counts as part of it;
+//! when it goes, the scene differs from the beginning and is called covered. The two cases cannot be distinguished here, so the caller
+//! shows a check pattern: in a paused world after the first image, which all later ones are compared with; where time runs after the last.
 
 mod standing_still;
 #[cfg(test)]
@@ -228,6 +228,25 @@ impl StillScene {
         }
     }
 
+    /// Begins with an image, as if it were the first one.
+    ///
+    /// # Panics
+    /// If the image has another size.
+    pub(crate) fn begin_with(&mut self, rgb: &[u8], moving: &[Rectangle]) {
+        assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
+        self.uncovered.copy_from_slice(rgb);
+        self.latest.copy_from_slice(rgb);
+        for (cell, touched) in self.cells.iter_mut().zip(self.grid.touched(moving)) {
+            *cell = Cell {
+                known: !touched,
+                ..Cell::default()
+            };
+        }
+        self.standing_still = StandingStill::new(self.cells.len());
+        self.hidden_looks = 0;
+        self.is_new = false;
+    }
+
     /// The next image comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
     /// is compared anew, and a cover that came meanwhile is noticed when it goes.
     pub(crate) fn after_gap(&mut self) {
@@ -247,15 +266,11 @@ impl StillScene {
     /// If the image has another size.
     pub(crate) fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
         assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
-        let touched = self.grid.touched(moving);
-        if std::mem::take(&mut self.is_new) {
-            self.uncovered.copy_from_slice(rgb);
-            self.latest.copy_from_slice(rgb);
-            for (cell, touched) in self.cells.iter_mut().zip(touched) {
-                cell.known = !touched;
-            }
+        if self.is_new {
+            self.begin_with(rgb, moving);
             return Ok(());
         }
+        let touched = self.grid.touched(moving);
         match self.time {
             WorldTime::Paused => self.look_at_pause(rgb, &touched),
             WorldTime::Runs => self.look_at_running_time(rgb, &touched),

@@ -85,6 +85,8 @@ pub struct BlockRecording<'a> {
     block: BlockOfTicks<'a>,
     sequence: Sequence<Grabbed>,
     covers: CoverWatch,
+    /// True once the image that later ones are compared with is known to show no cover.
+    is_proven: bool,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
     /// Headers of the drawn frames, by frame.
@@ -116,6 +118,25 @@ impl Simulator {
         self.description.frame_codes && self.pixels.coded_window().is_some() && !is_refused
     }
 
+    fn sequence(&self, block: &BlockOfTicks<'_>) -> Sequence<Grabbed> {
+        let places: Vec<Option<Rectangle>> = (0..block.states.len())
+            .map(|tick| displaced(&block.camera, block.size_px, block.states, tick))
+            .map(|elsewhere| elsewhere.map(|displaced| displaced.place))
+            .collect();
+        let (known_lag, is_measured) = self.known_blocks.lag(block.view);
+        let mut sequence = Sequence::new(
+            block.states.len() as u32,
+            pictures_at_once(block.size_px) as u32,
+            self.frames_to_settle(),
+            known_lag,
+            Box::new(move |tick| places.get(tick as usize).copied().flatten()),
+        );
+        if is_measured {
+            sequence.begin_with_known_lag();
+        }
+        sequence
+    }
+
     fn shadow_on_ground(
         &self,
         camera: &CameraPose,
@@ -140,22 +161,6 @@ impl Simulator {
         block: BlockOfTicks<'a>,
     ) -> Result<BlockRecording<'a>, BridgeError> {
         let window = self.pixels.coded_window().ok_or(PixelError::NoMargins)?;
-        let segment = pictures_at_once(block.size_px);
-        let places: Vec<Option<Rectangle>> = (0..block.states.len())
-            .map(|tick| displaced(&block.camera, block.size_px, block.states, tick))
-            .map(|elsewhere| elsewhere.map(|displaced| displaced.place))
-            .collect();
-        let (known_lag, is_measured) = self.known_blocks.lag(block.view);
-        let mut sequence = Sequence::new(
-            block.states.len() as u32,
-            segment as u32,
-            self.frames_to_settle(),
-            known_lag,
-            Box::new(move |tick| places.get(tick as usize).copied().flatten()),
-        );
-        if is_measured {
-            sequence.begin_with_known_lag();
-        }
         let most_pictures = buffers(block.size_px);
         self.grabs
             .begin(&window.screen, window.region, most_pictures);
@@ -165,12 +170,12 @@ impl Simulator {
             WorldTime::Paused
         };
         let (width_px, height_px) = block.size_px;
-        let covers = CoverWatch::new(width_px, height_px, time);
         Ok(BlockRecording {
+            sequence: self.sequence(&block),
             simulator: self,
             block,
-            sequence,
-            covers,
+            covers: CoverWatch::new(width_px, height_px, time),
+            is_proven: time == WorldTime::Runs,
             asked: VecDeque::new(),
             drawn: BTreeMap::new(),
         })
@@ -193,6 +198,10 @@ impl BlockRecording<'_> {
                 if self.sequence.is_done() {
                     self.finish().await?;
                     return Ok(None);
+                }
+                if !self.is_proven && !self.sequence.is_settling() {
+                    self.prove().await?;
+                    continue;
                 }
                 self.ask().await?;
                 let expects_grabs = self.sequence.expects_grabs();
@@ -242,6 +251,29 @@ impl BlockRecording<'_> {
             repeated: tally.repeated,
             held: tally.held,
         }
+    }
+
+    /// Looks for a cover over the image that the following ones will be compared with, before any of them is taken. If there is one, the
+    /// block begins again.
+    async fn prove(&mut self) -> Result<(), BridgeError> {
+        match self.covered_part().await? {
+            None => self.is_proven = true,
+            Some(rectangle) => {
+                self.covers.covered(rectangle, Instant::now())?;
+                self.sequence = self.simulator.sequence(&self.block);
+            }
+        }
+        Ok(())
+    }
+
+    async fn covered_part(&mut self) -> Result<Option<Rectangle>, BridgeError> {
+        self.simulator.grabs.rest(true);
+        let covered = self.simulator.covered_part().await;
+        // Grabs from before the pattern.
+        while let Some(grabbed) = self.simulator.grabs.next_now() {
+            grabbed?;
+        }
+        covered
     }
 
     /// Sends what may be sent.
@@ -339,12 +371,14 @@ impl BlockRecording<'_> {
         Ok(())
     }
 
-    /// The frame from which on the scene is covered, if it is in the grab of a frame. Always `None` while the scene settles.
+    /// The frame from which on the scene is covered, if it is in the grab of a frame. While the scene settles, each grab replaces the one
+    /// with which later ones are compared.
     fn covered_from(&mut self, number: u64, rgb: &[u8]) -> Result<Option<u64>, PixelError> {
+        let moving = self.moving(number);
         if self.sequence.is_settling() {
+            self.covers.begin_with(number, rgb, &moving);
             return Ok(None);
         }
-        let moving = self.moving(number);
         match self.covers.look(number, rgb, &moving, Instant::now())? {
             Verdict::Clear => Ok(None),
             Verdict::Covered { from_frame } => Ok(Some(from_frame)),
@@ -402,7 +436,18 @@ impl BlockRecording<'_> {
         let is_measured = self.sequence.tally().seen > 0;
         let known = &mut self.simulator.known_blocks;
         known.note(self.block.view, self.sequence.lag(), is_measured);
-        Ok(())
+        if !self.simulator.time_runs() {
+            return Ok(());
+        }
+        // An image is compared with the one just before it, if that is recent: what came in between, or has been there all the time, is
+        // found only now.
+        match self.covered_part().await? {
+            None => Ok(()),
+            Some(rectangle) => {
+                tracing::warn!(%rectangle, "something covers the scene after the last picture of a block");
+                Err(PixelError::CoveredBefore.into())
+            }
+        }
     }
 }
 

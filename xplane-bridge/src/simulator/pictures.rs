@@ -9,7 +9,7 @@ use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
 use crate::link::{Deliver, PictureSize, ScreenOffer};
 use crate::pixels::{
-    CodedGrabs, Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind,
+    CodedGrabs, Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, Rectangle,
     RemoteScreen, Screen, ScreenSource, Screenshots,
 };
 use futures_util::future::BoxFuture;
@@ -135,6 +135,15 @@ impl Simulator {
             };
             self.pixels.confirm(display).await
         })
+    }
+
+    /// The part of the images that something covers now. No capture is outstanding.
+    pub(super) async fn covered_part(&mut self) -> Result<Option<Rectangle>, BridgeError> {
+        let display = &mut LinkDisplay {
+            patterns_under: self.description.patterns_under,
+            link: &mut self.link,
+        };
+        self.pixels.covered_part(display).await
     }
 
     /// Source of the images.

@@ -35,16 +35,33 @@ impl Hidden {
 
     /// Adds what a grab of the window hides of a pattern.
     pub(super) fn compare(&mut self, grabbed: &RgbPicture, code: u32) {
+        let hidden = self.hidden_in(grabbed, code);
+        for (cell, hidden) in self.cells.iter_mut().zip(hidden) {
+            *cell |= hidden;
+        }
+    }
+
+    /// True if most of a grab differs from a pattern: it shows another one, or none.
+    pub(super) fn is_another_pattern(&self, grabbed: &RgbPicture, code: u32) -> bool {
+        let hidden = self.hidden_in(grabbed, code);
+        hidden.iter().filter(|hidden| **hidden).count() * 2 > hidden.len()
+    }
+
+    fn hidden_in(&self, grabbed: &RgbPicture, code: u32) -> Vec<bool> {
         let drawn = draw(code, self.window.width_px, self.window.height_px);
         if grabbed.rgb.len() != drawn.rgb.len() {
-            self.cells.fill(true);
-            return;
+            return vec![true; self.cells.len()];
         }
         let changed = self.grid.changed(&grabbed.rgb, &drawn.rgb, HIDDEN_LEVEL);
-        for (at, changed) in changed.into_iter().enumerate() {
-            let values = f64::from(self.grid.values(at));
-            self.cells[at] |= f64::from(changed) > HIDDEN_SHARE * values;
-        }
+        let is_hidden = |(at, changed): (usize, u32)| {
+            f64::from(changed) > HIDDEN_SHARE * f64::from(self.grid.values(at))
+        };
+        changed.into_iter().enumerate().map(is_hidden).collect()
+    }
+
+    /// The hidden rectangle, the largest if there are several.
+    pub(super) fn largest(self) -> Option<Rectangle> {
+        self.grid.largest(self.cells)
     }
 
     /// Names what is hidden over all windows, which `self` is, or only `under` the simulator's.
@@ -56,10 +73,10 @@ impl Hidden {
             width_px: self.window.width_px,
             height_px: self.window.height_px,
         };
-        if let Some(cover) = self.grid.largest(self.cells) {
+        if let Some(cover) = self.largest() {
             return Err(PixelError::ProgramOverWindow { cover, window });
         }
-        match under.and_then(|under| under.grid.largest(under.cells)) {
+        match under.and_then(Self::largest) {
             Some(cover) => Err(PixelError::WindowOverScene { cover, window }),
             None => Ok(()),
         }
@@ -78,12 +95,10 @@ pub(super) fn cover_on_screen(
         part.pixels_mut(0, window.width_px, y).copy_from_slice(row);
     }
     let mut hidden = Hidden::new(window);
-    hidden.compare(&part, code);
-    let share = hidden.cells.iter().filter(|hidden| **hidden).count() * 2;
-    if share > hidden.cells.len() {
-        // Another pattern, or none.
+    if hidden.is_another_pattern(&part, code) {
         return None;
     }
+    hidden.compare(&part, code);
     hidden.verdict(None).err()
 }
 

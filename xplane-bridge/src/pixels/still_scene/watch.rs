@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use super::{Cover, StillScene, WorldTime};
+use super::{StillScene, WorldTime};
 use crate::pixels::{PixelError, Rectangle};
 
 /// Time to wait for a cover to go.
@@ -45,6 +45,35 @@ impl CoverWatch {
         }
     }
 
+    /// Begins with the image of a frame, without any memory of earlier ones.
+    ///
+    /// # Panics
+    /// If the image has another size.
+    pub(crate) fn begin_with(&mut self, frame: u64, rgb: &[u8], moving: &[Rectangle]) {
+        self.scene.begin_with(rgb, moving);
+        self.frames = VecDeque::from([frame]);
+        self.last_look = None;
+    }
+
+    /// Decides about a cover that the check pattern has found, and which may go.
+    ///
+    /// # Errors
+    /// It has been there for 30 seconds.
+    pub(crate) fn covered(&mut self, rectangle: Rectangle, now: Instant) -> Result<(), PixelError> {
+        let since = *self.covered_since.get_or_insert_with(|| {
+            tracing::warn!(
+                %rectangle,
+                "something covers the scene; its pictures are taken again until it has gone"
+            );
+            now
+        });
+        let waited = now.duration_since(since);
+        if waited > PATIENCE {
+            return Err(PixelError::StaysCovered { rectangle, waited });
+        }
+        Ok(())
+    }
+
     /// Looks at the image of a frame, in which only `moving` may differ from the one before.
     ///
     /// # Errors
@@ -69,18 +98,7 @@ impl CoverWatch {
             self.covered_since = None;
             return Ok(Verdict::Clear);
         };
-        let since = *self.covered_since.get_or_insert_with(|| {
-            tracing::warn!(
-                rectangle = %cover.rectangle, kind = ?cover.kind,
-                "something covers the scene; its pictures are taken again until it has gone"
-            );
-            now
-        });
-        let waited = now.duration_since(since);
-        if waited > PATIENCE {
-            let Cover { rectangle, .. } = cover;
-            return Err(PixelError::StaysCovered { rectangle, waited });
-        }
+        self.covered(cover.rectangle, now)?;
         let oldest = self.frames.len().saturating_sub(1);
         let first = oldest.min(cover.pictures_before as usize);
         Ok(Verdict::Covered {
