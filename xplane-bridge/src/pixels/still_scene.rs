@@ -25,7 +25,7 @@ use standing_still::StandingStill;
 
 use super::Rectangle;
 use super::cell_grid::Grid;
-pub(crate) use watch::{CoverWatch, Verdict};
+pub(crate) use watch::{CoverWatch, Covered, Verdict};
 
 /// Motion of the world between two images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

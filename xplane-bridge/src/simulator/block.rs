@@ -46,6 +46,8 @@ const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
 const MOST_BEHIND: u64 = 8;
 /// Maximum number of turns in a row in which no request is sent and no image is expected or delivered: more would never end.
 const MOST_IDLE: u32 = 8;
+/// If the first images have been covered for so long, the one that they are compared with may show what has gone since.
+const LONG_COVERED: Duration = Duration::from_secs(3);
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
 const SETTLED_LEVELS: f64 = 0.25;
 
@@ -152,6 +154,14 @@ impl Simulator {
         self.running_at().is_some()
     }
 
+    fn world_time(&self) -> WorldTime {
+        if self.time_runs() {
+            WorldTime::Runs
+        } else {
+            WorldTime::Paused
+        }
+    }
+
     /// Begins a block. The simulator is frozen, and [`Simulator::can_record_blocks`].
     ///
     /// # Errors
@@ -164,11 +174,7 @@ impl Simulator {
         let most_pictures = buffers(block.size_px);
         self.grabs
             .begin(&window.screen, window.region, most_pictures);
-        let time = if self.time_runs() {
-            WorldTime::Runs
-        } else {
-            WorldTime::Paused
-        };
+        let time = self.world_time();
         let (width_px, height_px) = block.size_px;
         Ok(BlockRecording {
             sequence: self.sequence(&block),
@@ -199,9 +205,14 @@ impl BlockRecording<'_> {
                     self.finish().await?;
                     return Ok(None);
                 }
-                if !self.is_proven && !self.sequence.is_settling() {
+                let is_first = self.sequence.waits_for_tick() == 0;
+                if is_first && self.covers.covered_for(Instant::now()) > LONG_COVERED {
+                    self.take_answers().await?;
+                    self.simulator.grabs.rest(true);
+                    self.simulator.wait_until_uncovered().await?;
+                    self.begin_again()?;
+                } else if !self.is_proven && !self.sequence.is_settling() {
                     self.prove().await?;
-                    continue;
                 }
                 self.ask().await?;
                 let expects_grabs = self.sequence.expects_grabs();
@@ -256,24 +267,32 @@ impl BlockRecording<'_> {
     /// Looks for a cover over the image that the following ones will be compared with, before any of them is taken. If there is one, the
     /// block begins again.
     async fn prove(&mut self) -> Result<(), BridgeError> {
-        match self.covered_part().await? {
-            None => self.is_proven = true,
-            Some(rectangle) => {
-                self.covers.covered(rectangle, Instant::now())?;
-                self.sequence = self.simulator.sequence(&self.block);
-            }
+        self.simulator.grabs.rest(true);
+        if self.simulator.wait_until_uncovered().await? {
+            self.begin_again()?;
+        } else {
+            self.is_proven = true;
+            self.forget_grabs()?;
         }
         Ok(())
     }
 
-    async fn covered_part(&mut self) -> Result<Option<Rectangle>, BridgeError> {
-        self.simulator.grabs.rest(true);
-        let covered = self.simulator.covered_part().await;
-        // Grabs from before the pattern.
+    /// Begins as if no image had been seen yet. No request is unanswered.
+    fn begin_again(&mut self) -> Result<(), PixelError> {
+        let (width_px, height_px) = self.block.size_px;
+        let time = self.simulator.world_time();
+        self.sequence = self.simulator.sequence(&self.block);
+        self.covers = CoverWatch::new(width_px, height_px, time);
+        self.is_proven = time == WorldTime::Runs;
+        self.forget_grabs()
+    }
+
+    /// Forgets the grabs from before a check pattern.
+    fn forget_grabs(&mut self) -> Result<(), PixelError> {
         while let Some(grabbed) = self.simulator.grabs.next_now() {
             grabbed?;
         }
-        covered
+        Ok(())
     }
 
     /// Sends what may be sent.
@@ -429,10 +448,15 @@ impl BlockRecording<'_> {
         ))
     }
 
-    async fn finish(&mut self) -> Result<(), BridgeError> {
+    async fn take_answers(&mut self) -> Result<(), BridgeError> {
         while !self.asked.is_empty() {
             self.take_answer().await?;
         }
+        Ok(())
+    }
+
+    async fn finish(&mut self) -> Result<(), BridgeError> {
+        self.take_answers().await?;
         let is_measured = self.sequence.tally().seen > 0;
         let known = &mut self.simulator.known_blocks;
         known.note(self.block.view, self.sequence.lag(), is_measured);
@@ -441,7 +465,8 @@ impl BlockRecording<'_> {
         }
         // An image is compared with the one just before it, if that is recent: what came in between, or has been there all the time, is
         // found only now.
-        match self.covered_part().await? {
+        self.simulator.grabs.rest(true);
+        match self.simulator.covered_part().await? {
             None => Ok(()),
             Some(rectangle) => {
                 tracing::warn!(%rectangle, "something covers the scene after the last picture of a block");

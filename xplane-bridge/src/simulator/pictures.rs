@@ -2,12 +2,14 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::link_client::LinkClient;
 use super::setup::show_check_pattern;
 use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
 use crate::link::{Deliver, PictureSize, ScreenOffer};
+use crate::pixels::still_scene::Covered;
 use crate::pixels::{
     CodedGrabs, Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, Rectangle,
     RemoteScreen, Screen, ScreenSource, Screenshots,
@@ -144,6 +146,16 @@ impl Simulator {
             link: &mut self.link,
         };
         self.pixels.covered_part(display).await
+    }
+
+    /// Waits until nothing covers the images. Returns true if something did.
+    pub(super) async fn wait_until_uncovered(&mut self) -> Result<bool, BridgeError> {
+        let (mut covered, mut was_covered) = (Covered::default(), false);
+        while let Some(rectangle) = self.covered_part().await? {
+            covered.note(rectangle, Instant::now())?;
+            was_covered = true;
+        }
+        Ok(was_covered)
     }
 
     /// Source of the images.

@@ -25,42 +25,19 @@ pub(crate) enum Verdict {
     },
 }
 
-/// Watches the images of a block, in the order in which they were drawn.
-#[derive(Debug)]
-pub(crate) struct CoverWatch {
-    scene: StillScene,
-    frames: VecDeque<u64>,
-    last_look: Option<Instant>,
-    covered_since: Option<Instant>,
+/// A cover that is waited for.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Covered {
+    since: Option<Instant>,
 }
 
-impl CoverWatch {
-    /// Of images of a size.
-    pub(crate) fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
-        Self {
-            scene: StillScene::new(width_px, height_px, time),
-            frames: VecDeque::new(),
-            last_look: None,
-            covered_since: None,
-        }
-    }
-
-    /// Begins with the image of a frame, without any memory of earlier ones.
-    ///
-    /// # Panics
-    /// If the image has another size.
-    pub(crate) fn begin_with(&mut self, frame: u64, rgb: &[u8], moving: &[Rectangle]) {
-        self.scene.begin_with(rgb, moving);
-        self.frames = VecDeque::from([frame]);
-        self.last_look = None;
-    }
-
-    /// Decides about a cover that the check pattern has found, and which may go.
+impl Covered {
+    /// It is there.
     ///
     /// # Errors
     /// It has been there for 30 seconds.
-    pub(crate) fn covered(&mut self, rectangle: Rectangle, now: Instant) -> Result<(), PixelError> {
-        let since = *self.covered_since.get_or_insert_with(|| {
+    pub(crate) fn note(&mut self, rectangle: Rectangle, now: Instant) -> Result<(), PixelError> {
+        let since = *self.since.get_or_insert_with(|| {
             tracing::warn!(
                 %rectangle,
                 "something covers the scene; its pictures are taken again until it has gone"
@@ -72,6 +49,44 @@ impl CoverWatch {
             return Err(PixelError::StaysCovered { rectangle, waited });
         }
         Ok(())
+    }
+}
+
+/// Watches the images of a block, in the order in which they were drawn.
+#[derive(Debug)]
+pub(crate) struct CoverWatch {
+    scene: StillScene,
+    frames: VecDeque<u64>,
+    last_look: Option<Instant>,
+    covered: Covered,
+}
+
+impl CoverWatch {
+    /// Of images of a size.
+    pub(crate) fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
+        Self {
+            scene: StillScene::new(width_px, height_px, time),
+            frames: VecDeque::new(),
+            last_look: None,
+            covered: Covered::default(),
+        }
+    }
+
+    /// Begins with the image of a frame, without any memory of earlier ones.
+    ///
+    /// # Panics
+    /// If the image has another size.
+    pub(crate) fn begin_with(&mut self, frame: u64, rgb: &[u8], moving: &[Rectangle]) {
+        self.scene.begin_with(rgb, moving);
+        self.frames = VecDeque::from([frame]);
+        self.last_look = None;
+        self.covered = Covered::default();
+    }
+
+    /// Time for which every image has been covered.
+    pub(crate) fn covered_for(&self, now: Instant) -> Duration {
+        let since = self.covered.since;
+        since.map_or(Duration::ZERO, |since| now.duration_since(since))
     }
 
     /// Looks at the image of a frame, in which only `moving` may differ from the one before.
@@ -95,10 +110,10 @@ impl CoverWatch {
         self.frames.push_front(frame);
         self.frames.truncate(REMEMBERED);
         let Err(cover) = self.scene.look(rgb, moving) else {
-            self.covered_since = None;
+            self.covered = Covered::default();
             return Ok(Verdict::Clear);
         };
-        self.covered(cover.rectangle, now)?;
+        self.covered.note(cover.rectangle, now)?;
         let oldest = self.frames.len().saturating_sub(1);
         let first = oldest.min(cover.pictures_before as usize);
         Ok(Verdict::Covered {

@@ -12,6 +12,8 @@ use crate::pixels::Rectangle;
 
 /// Ticks of a trial's block.
 const TICKS: usize = 9;
+/// Comparisons of the same ticks, at most.
+const MOST_TRIES: u32 = 4;
 /// A pixel differs if a colour does by more than this, grey levels.
 const DIFFERENT_LEVELS: u8 = 4;
 /// An image of a block may differ from a settled one in this many times the pixels in which two settled ones differ ...
@@ -89,12 +91,13 @@ impl Simulator {
             let mut trial = BlockTrial::Equal;
             let mut is_held = false;
             for first in starts(&flight) {
-                // A disturbance of one image does not decide.
-                for _ in 0..2 {
+                // What comes over the scene for a moment does not decide.
+                for _ in 0..MOST_TRIES {
                     trial = self.try_block(&flight, first, &mut is_held).await?;
                     if trial == BlockTrial::Equal {
                         break;
                     }
+                    self.wait_until_uncovered().await?;
                 }
                 if trial != BlockTrial::Equal {
                     break;
