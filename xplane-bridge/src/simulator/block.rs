@@ -35,7 +35,7 @@ use shadow::shadow_place;
 pub use trial::{BlockTrial, KnownBlocks};
 
 /// Memory for the images between two probes, bytes.
-const SEGMENT_BYTES: usize = 96 << 20;
+const SEGMENT_BYTES: usize = 160 << 20;
 /// Ticks between two probes: at least and at most.
 const SEGMENT_TICKS: (usize, usize) = (12, 100);
 /// Buffers beyond the ones of three segments (one of which the caller holds): for images under way and grabbed.

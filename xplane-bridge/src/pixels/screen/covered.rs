@@ -33,18 +33,27 @@ impl Hidden {
         }
     }
 
+    /// Adds what a grab of the window hides of a pattern, unless most of it differs: then it shows another pattern, or none. Returns true
+    /// if it was added.
+    pub(super) fn compare_if_shown(&mut self, grabbed: &RgbPicture, code: u32) -> bool {
+        let hidden = self.hidden_in(grabbed, code);
+        let is_shown = hidden.iter().filter(|hidden| **hidden).count() * 2 <= hidden.len();
+        if is_shown {
+            self.add(&hidden);
+        }
+        is_shown
+    }
+
     /// Adds what a grab of the window hides of a pattern.
     pub(super) fn compare(&mut self, grabbed: &RgbPicture, code: u32) {
         let hidden = self.hidden_in(grabbed, code);
+        self.add(&hidden);
+    }
+
+    fn add(&mut self, hidden: &[bool]) {
         for (cell, hidden) in self.cells.iter_mut().zip(hidden) {
             *cell |= hidden;
         }
-    }
-
-    /// True if most of a grab differs from a pattern: it shows another one, or none.
-    pub(super) fn is_another_pattern(&self, grabbed: &RgbPicture, code: u32) -> bool {
-        let hidden = self.hidden_in(grabbed, code);
-        hidden.iter().filter(|hidden| **hidden).count() * 2 > hidden.len()
     }
 
     fn hidden_in(&self, grabbed: &RgbPicture, code: u32) -> Vec<bool> {
@@ -95,10 +104,7 @@ pub(super) fn cover_on_screen(
         part.pixels_mut(0, window.width_px, y).copy_from_slice(row);
     }
     let mut hidden = Hidden::new(window);
-    if hidden.is_another_pattern(&part, code) {
-        return None;
-    }
-    hidden.compare(&part, code);
+    hidden.compare_if_shown(&part, code);
     hidden.verdict(None).err()
 }
 
