@@ -1,4 +1,4 @@
-//! Simulated arrivals, and recorded ones (tests/data/live-sightings).
+//! Simulated arrivals, and recorded ones, which tests/data/live-sightings/make.py cuts from a corpus of `dtd demo`.
 
 use std::fs;
 
