@@ -277,7 +277,7 @@ impl Histogram {
         let mut below = 0;
         let ends = CLASSES_MS
             .iter()
-            .map(|end_ms| format!("{}", *end_ms as f64 * 1e-3));
+            .map(|end_ms| format!("{}", *end_ms as f64 / 1e3));
         for (end, count) in ends.chain(["+Inf".into()]).zip(&self.classes) {
             below += count.load(Ordering::Relaxed);
             writeln!(
