@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::env;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::thread;
 
 use dataset::files::outside_file::{self, FileKind};
 use labeller::tiling::TilingSettings;
@@ -66,6 +67,7 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
             rows: given.rows,
             ..TilingSettings::default()
         },
+        threads_per_worker: threads(),
         ..DetectOptions::default()
     };
     let searcher = Searcher::load(model.path(), &search).map_err(|error| failure(error.into()))?;
@@ -95,6 +97,13 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
         )),
     })?;
     Ok(options)
+}
+
+/// Threads of a search. One of a whole image delays the images after it, so all cores shorten it; the small windows between need few.
+fn threads() -> usize {
+    const MOST: usize = 4;
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    cores.min(MOST)
 }
 
 /// A run is of one detector: boxes of another one have other errors.

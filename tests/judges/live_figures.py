@@ -3,7 +3,8 @@
     live_figures.py DTD RUN SECONDS VIEW=VIDEO.mp4 ...
 
 Serves the videos with rtsp_server.py, without encoding, runs `dtd estimate` for so many seconds, and prints JSON. Latency is from the arrival
-of the last packet of the later image to the line, as the program's own histogram has it: each percentile is the end of its class.
+of the last packet of the later image to the line, as the program's own histogram has it: each percentile is the upper end of its class
+(classes of at most 5 ms up to 0.1 s), so the true one is not above it.
 """
 
 import json

@@ -5,8 +5,9 @@
     live_hours.py judge FOLDER
 
 `arrivals` plays the scenarios of the corpus over RTSP, one after the other, each followed by its empty scene until five minutes are over,
-and samples the memory of the process every ten seconds. `empty` plays the scene after the first scenario's landing for so long, as it is
-and with noise, to two programs at once. Both print JSON, and `judge` prints it again from what they have
+and samples the memory of the process every ten seconds. An empty scene comes first, because a view that is opened between two key frames
+waits for the next. `empty` shows the scene after the first scenario's landing for so long, as it is
+and with noise, other noise in each minute, to two programs at once, which read it as fast as possible. Both print JSON, and `judge` prints it again from what they have
 left in FOLDER. FOLDER keeps the feeds. Needs ffmpeg.
 """
 
@@ -21,11 +22,15 @@ from pathlib import Path
 from live_feeds import NOISE, NOISY, as_recorded, join, rate_and_ticks, serve, sources, still
 
 EACH_S, EVERY_S, STARTS_S = 300, 10, 300
+# Longer than the time between two key frames, twelve seconds.
+LEAD_S = 20
 
 
 def feeds_of_arrivals(scenarios, views, number, encoder, folder):
     for view in views:
-        pieces = []
+        lead = folder / f"before-{view}.mp4"
+        still(scenarios[0] / "views" / f"{view}.mp4", rate_and_ticks(scenarios[0])[0], LEAD_S, encoder, lead)
+        pieces = [(lead, LEAD_S)]
         for place in range(number):
             scenario = scenarios[place % len(scenarios)]
             video = scenario / "views" / f"{view}.mp4"
@@ -59,7 +64,7 @@ def watch_arrivals(dtd, run, feeds, number, folder):
             live = subprocess.Popen([dtd, "estimate", run, *addresses], stdout=output)
         (folder / "playing.txt").write_text(server.stdout.readline())
         began = time.monotonic()
-        while (since_s := time.monotonic() - began) < number * EACH_S and live.poll() is None:
+        while (since_s := time.monotonic() - began) < LEAD_S + number * EACH_S and live.poll() is None:
             samples.append((round(since_s), memory_mb(live.pid), processor_s(live.pid)))
             (folder / "memory.json").write_text(json.dumps(samples))
             time.sleep(EVERY_S)
@@ -89,8 +94,10 @@ def told(path, arrivals=0):
             states[line["state"]] = states.get(line["state"], 0) + 1
         elif line.get("event") == "end":
             images = line["images"]
-        elif line.get("state") == "fresh" and line["dtd_m"] is not None and line["time_s"] < arrivals * EACH_S:
-            fresh[int(line["time_s"] // EACH_S)] += 1
+        elif line.get("state") == "fresh" and line["dtd_m"] is not None:
+            place = int((line["time_s"] - LEAD_S) // EACH_S)
+            if 0 <= place < arrivals:
+                fresh[place] += 1
         answers += line.get("dtd_m") is not None
         wrong += line.get("phase") == "other" and line["dtd_m"] is not None
     return {"view_states": states, "fresh_by_arrival": fresh, "distances": answers, "distances_of_others": wrong, "images": images}
@@ -100,15 +107,18 @@ def watch_empty(dtd, run, scenario, views, minutes, encoder, folder):
     rate, _ = rate_and_ticks(scenario)
     running = []
     try:
-        for name, encoder, noise in (("without_noise", encoder, ""), ("with_noise", NOISY, NOISE)):
+        other_each_minute = [f"{NOISE}:all_seed={minute}" for minute in range(minutes)]
+        for name, encoder, noises in (("without_noise", encoder, [""]), ("with_noise", NOISY, other_each_minute)):
             videos = {}
             for view in views:
-                minute, path = folder / f"empty-{name}-{view}-minute.mp4", folder / f"empty-{name}-{view}.mp4"
-                still(scenario / "views" / f"{view}.mp4", rate, 60, encoder, minute, noise)
-                join([(minute, 60)] * minutes, path)
-                videos[view] = path
+                pieces = [folder / f"empty-{name}-{view}-{minute}.mp4" for minute in range(len(noises))]
+                for piece, noise in zip(pieces, noises):
+                    still(scenario / "views" / f"{view}.mp4", rate, 60, encoder, piece, noise)
+                videos[view] = folder / f"empty-{name}-{view}.mp4"
+                join([(pieces[minute % len(pieces)], 60) for minute in range(minutes)], videos[view])
             with (folder / f"empty-{name}.jsonl").open("w") as output:
-                running.append(subprocess.Popen([dtd, "estimate", run, *sources(videos)], stdout=output))
+                command = [dtd, "estimate", run, *sources(videos), "--as-fast-as-possible"]
+                running.append(subprocess.Popen(command, stdout=output))
         if any(live.wait() != 0 for live in running):
             sys.exit("dtd failed")
     finally:

@@ -14,6 +14,7 @@ use crate::error::Error;
 use crate::image_look::Looks;
 use crate::input::{End, Input, InputImage};
 use crate::metrics::{Fate, Stage};
+use crate::open_limit::OpenLimit;
 use crate::options::Decoder;
 use crate::place::{OpenFault, Patience};
 use crate::search::Searched;
@@ -92,6 +93,7 @@ pub(crate) struct Feed {
     pub(crate) shared: Arc<Shared>,
     /// Time of the last image, also of a connection before.
     pub(crate) last_time_s: Option<f64>,
+    pub(crate) open_limit: OpenLimit,
 }
 
 impl Feed {
@@ -129,8 +131,13 @@ impl Feed {
 
     /// Opens the source and hands over its images until they end.
     fn once(&mut self) -> Result<End, OpenFault> {
-        let patience = Patience::new(self.shared.clock, self.shared.stop.clone());
-        let mut input = Input::open(&self.source, self.decoder, &self.name, patience)?;
+        let clock = self.shared.clock;
+        let patience = Patience::new(clock, self.shared.stop.clone());
+        let (most_ms, began_s) = (self.open_limit.next_ms(), clock.now_s());
+        let opened = Input::open(&self.source, self.decoder, &self.name, patience, most_ms);
+        let took_s = clock.now_s() - began_s;
+        self.open_limit.take(opened.is_ok(), took_s);
+        let mut input = opened?;
         self.report(Report::Opened {
             codec: input.codec(),
         });

@@ -77,16 +77,17 @@ pub(crate) struct Input {
 }
 
 impl Input {
-    /// Opens a source for a view.
+    /// Opens a source for a view, within so many milliseconds.
     pub(crate) fn open(
         source: &Source,
         decoder: Decoder,
         view: &str,
         patience: Arc<Patience>,
+        most_ms: u64,
     ) -> Result<Self, OpenFault> {
         start_ffmpeg();
         let place = Place::of(source, view)?;
-        let input = place.open(&patience, true)?;
+        let input = place.open(&patience, most_ms, true)?;
         let codec_id = video_of(&input)?.parameters().id();
         let codec = match codec_id {
             codec::Id::H264 => Some(UnitCodec::H264),
@@ -96,7 +97,7 @@ impl Input {
         let units = codec.filter(|_| place.is_stream).map(AccessUnits::new);
         let input = match units {
             // Other codecs need FFmpeg's parser.
-            None if place.is_stream => place.open(&patience, false)?,
+            None if place.is_stream => place.open(&patience, most_ms, false)?,
             _ => input,
         };
         let stream = video_of(&input)?;

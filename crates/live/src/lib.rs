@@ -34,6 +34,7 @@ mod lines;
 mod lockstep;
 mod metrics;
 mod metrics_server;
+mod open_limit;
 mod options;
 mod overload;
 mod pairing;

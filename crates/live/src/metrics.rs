@@ -91,9 +91,10 @@ impl Stage {
     }
 }
 
-/// Upper ends of the histogram's classes, milliseconds.
-const CLASSES_MS: [u64; 20] = [
-    1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100, 200, 1_000,
+/// Upper ends of the histogram's classes, milliseconds: no wider than 5 ms up to 0.1 s, and than a quarter up to 1 s.
+const CLASSES_MS: [u64; 41] = [
+    1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85,
+    90, 95, 100, 120, 150, 180, 220, 270, 330, 400, 500, 610, 740, 880, 1_000,
 ];
 
 /// Counts of all views.
@@ -116,7 +117,7 @@ struct OfView {
     reopened: AtomicU64,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Histogram {
     /// The last class has no end.
     classes: [AtomicU64; CLASSES_MS.len() + 1],
@@ -262,12 +263,21 @@ impl Metrics {
     }
 }
 
+impl Default for Histogram {
+    fn default() -> Self {
+        Self {
+            classes: std::array::from_fn(|_| AtomicU64::default()),
+            sum_us: AtomicU64::default(),
+        }
+    }
+}
+
 impl Histogram {
     fn write(&self, to: &mut String, stage: &str) -> fmt::Result {
         let mut below = 0;
         let ends = CLASSES_MS
             .iter()
-            .map(|end_ms| format!("{}", *end_ms as f64 * 1e-3));
+            .map(|end_ms| format!("{}", *end_ms as f64 / 1e3));
         for (end, count) in ends.chain(["+Inf".into()]).zip(&self.classes) {
             below += count.load(Ordering::Relaxed);
             writeln!(
@@ -294,6 +304,15 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn classes_tell_percentiles_apart() {
+        for pair in CLASSES_MS.windows(2) {
+            let [from, to] = [pair[0] as f64, pair[1] as f64];
+            assert!(to - from <= 5.0 || to <= 1.25 * from, "{from} to {to} ms");
+        }
+        assert_eq!(CLASSES_MS[CLASSES_MS.len() - 1], 1_000);
+    }
 
     #[test]
     fn the_text_has_every_view_fate_state_and_stage_and_ends() {

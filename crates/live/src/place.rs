@@ -13,8 +13,6 @@ use ffmpeg_next::{Dictionary, format};
 use crate::clock::RunClock;
 use crate::source::{Source, Transport};
 
-/// Milliseconds that opening may take.
-const OPEN_MS: u64 = 4_000;
 /// Milliseconds in which FFmpeg waits for packets that UDP delivered out of order.
 const REORDER_MS: u32 = 60;
 /// Bytes of the socket's buffer: a key frame comes in a burst.
@@ -173,10 +171,11 @@ impl Place {
         self.name.starts_with("file:")
     }
 
-    /// Opens it. `in_pieces`: packets of streams as they come, without FFmpeg's parser.
+    /// Opens it within so many milliseconds. `in_pieces`: packets of streams as they come, without FFmpeg's parser.
     pub(crate) fn open(
         &self,
         patience: &Arc<Patience>,
+        most_ms: u64,
         in_pieces: bool,
     ) -> Result<format::context::Input, OpenFault> {
         let mut options = Dictionary::new();
@@ -187,7 +186,7 @@ impl Place {
             options.set("fflags", "+noparse+nofillin");
         }
         let waiting = patience.clone();
-        patience.wait(OPEN_MS);
+        patience.wait(most_ms);
         let opened = format::input_with_interrupt_and_dictionary(
             &self.name,
             move || waiting.is_over(),
@@ -199,7 +198,7 @@ impl Place {
                  DTD_PASSWORD_VIEW, or with --password-file VIEW=FILE"
                     .into(),
             ),
-            ffmpeg_next::Error::Exit => OpenFault::Absent(format!("no answer in {OPEN_MS} ms")),
+            ffmpeg_next::Error::Exit => OpenFault::Absent(format!("no answer in {most_ms} ms")),
             ffmpeg_next::Error::InvalidData if self.is_file() => OpenFault::Useless(
                 "it is no video or description of a stream (SDP) that FFmpeg can read".into(),
             ),
@@ -239,7 +238,7 @@ mod tests {
         if !readers.any(|reader| reader.name().contains("v4l2")) {
             return testkit::skipped("FFmpeg reads no devices of Video4Linux");
         }
-        let fault = place.open(&patience, true).err().unwrap();
+        let fault = place.open(&patience, 4_000, true).err().unwrap();
         // It may be plugged in later.
         let OpenFault::Absent(why) = fault else {
             panic!("{fault:?}")

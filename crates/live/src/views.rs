@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::feed::{Feed, Message};
 use crate::gpu::Gpu;
 use crate::lockstep::Lockstep;
+use crate::open_limit::OpenLimit;
 use crate::options::Options;
 use crate::search::Search;
 use crate::shared::{Shared, ViewStatus};
@@ -72,6 +73,7 @@ impl Views {
                 messages: send.clone(),
                 shared: shared.clone(),
                 last_time_s: None,
+                open_limit: OpenLimit::default(),
             };
             let thread = format!("feed {name}");
             threads.push(spawn(thread, send.clone(), move || feed.run())?);

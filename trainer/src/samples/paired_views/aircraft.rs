@@ -17,6 +17,12 @@ const LEAST_MOTION_S: f64 = 2.0;
 /// 10 NM, an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows twice as much.
 const STILL_PX_S: f64 = 0.1;
 const STILL_GROWTH: f64 = 0.02;
+/// What stands still exceeds that by chance: the centre and the width of a box of a far thing have these standard deviations, pixels, ...
+const CENTRE_SD_PX: f64 = 0.35;
+const WIDTH_SD_PX: f64 = 1.3;
+/// ... so motion and growth have to be so many standard errors. Chance moves one thing in three thousand that far. An aircraft that moves
+/// by 0.6 px/s does so within five seconds, and one that moves by 0.15 px/s within ten.
+const SURE: f64 = 4.0;
 /// Distance of a box from where it is expected, in widths of the box: at once, and per second since, with a known motion and without. An
 /// airliner at 2 NM moves by a fifth of its width in a second.
 const AWAY_AT_ONCE: f64 = 1.0;
@@ -38,6 +44,20 @@ const GROWTH_PER_S: f64 = 0.03;
 struct Sighting {
     time_s: f64,
     pixel_box: PixelBox,
+}
+
+/// A change per second, and its standard error.
+#[derive(Debug, Clone, Copy)]
+struct Slope {
+    per_s: f64,
+    error: f64,
+}
+
+impl Slope {
+    /// True if it is certainly a change, and not below this.
+    fn is_over(self, least_per_s: f64) -> bool {
+        self.per_s >= least_per_s.max(SURE * self.error)
+    }
 }
 
 /// What one view saw of an object.
@@ -86,11 +106,41 @@ impl Trace {
         Some((last_px - first_px) / (self.last.time_s - first.time_s))
     }
 
-    /// True if it moves or grows; `None` if it was seen for too short a time.
+    /// True if it certainly moves or grows; `None` if it was seen for too short a time.
     fn is_moving(&self) -> Option<bool> {
-        let motion_px_s = self.motion_px_s()?;
-        let grown = self.last.pixel_box.width_px / self.first()?.pixel_box.width_px - 1.0;
-        Some(motion_px_s.length() >= STILL_PX_S || grown >= STILL_GROWTH)
+        let lasted_s = self.last.time_s - self.first()?.time_s;
+        let centre = |seen: &PixelBox| centre_and_size(seen).0;
+        let right = self.slope(CENTRE_SD_PX, |seen| centre(seen).x);
+        let down = self.slope(CENTRE_SD_PX, |seen| centre(seen).y);
+        let width_sd = WIDTH_SD_PX / self.last.pixel_box.width_px;
+        let growth = self.slope(width_sd, |seen| seen.width_px.ln());
+        let motion = Slope {
+            per_s: right.per_s.hypot(down.per_s),
+            error: right.error.max(down.error),
+        };
+        Some(motion.is_over(STILL_PX_S) || growth.is_over(STILL_GROWTH / lasted_s))
+    }
+
+    /// The straight line through a number of its sightings, whose standard deviation is at least this. There are at least two of them.
+    fn slope(&self, least_sd: f64, number: impl Fn(&PixelBox) -> f64) -> Slope {
+        let sightings = self.earlier.iter().chain([&self.last]);
+        let numbers: Vec<(f64, f64)> = sightings
+            .map(|seen| (seen.time_s, number(&seen.pixel_box)))
+            .collect();
+        let count = numbers.len() as f64;
+        let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+            numbers.iter().map(|&(at_s, number)| of(at_s, number)).sum()
+        };
+        let middle_s = sum(&|at_s, _| at_s) / count;
+        let mean = sum(&|_, number| number) / count;
+        let spread = sum(&|at_s, _| (at_s - middle_s).powi(2));
+        let per_s = sum(&|at_s, number| (at_s - middle_s) * number) / spread;
+        let left = |at_s: f64, number: f64| (number - mean - per_s * (at_s - middle_s)).powi(2);
+        let sd = (sum(&left) / (count - 2.0).max(1.0)).sqrt().max(least_sd);
+        Slope {
+            per_s,
+            error: sd / spread.sqrt(),
+        }
     }
 
     fn is_of_track(&self, seen: Candidate) -> bool {

@@ -3,6 +3,8 @@
 use dataset::corpus::splits::Side;
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::pixel_box::PixelBox;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
@@ -256,6 +258,37 @@ fn a_single_view_counts_while_the_others_are_blind() {
         // Until it has moved.
         assert!(answered + 4 >= seen(&alone), "{answered}");
     }
+}
+
+#[test]
+fn what_stands_still_in_one_view_gives_no_answer_although_its_boxes_err() {
+    let (paired, flights) = each_second();
+    let seen_first = flights[0].iter().find(|of| of.boxes[0].is_some()).unwrap();
+    let place = seen_first.boxes[0].unwrap();
+    let (mut answered, mut all) = (0, 0);
+    for seed in 0..100 {
+        let mut random = ChaCha12Rng::seed_from_u64(seed);
+        // Nearly normal.
+        let mut error = |sd: f64| sd * ((0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0);
+        let images = (0..150).map(|image| {
+            let pixel_box = PixelBox {
+                cx_px: place.cx_px + error(0.35),
+                cy_px: place.cy_px + error(0.35),
+                width_px: place.width_px + error(1.3),
+                height_px: place.height_px + error(0.5),
+            };
+            let mut observed = seen_first.with_boxes(vec![Some(pixel_box), None]);
+            observed.time_ns = 200_000_000 * image;
+            observed.tracks = vec![Some(3), None];
+            observed
+        });
+        let images: Vec<Observation> = images.collect();
+        answered += seen(&paired.of_one_aircraft(&images));
+        all += images.len();
+    }
+    let part = answered as f64 / all as f64;
+    println!("{answered} answers at {all} ticks");
+    assert!(part < 0.01, "{part}");
 }
 
 #[test]

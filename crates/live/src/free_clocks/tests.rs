@@ -1,0 +1,217 @@
+//! Simulated arrivals, and recorded ones, which tests/data/live-sightings/make.py cuts from a corpus of `dtd demo`.
+
+use std::fs;
+
+use dataset::geometry::geodesy::Geodetic;
+use glam::{DVec2, DVec3};
+use testkit::rig::{VIEWS, placed};
+use testkit::{changi_02l, repository};
+
+use super::*;
+use crate::clock_offset::{RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
+
+/// Seconds of an arrival, and by how much the clock of the second view is slow.
+const ARRIVAL_S: u32 = 280;
+const SLOW_S: f64 = 0.5;
+
+/// The aircraft a time after it is 24 km from the target: level, then on the glide path.
+fn place_m(time_s: f64) -> DVec3 {
+    let runway = changi_02l();
+    let along_m = 24_000.0 - 75.0 * time_s;
+    let height_m = 900_f64.min(along_m * 3_f64.to_radians().tan());
+    let altitude_m = runway.threshold.altitude_msl_m + height_m;
+    let at: Geodetic = runway
+        .point_on_approach(along_m, 0.0)
+        .at_altitude_m(altitude_m);
+    at.to_ecef()
+}
+
+fn cameras() -> [Camera; 2] {
+    VIEWS.map(|view| Camera::from_pose(&placed(view), 1920, 1280))
+}
+
+fn arrival(clock: &mut FreeClock, from_s: f64, added_s: f64) -> Vec<News> {
+    let [left, right] = cameras();
+    let mut news = Vec::new();
+    for second in 0..ARRIVAL_S {
+        let flown_s = f64::from(second);
+        let there = right.project(place_m(flown_s + SLOW_S - added_s));
+        let sighting = Sighting {
+            time_s: from_s + flown_s,
+            places_px: [left.project(place_m(flown_s)).unwrap(), there.unwrap()],
+            width_px: 20.0,
+            added_s,
+        };
+        news.extend(clock.take(sighting.time_s, Some(sighting)));
+    }
+    news
+}
+
+#[test]
+fn an_unknown_offset_is_told_once_found_after_enough_sightings_and_refined_after_the_arrival() {
+    let mut clock = FreeClock::of(cameras(), None, RECORDING_DRIFT_SD);
+    let news = arrival(&mut clock, 0.0, 0.0);
+    let [News::Unknown, News::Known(first)] = news[..] else {
+        panic!("{news:?}")
+    };
+    assert!((first.offset_s - SLOW_S).abs() < 0.03, "{first:?}");
+    assert!(clock.is_known() && clock.take(281.0, None).is_none());
+    let Some(News::Known(refined)) = clock.take(290.0, None) else {
+        panic!("it is over")
+    };
+    assert!(refined.sd_s < first.sd_s, "{first:?}, {refined:?}");
+    assert!((refined.offset_s - SLOW_S).abs() < 0.02, "{refined:?}");
+    assert!(clock.take(291.0, None).is_none());
+    assert!(arrival(&mut clock, 600.0, 0.5).is_empty());
+    assert!(clock.at_end().unwrap().sd_s < refined.sd_s);
+    assert_eq!(clock.at_end(), None);
+}
+
+#[test]
+fn a_kept_offset_is_known_at_once() {
+    let kept = Offset {
+        offset_s: 0.5,
+        sd_s: 0.006,
+        drift_ppm: 0.0,
+        drift_sd_ppm: 20.0,
+    };
+    let mut clock = FreeClock::of(cameras(), Some(kept), STREAM_DRIFT_SD);
+    let Some(News::Known(found)) = clock.take(0.0, None) else {
+        panic!("it was kept")
+    };
+    assert!((found.offset_s - 0.5).abs() < 1e-9);
+    assert!(!clock.has_measured());
+}
+
+#[test]
+fn an_offset_whose_drift_is_uncertain_is_unknown_after_hours_without_aircraft() {
+    let mut clock = FreeClock::of(cameras(), None, RECORDING_DRIFT_SD);
+    arrival(&mut clock, 0.0, 0.0);
+    assert!(matches!(clock.take(300.0, None), Some(News::Known(_))));
+    assert!(clock.take(310.0, None).is_none() && clock.has_measured());
+    assert_eq!(clock.take(8.0 * 3_600.0, None), Some(News::Unknown));
+    assert!(!clock.is_known());
+    // The next arrival tells it again.
+    let news = arrival(&mut clock, 30_000.0, 0.0);
+    assert!(matches!(news[..], [News::Known(_)]), "{news:?}");
+}
+
+#[test]
+fn a_clock_that_was_changed_is_learned_anew_from_one_arrival() {
+    let kept = Offset {
+        offset_s: -0.5,
+        sd_s: 0.006,
+        drift_ppm: 0.0,
+        drift_sd_ppm: 20.0,
+    };
+    let mut clock = FreeClock::of(cameras(), Some(kept), RECORDING_DRIFT_SD);
+    arrival(&mut clock, 0.0, -0.5);
+    let Some(News::Known(found)) = clock.take(300.0, None) else {
+        panic!("it is over")
+    };
+    assert!((found.offset_s - SLOW_S).abs() < 0.05, "{found:?}");
+}
+
+/// What both views of a recorded arrival show, a row a second.
+struct Recorded {
+    time_s: f64,
+    places_px: [DVec2; 2],
+    width_px: f64,
+}
+
+/// The recorded arrivals.
+fn recorded() -> Vec<Vec<Recorded>> {
+    let path = repository().join("tests/data/live-sightings/sightings.csv");
+    let text = fs::read_to_string(path).unwrap();
+    let rows: Vec<(&str, Recorded)> = (text.lines().skip(1))
+        .map(|line| {
+            let (arrival, numbers) = line.split_once(',').unwrap();
+            let numbers: Vec<f64> = numbers.split(',').map(|n| n.parse().unwrap()).collect();
+            let [time_s, left_x, left_y, right_x, right_y, width_px] = numbers[..] else {
+                panic!("{line}")
+            };
+            let row = Recorded {
+                time_s,
+                places_px: [DVec2::new(left_x, left_y), DVec2::new(right_x, right_y)],
+                width_px,
+            };
+            (arrival, row)
+        })
+        .collect();
+    let mut arrivals: Vec<(&str, Vec<Recorded>)> = Vec::new();
+    for (arrival, row) in rows {
+        match arrivals.last_mut() {
+            Some((last, rows)) if *last == arrival => rows.push(row),
+            _ => arrivals.push((arrival, vec![row])),
+        }
+    }
+    arrivals.into_iter().map(|(_, rows)| rows).collect()
+}
+
+/// The place in the second view at a time, if that was seen just before and after.
+fn there_px(rows: &[Recorded], time_s: f64) -> Option<DVec2> {
+    let after = rows.partition_point(|row| row.time_s < time_s);
+    let [from, to] = [rows.get(after.checked_sub(1)?)?, rows.get(after)?];
+    let step_s = to.time_s - from.time_s;
+    let part = (time_s - from.time_s) / step_s;
+    (step_s < 1.5).then(|| from.places_px[1].lerp(to.places_px[1], part))
+}
+
+#[test]
+fn four_recorded_arrivals_tell_a_slow_clock_and_its_drift_as_well_as_they_state() {
+    /// The second clock is slow by this at the start, and that grows.
+    const AT_START_S: f64 = 1.0;
+    const DRIFT: f64 = 100e-6;
+    const EACH_S: f64 = 400.0;
+    let slow_s = |time_s: f64| AT_START_S + DRIFT * time_s;
+    let mut clock = FreeClock::of(cameras(), None, RECORDING_DRIFT_SD);
+    let mut known: Option<(f64, Offset)> = None;
+    let mut refined = Vec::new();
+    let arrivals = recorded();
+    assert_eq!(arrivals.len(), 4);
+    for (number, rows) in (0..).zip(&arrivals) {
+        let began_s = EACH_S * f64::from(number);
+        for row in rows {
+            let time_s = began_s + row.time_s;
+            let added_s = known.map_or(0.0, |(at_s, offset)| {
+                offset.offset_s + offset.drift_ppm * 1e-6 * (time_s - at_s)
+            });
+            let there = there_px(rows, row.time_s + slow_s(time_s) - added_s);
+            let sighting = there.map(|there| Sighting {
+                time_s,
+                places_px: [row.places_px[0], there],
+                width_px: row.width_px,
+                added_s,
+            });
+            if let Some(News::Known(offset)) = clock.take(time_s, sighting) {
+                known = Some((time_s, offset));
+            }
+        }
+        let over_s = began_s + rows[rows.len() - 1].time_s + 6.0;
+        let Some(News::Known(offset)) = clock.take(over_s, None) else {
+            panic!("arrival {number} told nothing")
+        };
+        known = Some((over_s, offset));
+        let error_s = offset.offset_s - slow_s(over_s);
+        let drift_error_ppm = offset.drift_ppm - DRIFT * 1e6;
+        println!(
+            "{offset:?}: off by {:.1} ms, {drift_error_ppm:.1} ppm",
+            error_s * 1e3
+        );
+        assert!(
+            error_s.abs() <= 3.0 * offset.sd_s,
+            "{error_s} s: {offset:?}"
+        );
+        assert!(
+            drift_error_ppm.abs() <= 3.0 * offset.drift_sd_ppm,
+            "{offset:?}"
+        );
+        refined.push((error_s, drift_error_ppm));
+    }
+    assert!(refined[0].0.abs() <= 0.020, "{refined:?}");
+    let (error_s, drift_error_ppm) = refined[3];
+    assert!(
+        error_s.abs() <= 0.010 && drift_error_ppm.abs() <= 40.0,
+        "{refined:?}"
+    );
+}

@@ -1,0 +1,66 @@
+//! How long an attempt to open a source may take.
+//!
+//! A server that has stopped accepts a connection and never answers, and one that is just ending the connection before may answer and send
+//! nothing. An attempt that waits for long then outlasts the fault. So a source that was open before gets twice the time that this took,
+//! and after each attempt that this ended twice as much.
+
+/// At first, and at most, milliseconds.
+const MOST_MS: u64 = 4_000;
+/// At least, milliseconds: a busy machine is no fault.
+const LEAST_MS: u64 = 1_000;
+
+/// Limit of the attempts to open a source.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct OpenLimit {
+    next_ms: u64,
+}
+
+impl Default for OpenLimit {
+    fn default() -> Self {
+        Self { next_ms: MOST_MS }
+    }
+}
+
+impl OpenLimit {
+    /// Of the next attempt, milliseconds.
+    pub(crate) fn next_ms(self) -> u64 {
+        self.next_ms
+    }
+
+    /// The last attempt took so long, seconds.
+    pub(crate) fn take(&mut self, has_opened: bool, took_s: f64) {
+        let took_ms = (1e3 * took_s) as u64;
+        if has_opened {
+            self.next_ms = (2 * took_ms).clamp(LEAST_MS, MOST_MS);
+        } else if took_ms >= self.next_ms {
+            self.next_ms = (2 * self.next_ms).min(MOST_MS);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_source_that_opened_fast_is_given_up_soon_and_then_later_and_later() {
+        let mut limit = OpenLimit::default();
+        let mut found = vec![limit.next_ms()];
+        for (has_opened, took_s) in [
+            (false, 4.0),
+            (true, 0.7),
+            (false, 0.1),
+            (false, 1.4),
+            (false, 2.8),
+            (true, 0.2),
+            (true, 3.0),
+        ] {
+            limit.take(has_opened, took_s);
+            found.push(limit.next_ms());
+        }
+        assert_eq!(
+            found,
+            [4_000, 4_000, 1_400, 1_400, 2_800, 4_000, 1_000, 4_000]
+        );
+    }
+}
