@@ -626,7 +626,7 @@ pub(crate) enum TracksCommand {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TracksImportArgs {
-    /// Tracks: CSV of `traffic` or OpenSky, or `trace_full` of readsb (JSON)
+    /// Tracks: CSV of `traffic` or OpenSky, `trace_full` of readsb, JSON lines of jet1090, or X-Plane's `Data.txt` or `.fdr`
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
     /// The runway on which they land, e.g. LFPG/09R

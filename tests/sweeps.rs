@@ -164,7 +164,9 @@ const CASES: &[Case] = &[
     ("test = 0.3\n", "", "[split]", "missing field", Schema),
     // Weather.
     ("visibility_m = 9260", "visibility_m = 3", "3\nclouds", "from 50 to 200000", Schema),
-    ("visibility_m = 9260", "visibility_m = 9260\nsnow = 1", "snow", "unknown field `snow`", Schema),
+    ("visibility_m = 9260", "visibility_m = 9260\nhail = 1", "hail", "unknown field `hail`", Schema),
+    ("visibility_m = 9260", "visibility_m = 9260\nsnow_ratio = 1", "1\nclouds", "snow is not supported", Schema),
+    ("visibility_m = 9260", "visibility_m = 9260\ntemperature_c = 5", "5\nclouds", "the standard atmosphere", Schema),
     ("min = 30000", "min = 90000", "{ min = 90000", "above max", CommandOnly),
     ("cover_ratio = 0.9", "cover_ratio = 9", "9, base", "from 0 to 1", Schema),
     ("top_msl_m = 900", "top_msl_m = 200", "200 }", "above the base", CommandOnly),

@@ -13,7 +13,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::limits::{Check, FieldOutOfLimits};
 use serde::Deserialize;
 
-pub use import::{Conflict, ImportError, Imported, import};
+pub use import::{Conflict, ImportError, Imported, UNCONFIRMED, import};
 pub use sources::SourceError;
 
 use crate::sweep::AirportTable;

@@ -32,6 +32,7 @@ use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::runway::Runway;
 use dataset::plan::{Picture, PlannedCamera};
 use dataset::video::VideoSettings;
+use fault::Fault;
 
 pub use aim::AimTable;
 pub use document::Corpus;
@@ -107,8 +108,11 @@ impl Sweep {
     /// Checks the text of a sweep; `path` is its name in messages, paths in it are relative to `folder`.
     pub fn parse(path: &Path, folder: &Path, text: String) -> Result<Self, TomlError> {
         let file = TomlFile::new(path, &text);
-        check::check(file.parse()?, folder, &text)
-            .map_err(|fault| file.rejected(&fault.key, &fault.message))
+        let rejected = |fault: Fault| file.rejected(&fault.key, &fault.message);
+        let document = file
+            .parse()
+            .map_err(|error| weather::unsupported(&text).map_or(error, rejected))?;
+        check::check(document, folder, &text).map_err(rejected)
     }
 
     /// Number of scenarios that the sweep expands to.

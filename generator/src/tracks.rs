@@ -5,17 +5,20 @@
 //!      -> smoother: path and speed -> height: true heights from barometric ones -> states: attitude, flaps, gear, touchdown -> CSV
 //! ```
 //!
-//! Measured are times, positions, ground speeds and altitudes; everything else is derived, and each row of a recording says which of both
-//! its position is. Wind is not known: heading is the track, and airspeed the ground speed.
+//! Receivers measure times, positions, ground speeds and altitudes; X-Plane's recordings have the attitude as well. Everything else is
+//! derived, and each row of a recording says which of both its position and its attitude are. Wind is not known: heading is the track, and
+//! airspeed the ground speed.
 
 mod arrival;
 mod attitude;
 mod axis;
+mod flaps;
 mod formats;
 mod height;
 mod smoother;
 mod states;
 
+use std::fmt;
 use std::fs::Permissions;
 use std::io;
 use std::os::unix::fs::PermissionsExt;
@@ -26,7 +29,7 @@ use serde::Serialize;
 
 use arrival::FURTHEST_M;
 pub use arrival::NoArrival;
-pub use axis::{ArrivalAxis, arrival_axis};
+pub use axis::{ArrivalAxis, JudgedTracks, arrival_axis};
 pub use formats::TrackFileError;
 
 use crate::recording::{Implausible, Recording, RecordingError};
@@ -59,6 +62,16 @@ pub struct RefusedTrack {
     pub aircraft: Option<String>,
     /// The reason.
     pub reason: String,
+}
+
+impl fmt::Display for RefusedTrack {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.file.display())?;
+        if let Some(aircraft) = &self.aircraft {
+            write!(f, ", aircraft {aircraft}")?;
+        }
+        write!(f, ": {}", self.reason)
+    }
 }
 
 /// The outcome for some files.

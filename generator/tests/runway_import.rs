@@ -55,7 +55,7 @@ fn earth_nav(folder: &Path) -> PathBuf {
     let localizer = along(START, LENGTH_M + 300.0, 0.0);
     let antenna = along(START, 200.0 + 310.0, 120.0);
     let text = format!(
-        "I\n1100 Version\n\n4 {:.8} {:.8} 330 11030 18 25270.000 IZZ ZZZZ ED 07 ILS-cat-I\n6 {:.8} {:.8} 329 11030 18 320070.000 IZZ ZZZZ ED 07 GS\n",
+        "I\n1100 Version\n\n4 {:.8} {:.8} 330 11030 18 24190.000 IZZ ZZZZ ED 07 ILS-cat-I\n6 {:.8} {:.8} 329 11030 18 320070.000 IZZ ZZZZ ED 07 GS\n",
         localizer.latitude_deg,
         localizer.longitude_deg,
         antenna.latitude_deg,
@@ -158,10 +158,15 @@ fn a_table_that_is_far_from_the_localizer_is_never_recommended_and_the_output_is
 
 /// Localizers of both directions, 30 m to the right of the runway.
 fn localizers_aside(folder: &Path) -> PathBuf {
+    localizers_of(folder, 30.0)
+}
+
+/// Localizers of both directions.
+fn localizers_of(folder: &Path, right_m: f64) -> PathBuf {
     let row = |metres: f64, runway: &str| {
-        let place = aside(along(START, metres, 0.0));
+        let place = along(START, metres, 0.0).destination(COURSE_DEG + 90.0, right_m);
         format!(
-            "4 {:.8} {:.8} 330 11030 18 25270.000 IZZ ZZZZ ED {runway} ILS-cat-I\n",
+            "4 {:.8} {:.8} 330 11030 18 24190.000 IZZ ZZZZ ED {runway} ILS-cat-I\n",
             place.latitude_deg, place.longitude_deg
         )
     };
@@ -254,5 +259,68 @@ fn arrivals_decide_between_tables_without_a_localizer_and_say_how_far_the_runway
     let nowhere = import("ZZZZ", "25", &files, &tracks)
         .unwrap_err()
         .to_string();
-    assert!(nowhere.contains("no track in"), "{nowhere}");
+    assert!(
+        nowhere.starts_with("no track judges ZZZZ 25: ") && nowhere.contains("aaa002: it"),
+        "{nowhere}"
+    );
+}
+
+#[test]
+fn a_runway_is_confirmed_by_sources_that_agree_or_named_as_unconfirmed() {
+    let folder = tempfile::tempdir().unwrap();
+    let ours = our_airports(folder.path());
+    // 2 m at the far end are 0.04 degrees, less than a conflict.
+    for (far_right_m, confirmed_by) in [(0.0, vec!["OurAirports"]), (2.0, vec![])] {
+        let found = imported(&[apt_dat(folder.path(), far_right_m), ours.clone()]);
+        assert_eq!(found.conflicts, []);
+        assert_eq!(found.confirmed_by, confirmed_by);
+        assert_eq!(found.toml().contains("unconfirmed"), far_right_m != 0.0);
+    }
+    let localizers = localizers_of(folder.path(), 0.0);
+    let found = imported(&[ours.clone(), localizers]);
+    assert!(
+        found.confirmed_by[0].starts_with("the axis of both localizers"),
+        "{found:?}"
+    );
+    let found = import("ZZZZ", "07", &[ours], &arrivals(folder.path())).unwrap();
+    assert_eq!(found.confirmed_by, ["2 arrivals"]);
+}
+
+#[test]
+fn tracks_that_do_not_judge_a_runway_are_named_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut tracks = arrivals(folder.path());
+    let text = fs::read_to_string(&tracks[0]).unwrap();
+    let last: Vec<&str> = text.lines().skip(150).collect();
+    let few = format!("{}\n{}\n", text.lines().next().unwrap(), last.join("\n"));
+    tracks.push(write(folder.path(), "few.csv", few));
+    let found = import("ZZZZ", "07", &[our_airports(folder.path())], &tracks).unwrap();
+    assert_eq!(found.arrivals.unwrap().arrivals, 2);
+    let [left_out] = &found.tracks_left_out[..] else {
+        panic!("{:?}", found.tracks_left_out);
+    };
+    assert!(
+        left_out.reason.contains("different positions in"),
+        "{left_out}"
+    );
+}
+
+#[test]
+fn the_magnetic_course_is_the_models_and_another_stated_one_is_a_conflict() {
+    let folder = tempfile::tempdir().unwrap();
+    let tables = [our_airports(folder.path()), earth_nav(folder.path())];
+    let found = imported(&tables);
+    let magnetic_deg = found.runway.course_magnetic_deg.unwrap();
+    // 3.4 degrees east in 2023.
+    assert!((magnetic_deg - 66.6).abs() < 0.5, "{magnetic_deg}");
+    assert!(found.toml().contains("World Magnetic Model"));
+    let text = fs::read_to_string(&tables[1]).unwrap();
+    fs::write(&tables[1], text.replace("24190.000", "27070.000")).unwrap();
+    let [conflict] = &imported(&tables).conflicts[..] else {
+        panic!("no conflict");
+    };
+    assert!(
+        conflict.found.starts_with("75.0 by earth_nav.dat, 66."),
+        "{conflict:?}"
+    );
 }

@@ -333,6 +333,177 @@ fn messages_of_a_receiver_are_joined_to_tracks() {
     );
 }
 
+/// X-Plane's data output to disk: ten rows a second, with the names of the columns before them.
+fn data_txt(flight: &Recording, altitude: &str) -> String {
+    let mut text = format!(
+        "\n  _real,_time |   _totl,_time |   Vtrue,_ktgs |   pitch,__deg |   _roll,__deg |   hding,_true |   __lat,__deg |   __lon,__deg |   {altitude} |   __alt,ftagl | \n"
+    );
+    for (time_s, state) in x_plane_rows(flight) {
+        let knots = state.velocity_north_mps.hypot(state.velocity_east_mps) * 3_600.0 / 1_852.0;
+        let pose = &state.pose;
+        let above_ground_ft = if state.on_ground { 0.2 } else { 50.0 };
+        let _ = write!(text, "{:13.5} |", 1_000.0 + 2.0 * time_s);
+        for number in [
+            time_s,
+            knots,
+            pose.pitch_deg,
+            pose.roll_deg,
+            pose.heading_true_deg,
+            pose.latitude_deg,
+            pose.longitude_deg,
+            pose.altitude_msl_m / 0.3048,
+            above_ground_ft,
+        ] {
+            let _ = write!(text, " {number:13.5} |");
+        }
+        text.push_str(" \n");
+    }
+    text
+}
+
+fn x_plane_rows(flight: &Recording) -> Vec<(f64, FlightState)> {
+    let window = flight.trajectory.approach(&runway(), f64::MAX).unwrap();
+    let rows = ((window.last_s - window.start_s) * 10.0) as usize;
+    (0..rows)
+        .map(|row| window.start_s + row as f64 / 10.0)
+        .map(|time_s| (time_s, flight.trajectory.at(time_s)))
+        .collect()
+}
+
+/// The flight data recorder's version 3: rows of `DATA` with the true heading.
+fn fdr_3(flight: &Recording) -> String {
+    let mut text = "A\n3\n\nACFT,Aircraft/B738.acf,\nTAIL,N8141Q,\nPRES,29.92,\n".to_owned();
+    for (time_s, FlightState { pose, .. }) in x_plane_rows(flight) {
+        let feet = pose.altitude_msl_m / 0.3048;
+        let _ = writeln!(
+            text,
+            "DATA,{time_s},15,{},{},{feet},0,0,0,0,{},{},{},140,0,",
+            pose.longitude_deg,
+            pose.latitude_deg,
+            pose.pitch_deg,
+            pose.roll_deg,
+            pose.heading_true_deg
+        );
+    }
+    text
+}
+
+/// Version 4: rows with the time of day, here over midnight, and the magnetic heading.
+fn fdr_4(flight: &Recording) -> String {
+    let mut text =
+        "I\r\n4\r\nCOMM, a flight\r\nDREF, sim/cockpit2/gauges/indicators/ground_speed_kt 1.0\r\n"
+            .to_owned();
+    for (time_s, FlightState { pose, .. }) in x_plane_rows(flight) {
+        let day_s = (86_300.0 + time_s) % 86_400.0;
+        let (hours, minutes) = ((day_s / 3_600.0).floor(), (day_s / 60.0).floor() % 60.0);
+        let feet = pose.altitude_msl_m / 0.3048;
+        let _ = write!(
+            text,
+            "{hours:02}:{minutes:02}:{:07.4}, {}, {}, {feet}, {}, {}, {}, 140\r\n",
+            day_s % 60.0,
+            pose.longitude_deg,
+            pose.latitude_deg,
+            pose.heading_true_deg - 0.3,
+            pose.pitch_deg,
+            pose.roll_deg
+        );
+    }
+    text
+}
+
+#[test]
+fn recordings_of_x_plane_keep_their_heights_and_attitudes() {
+    let flight = flight();
+    let rows = x_plane_rows(&flight);
+    let first_s = rows[0].0;
+    for (kind, text, has_true_heading) in [
+        ("Data.txt", data_txt(&flight, "__alt,ftmsl"), true),
+        (
+            "Data.txt of X-Plane 12",
+            data_txt(&flight, "___CG,ftMSL"),
+            true,
+        ),
+        (".fdr, version 3", fdr_3(&flight), true),
+        (".fdr, version 4", fdr_4(&flight), false),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = only(&import(folder.path(), &text));
+        let made = recording(&path);
+        for (time_s, state) in rows.iter().step_by(70) {
+            let found = made.trajectory.at(time_s - first_s);
+            let [truth, here] = [state, &found].map(place);
+            if truth[0] < 200.0 || *time_s < first_s + 5.0 {
+                continue;
+            }
+            for axis in 0..3 {
+                let off_m = (here[axis] - truth[axis]).abs();
+                assert!(off_m < 2.0, "{kind}: {here:?} at {truth:?}");
+            }
+            let off_deg =
+                |measured: fn(&FlightState) -> f64| (measured(&found) - measured(state)).abs();
+            assert!(
+                off_deg(|state| state.pose.pitch_deg) < 0.5,
+                "{kind}: {found:?} {state:?}"
+            );
+            assert!(
+                off_deg(|state| state.pose.roll_deg) < 1.5,
+                "{kind}: {found:?} {state:?}"
+            );
+            let off_heading_deg = off_deg(|state| state.pose.heading_true_deg);
+            assert!(
+                !has_true_heading || off_heading_deg < 0.5,
+                "{kind}: {found:?} {state:?}"
+            );
+        }
+        assert!(
+            fs::read_to_string(path)
+                .unwrap()
+                .contains(",measured,measured\n")
+        );
+    }
+}
+
+#[test]
+fn a_broken_recording_of_x_plane_is_refused_with_line_and_reason_and_pressure_altitudes_are_tied() {
+    let flight = flight();
+    let text = data_txt(&flight, "p-alt,ftMSL");
+    let folder = tempfile::tempdir().unwrap();
+    only(&import(folder.path(), &text));
+    let broken = text.replacen("      0.20000 |", "        ?    |", 1);
+    let without = text.replace("p-alt,ftMSL", "_gear,_pos1");
+    for (text, words) in [
+        (broken, "is \"?\"; expected a number"),
+        (
+            without,
+            "no column for the altitude; its columns are real,_time, totl,_time",
+        ),
+        (
+            "A\n3\nDATA,1,15,103.9\n".to_owned(),
+            "line 3: field 5 is \"\"",
+        ),
+        ("A\n4\nCOMM, nothing\n".to_owned(), "it has no positions"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let found = import(folder.path(), &text);
+        assert!(
+            found.refused[0].reason.contains(words),
+            "{words}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn aircraft_that_never_say_where_they_are_are_counted() {
+    let mut text = csv(&reports(&flight()), 0.0);
+    text.push_str("1600000000000,def456,,,35000,450,90,0,False\n");
+    let folder = tempfile::tempdir().unwrap();
+    let found = import(folder.path(), &text);
+    assert_eq!(found.imported.len(), 1);
+    let silent = &found.refused[0];
+    assert_eq!(silent.aircraft.as_deref(), Some("def456"));
+    assert_eq!(silent.reason, "it has no positions");
+}
+
 /// Air of a pressure at sea level and a temperature above standard.
 struct Air {
     qnh_hpa: f64,

@@ -1,6 +1,6 @@
 //! `dtd airport import`: the table of a runway from published ones.
 
-use generator::airports::{Conflict, Imported, import};
+use generator::airports::{Conflict, Imported, UNCONFIRMED, import};
 use serde::Serialize;
 
 use super::Outcome;
@@ -29,6 +29,12 @@ pub(crate) fn run(args: &AirportArgs) -> Outcome {
     } in &found.conflicts
     {
         eprintln!("{figure}: {found}\n    recommended: {recommended}");
+    }
+    if found.confirmed_by.is_empty() {
+        eprintln!("threshold, course_true_deg: {UNCONFIRMED}");
+    }
+    for track in &found.tracks_left_out {
+        eprintln!("left out: {track}");
     }
     if let Some(axis) = &found.arrivals {
         eprintln!(

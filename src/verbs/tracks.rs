@@ -39,13 +39,7 @@ pub(crate) fn run(args: &TracksArgs) -> Outcome {
         }
     }
     for track in &outcome.refused {
-        let aircraft = track.aircraft.as_ref();
-        let aircraft = aircraft.map_or_else(String::new, |name| format!(", aircraft {name}"));
-        eprintln!(
-            "refused: {}{aircraft}: {}",
-            track.file.display(),
-            track.reason
-        );
+        eprintln!("refused: {track}");
     }
     let (imported, refused) = (outcome.imported.len(), outcome.refused.len());
     eprintln!("{} imported, {refused} refused", count(imported, "arrival"));

@@ -1,8 +1,8 @@
 """Imports every runway in a folder of published tables with `dtd airport import --accept` and compares them with what is independent.
 
 usage: runways.py DTD FOLDER [TRACKS]    prints JSON. FOLDER has apt.dat, earth_nav.dat, ourairports-runways.csv, lard-runway-corners.json
-(the corners of the pavement by LARD); TRACKS has arrivals, ICAORUNWAY-*.csv. Exit 1 if no runway has corners, or one is off by 5 m across or
-0.02 degrees.
+(the corners of the pavement by LARD); TRACKS has arrivals, ICAORUNWAY-*.csv. Exit 1 if no runway has corners, or if one that is off the
+corners, or off its arrivals by more than twice their error, by 5 m across or 0.02 degrees, is neither a conflict nor unconfirmed.
 """
 
 import csv
@@ -51,6 +51,19 @@ def against_corners(runway, corners):
     }
 
 
+def is_off(across_m, turned_deg):
+    return abs(across_m) > ACROSS_M or abs(turned_deg) > COURSE_DEG
+
+
+def is_off_arrivals(axis):
+    """The arrivals are elsewhere, beyond what their own scatter explains."""
+    if axis["arrivals"] < 2:
+        return False
+    beyond = [max(abs(axis[key]) - 2 * axis[error], 0) for key, error in
+              (("offset_m", "offset_error_m"), ("turned_deg", "turned_error_deg"))]
+    return is_off(*beyond)
+
+
 def main():
     dtd, folder = sys.argv[1], pathlib.Path(sys.argv[2])
     tables = [str(folder / name) for name in ("apt.dat", "earth_nav.dat", "ourairports-runways.csv")]
@@ -71,6 +84,8 @@ def main():
         result = {
             "course_true_deg": imported["runway"]["course_true_deg"],
             "conflicts": [conflict["figure"] for conflict in imported["conflicts"]],
+            "confirmed_by": imported["confirmed_by"],
+            "course_magnetic_deg": imported["runway"]["course_magnetic_deg"],
         }
         if name in corners.get(airport, {}):
             result["corners"] = against_corners(imported["runway"], corners[airport][name])
@@ -78,10 +93,10 @@ def main():
             result["arrivals"] = imported["arrivals"]
         found[f"{airport}/{name}"] = result
     judged = {name: result["corners"] for name, result in found.items() if "corners" in result}
-    off = [
-        name
-        for name, result in judged.items()
-        if abs(result["across_m"]) > ACROSS_M or abs(result["turned_deg"]) > COURSE_DEG
+    off = [name for name, corners in judged.items() if is_off(corners["across_m"], corners["turned_deg"])]
+    off_arrivals = [name for name, result in found.items() if is_off_arrivals(result.get("arrivals", {"arrivals": 0}))]
+    unnamed = [
+        name for name in {*off, *off_arrivals} if found[name]["confirmed_by"] and not found[name]["conflicts"]
     ]
     imported = [name for name, result in found.items() if "refused" not in result]
     print(
@@ -92,13 +107,19 @@ def main():
                 "airports_imported": len({name.split("/")[0] for name in imported}),
                 "with_conflicts": sum(bool(found[name]["conflicts"]) for name in imported),
                 "with_corners": len(judged),
+                "unconfirmed": sum(not found[name]["confirmed_by"] for name in imported),
+                "neither_confirmed_nor_conflict": [
+                    name for name in imported if not (found[name]["confirmed_by"] or found[name]["conflicts"])
+                ],
                 "off_the_corners": off,
+                "off_the_arrivals": off_arrivals,
+                "not_named": unnamed,
                 "by_runway": found,
             },
             indent=1,
         )
     )
-    return 1 if off or not judged else 0
+    return 1 if unnamed or not judged else 0
 
 
 if __name__ == "__main__":

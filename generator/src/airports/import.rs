@@ -4,18 +4,21 @@
 //! localizer's antenna, else the one on whose centreline arrivals fly, else the one whose length is the stated one.
 
 mod line;
+mod magnetic;
+mod second_source;
 
 use std::fmt::Write;
 use std::path::PathBuf;
 
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::Runway;
+use dataset::geometry::sun;
 use serde::Serialize;
 
 use line::{Line, differences, recommended};
 
 use super::sources::{Aid, Facts, SourceError, Wanted};
-use crate::tracks::{ArrivalAxis, TrackFileError, arrival_axis};
+use crate::tracks::{ArrivalAxis, RefusedTrack, TrackFileError, arrival_axis};
 
 /// Tables contradict each other beyond these differences: metres over ground, metres of height.
 const PLACE_M: f64 = 10.0;
@@ -28,6 +31,11 @@ const ANTENNA_M: std::ops::RangeInclusive<f64> = 150.0..=600.0;
 const USUAL_GLIDE_PATH_DEG: f64 = 3.0;
 const USUAL_TOUCHDOWN_M: f64 = 291.0;
 
+/// Reasons that a message has room for.
+const MOST_REASONS: usize = 5;
+/// A runway without a second source.
+pub const UNCONFIRMED: &str = "unconfirmed: no second source agrees within 5 m and 0.02 degrees";
+
 /// Reasons why no runway could be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
@@ -38,17 +46,14 @@ pub enum ImportError {
     #[error(transparent)]
     Tracks(#[from] TrackFileError),
     /// No track judges the runway.
-    #[error(
-        "no track in {} lands on {airport} {runway} with ten positions between 6 and 0.5 NM",
-        files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")
-    )]
+    #[error("no track judges {airport} {runway}: {}", reasons(left_out))]
     NoArrival {
         /// The airport.
         airport: String,
         /// The runway.
         runway: String,
-        /// The files.
-        files: Vec<PathBuf>,
+        /// The tracks.
+        left_out: Vec<RefusedTrack>,
     },
     /// No file has the runway.
     #[error(
@@ -98,6 +103,10 @@ pub struct Imported {
     pub conflicts: Vec<Conflict>,
     /// The line that arrivals fly, relative to the runway.
     pub arrivals: Option<ArrivalAxis>,
+    /// Tracks that are no part of that line.
+    pub tracks_left_out: Vec<RefusedTrack>,
+    /// Sources that agree with threshold and course within 5 m and 0.02 degrees. Empty: unconfirmed.
+    pub confirmed_by: Vec<String>,
     /// Source of threshold and course.
     ends_from: String,
     elevation_from: String,
@@ -122,23 +131,24 @@ pub fn import(
         Aid::Localizer {
             place,
             frequency_mhz,
-        } => Some((*place, *frequency_mhz)),
+            course_magnetic_deg,
+        } => Some((*place, *frequency_mhz, *course_magnetic_deg)),
         Aid::GlidePath { .. } => None,
     });
     let mut lines: Vec<Line<'_>> = facts
         .ends
         .iter()
-        .map(|ends| Line::of(ends, localizer.map(|(place, _)| place)))
+        .map(|ends| Line::of(ends, localizer.map(|(place, ..)| place)))
         .collect();
     for line in &mut lines {
-        line.arrivals = arrival_axis(tracks, &line.runway(airport, runway))?;
+        line.judge(arrival_axis(tracks, &line.runway(airport, runway))?);
     }
     let has_arrival = lines.iter().any(|line| line.arrivals.is_some());
     if !(tracks.is_empty() || lines.is_empty() || has_arrival) {
         return Err(ImportError::NoArrival {
             airport: airport.to_owned(),
             runway: runway.to_owned(),
-            files: tracks.to_vec(),
+            left_out: lines.swap_remove(0).left_out,
         });
     }
     let Some((table, reason)) = recommended(&lines) else {
@@ -153,13 +163,13 @@ pub fn import(
         });
     };
     let mut conflicts = Vec::new();
-    let localizers = localizer.map(|(place, _)| place).zip(facts.opposite);
+    let localizers = localizer.map(|(place, ..)| place).zip(facts.opposite);
     let moved = localizers
         .filter(|_| is_beside_localizers(table, &lines))
         .and_then(|(localizer, opposite)| table.onto_axis(opposite, localizer));
     let mut on_axis = moved.as_ref().map(|ends| Line::of(ends, None));
     if let Some(line) = &mut on_axis {
-        line.arrivals = arrival_axis(tracks, &line.runway(airport, runway))?;
+        line.judge(arrival_axis(tracks, &line.runway(airport, runway))?);
     }
     let best = on_axis.as_ref().unwrap_or(table);
     let reason = match &on_axis {
@@ -240,6 +250,15 @@ pub fn import(
                 .to_owned(),
         ),
     };
+    let course_magnetic_deg = magnetic::course_magnetic_deg(
+        best.course_deg,
+        best.threshold.at_altitude_m(altitude_msl_m),
+    );
+    if let Some(magnetic_deg) = course_magnetic_deg {
+        let stated_deg = localizer.and_then(|(.., stated_deg)| stated_deg);
+        conflicts.extend(magnetic::contradictions(magnetic_deg, stated_deg, runway));
+    }
+    let confirmed_by = second_source::confirmed_by(best, &lines, localizers);
     Ok(Imported {
         runway: Runway {
             airport: airport.to_owned(),
@@ -248,14 +267,23 @@ pub fn import(
             course_true_deg: round(best.course_deg, 3),
             glide_path_deg,
             touchdown_past_threshold_m: round(touchdown_past_threshold_m, 1),
-            ils_frequency_mhz: localizer.map(|(_, frequency_mhz)| frequency_mhz),
-            course_magnetic_deg: None,
+            ils_frequency_mhz: localizer.map(|(_, frequency_mhz, _)| frequency_mhz),
+            course_magnetic_deg: course_magnetic_deg.map(|course_deg| round(course_deg, 1)),
             length_m: Some(round(best.landing_m, 0)),
             width_m: best.ends.width_m.map(|width_m| round(width_m, 0)),
         },
         conflicts,
         arrivals: best.arrivals,
-        ends_from: format!("geodesic between the ends of {}{reason}", best.ends.source),
+        tracks_left_out: best.left_out.clone(),
+        ends_from: format!(
+            "geodesic between the ends of {}, {}{reason}",
+            best.ends.source,
+            match &confirmed_by[..] {
+                [] => UNCONFIRMED.to_owned(),
+                sources => format!("confirmed by {}", sources.join(", ")),
+            }
+        ),
+        confirmed_by,
         elevation_from,
         glide_path_from,
     })
@@ -277,9 +305,9 @@ impl Imported {
             glide_path_deg,
             touchdown_past_threshold_m,
             ils_frequency_mhz,
+            course_magnetic_deg,
             length_m,
             width_m,
-            ..
         } = &self.runway;
         let mut text = format!("[airport.{airport}.runway.{name}]\n");
         let mut line = |key: &str, value: String, source: &str| {
@@ -312,6 +340,10 @@ impl Imported {
                 "localizer in earth_nav.dat",
             );
         }
+        if let Some(course_deg) = course_magnetic_deg {
+            let source = format!("World Magnetic Model, middle of {}", sun::YEAR);
+            line("course_magnetic_deg", course_deg.to_string(), &source);
+        }
         for (key, value) in [("length_m", length_m), ("width_m", width_m)] {
             if let Some(metres) = value {
                 line(key, metres.to_string(), "by the table of the ends");
@@ -319,6 +351,16 @@ impl Imported {
         }
         text
     }
+}
+
+/// The reasons for which tracks are left out; of many, the first.
+fn reasons(left_out: &[RefusedTrack]) -> String {
+    let shown = left_out.iter().take(MOST_REASONS);
+    let mut text: Vec<String> = shown.map(ToString::to_string).collect();
+    if left_out.len() > MOST_REASONS {
+        text.push(format!("{} more", left_out.len() - MOST_REASONS));
+    }
+    text.join("; ")
 }
 
 /// True if all tables miss the localizer, and no other table and no arrivals confirm the recommended one: where they do, the localizer

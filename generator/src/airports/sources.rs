@@ -50,6 +50,8 @@ pub(super) enum Aid {
     Localizer {
         place: LatLon,
         frequency_mhz: f64,
+        /// As the table states it, degrees.
+        course_magnetic_deg: Option<f64>,
     },
     GlidePath {
         place: LatLon,

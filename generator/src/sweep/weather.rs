@@ -10,6 +10,33 @@ use super::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
 
+/// Quantities that are not supported, and what is missing.
+const UNSUPPORTED: [(&str, &str); 3] = [
+    ("snow", SNOW),
+    ("snow_ratio", SNOW),
+    (
+        "temperature_c",
+        "temperature is not supported: X-Plane and the flight model always have the standard atmosphere, 15 degrees Celsius at sea level",
+    ),
+];
+const SNOW: &str = "snow is not supported: it falls in X-Plane below freezing alone, temperature cannot be set, and the bundled simulator does not draw it; rain_ratio and a lower visibility_m are the nearest";
+
+/// A quantity in the text of a sweep that is not supported.
+pub(super) fn unsupported(text: &str) -> Option<Fault> {
+    let document: toml::Table = toml::from_str(text).ok()?;
+    let weathers = document.get("weather")?.as_table()?;
+    weathers.iter().find_map(|(name, table)| {
+        let table = table.as_table()?;
+        let (key, missing) = UNSUPPORTED
+            .iter()
+            .find(|(key, _)| table.contains_key(*key))?;
+        Some(Fault {
+            key: format!("weather.{name}.{key}"),
+            message: (*missing).to_owned(),
+        })
+    })
+}
+
 /// `[weather.NAME]`: constant in space and time within a scenario.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -35,6 +35,9 @@ const CORRIDOR: f64 = 0.5;
 /// Reasons why a track is no arrival on the runway.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoArrival {
+    /// It was heard, but never said where it was.
+    #[error("it has no positions")]
+    NoPositions,
     /// Not enough to smooth.
     #[error(
         "{fixes} different positions in {lasts_s:.0} s of approach, expected at least {FEWEST} in {SHORTEST_S} s"
@@ -140,6 +143,9 @@ pub(super) fn without_jumps(fixes: &[Fix]) -> (Vec<Fix>, usize) {
 pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArrival> {
     let target = runway.touchdown_target();
     let seen: Vec<Seen> = fixes.iter().map(|fix| seen(*fix, target, runway)).collect();
+    if seen.is_empty() {
+        return Err(NoArrival::NoPositions);
+    }
     let nearest_m = seen
         .iter()
         .map(|at| at.to_go_m.hypot(at.right_m))

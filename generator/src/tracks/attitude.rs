@@ -1,13 +1,13 @@
 //! Pitch and roll that a path needs, for an airliner whose type is not known.
 //!
 //! Turns are coordinated, which gives the roll. The pitch is the angle of the path and the angle of attack, which follows from the lift:
-//! the coefficient falls with the square of the speed from its value on final approach, at 1.3 times the stall speed with the flaps
-//! extended.
+//! the coefficient falls with the dynamic pressure from its value on final approach, at 1.3 times the stall speed with the flaps extended.
 
 use dataset::numbers::spread::median;
-use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+use dataset::numbers::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
 use super::arrival::Seen;
+use super::formats::Attitude;
 
 const GRAVITY_MPS2: f64 = 9.81;
 /// Distances between which an aircraft flies at its final speed, metres.
@@ -21,6 +21,10 @@ const FINAL_LIFT: f64 = 1.6;
 const LIFT_PER_DEG: f64 = 0.09;
 const NO_LIFT_DEG: f64 = -3.0;
 const FLAPS_LOWER_DEG: f64 = 9.6;
+/// No aircraft flies slower, in ratio to its final speed.
+const SLOWEST: f64 = 0.5;
+/// Measured attitudes are interpolated over at most this time, seconds.
+const LONGEST_S: f64 = 4.0;
 /// Angles of attack, degrees.
 const ATTACK_DEG: (f64, f64) = (-2.0, 10.0);
 
@@ -28,6 +32,27 @@ const ATTACK_DEG: (f64, f64) = (-2.0, 10.0);
 pub(super) fn roll_deg(speed_mps: f64, turn_deg_per_s: f64) -> f64 {
     let aside_mps2 = speed_mps * turn_deg_per_s.to_radians();
     (aside_mps2 / GRAVITY_MPS2).atan().to_degrees()
+}
+
+/// The measured attitude at a time, between those of the fixes around it.
+pub(super) fn measured_attitude(seen: &[Seen], time_s: f64) -> Option<Attitude> {
+    let next = seen.partition_point(|at| at.fix.time_s < time_s).max(1);
+    let (before, after) = (seen[next - 1].fix, seen.get(next)?.fix);
+    let step_s = after.time_s - before.time_s;
+    if step_s > LONGEST_S {
+        return None;
+    }
+    let part = (time_s - before.time_s) / step_s;
+    let (from, to) = before.attitude.zip(after.attitude)?;
+    let between = |from: f64, to: f64| from + part * Degrees(to - from).wrapped_180().0;
+    Some(Attitude {
+        pitch_deg: between(from.pitch_deg, to.pitch_deg),
+        roll_deg: between(from.roll_deg, to.roll_deg),
+        heading_true_deg: from
+            .heading_true_deg
+            .zip(to.heading_true_deg)
+            .map(|(from, to)| between(from, to)),
+    })
 }
 
 /// Ground speed on final approach.
@@ -44,17 +69,16 @@ pub(super) fn final_speed_mps(arrival: &[Seen]) -> f64 {
     median(&mut speeds).clamp(FINAL_SPEEDS_MPS.0, FINAL_SPEEDS_MPS.1)
 }
 
-/// Pitch on a path that climbs at an angle.
-pub(super) fn pitch_deg(climb_deg: f64, speed_mps: f64, final_mps: f64, roll_deg: f64) -> f64 {
-    let slower = final_mps / speed_mps.max(30.0);
-    let lift = FINAL_LIFT * slower * slower / roll_deg.to_radians().cos();
-    let attack_deg = lift / LIFT_PER_DEG + NO_LIFT_DEG - FLAPS_LOWER_DEG * flaps(speed_mps);
-    climb_deg + attack_deg.clamp(ATTACK_DEG.0, ATTACK_DEG.1)
+/// Density of the standard atmosphere at an altitude, in ratio to the one at sea level.
+pub(super) fn density(altitude_msl_m: f64) -> f64 {
+    (1.0 - 2.255_77e-5 * altitude_msl_m).powf(4.2559)
 }
 
-/// Flaps by the speed: extended while it falls.
-pub(super) fn flaps(speed_mps: f64) -> f64 {
-    ((105.0 - speed_mps) / 33.0).clamp(0.0, 1.0)
+/// Pitch on a path that climbs at an angle, at an airspeed in ratio to the final one.
+pub(super) fn pitch_deg(climb_deg: f64, faster: f64, flaps: f64, roll_deg: f64) -> f64 {
+    let lift = FINAL_LIFT / faster.max(SLOWEST).powi(2) / roll_deg.to_radians().cos();
+    let attack_deg = lift / LIFT_PER_DEG + NO_LIFT_DEG - FLAPS_LOWER_DEG * flaps;
+    climb_deg + attack_deg.clamp(ATTACK_DEG.0, ATTACK_DEG.1)
 }
 
 /// Gear by the distance to go: down at five miles.
@@ -74,13 +98,19 @@ mod tests {
 
     #[test]
     fn the_nose_is_high_in_level_flight_and_nearly_level_on_the_glide_path() {
-        let on_glide_path_deg = pitch_deg(-3.0, 70.0, 70.0, 0.0);
+        let on_glide_path_deg = pitch_deg(-3.0, 1.0, 1.0, 0.0);
         assert!(
             (1.0..4.0).contains(&on_glide_path_deg),
             "{on_glide_path_deg}"
         );
-        let level_deg = pitch_deg(0.0, 95.0, 70.0, 0.0);
-        assert!((3.0..7.0).contains(&level_deg), "{level_deg}");
-        assert!(pitch_deg(0.0, 95.0, 70.0, 25.0) > level_deg);
+        let level_deg = pitch_deg(0.0, 1.35, 0.0, 0.0);
+        assert!((3.0..8.0).contains(&level_deg), "{level_deg}");
+        assert!(pitch_deg(0.0, 1.35, 0.0, 25.0) > level_deg);
+    }
+
+    #[test]
+    fn air_is_thinner_by_a_quarter_at_10_000_ft() {
+        assert!((density(3_048.0) - 0.7385).abs() < 1e-3);
+        assert_eq!(density(0.0), 1.0);
     }
 }

@@ -7,6 +7,7 @@ use dataset::numbers::spread::{mean_and_deviation, median};
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use serde::Serialize;
 
+use super::RefusedTrack;
 use super::arrival::{arrival, without_jumps};
 use super::formats::{self, TrackFileError};
 use super::height::line_through_medians;
@@ -67,20 +68,38 @@ impl ArrivalAxis {
     }
 }
 
-/// Fits the arrivals in files of tracks; `None` if none lands on the runway with enough positions on final approach.
+/// The arrivals in some files: their common line, and the tracks that are no part of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct JudgedTracks {
+    /// The line; `None` if no track lands on the runway with enough positions on final approach.
+    pub axis: Option<ArrivalAxis>,
+    /// All other tracks, with the reason.
+    pub left_out: Vec<RefusedTrack>,
+}
+
+/// Fits the arrivals in files of tracks.
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn arrival_axis(
-    files: &[PathBuf],
-    runway: &Runway,
-) -> Result<Option<ArrivalAxis>, TrackFileError> {
+pub fn arrival_axis(files: &[PathBuf], runway: &Runway) -> Result<JudgedTracks, TrackFileError> {
     let mut lines = Vec::new();
+    let mut left_out = Vec::new();
     for file in files {
         for track in formats::read(file, runway)? {
+            let mut refuse = |reason: String| {
+                left_out.push(RefusedTrack {
+                    file: file.clone(),
+                    aircraft: track.aircraft.clone(),
+                    reason,
+                });
+            };
             let (fixes, _) = without_jumps(&track.fixes);
-            let Ok(seen) = arrival(&fixes, runway) else {
-                continue;
+            let seen = match arrival(&fixes, runway) {
+                Ok(seen) => seen,
+                Err(reason) => {
+                    refuse(reason.to_string());
+                    continue;
+                }
             };
             let follows = seen
                 .iter()
@@ -88,11 +107,19 @@ pub fn arrival_axis(
             let points: Vec<(f64, f64)> = follows.map(|at| (at.to_go_m, at.right_m)).collect();
             if points.len() >= FEWEST_FIXES {
                 lines.push(line_through_medians(&points));
+            } else {
+                let found = points.len();
+                refuse(format!(
+                    "it has {found} positions between 6 and 0.5 NM, expected at least {FEWEST_FIXES}"
+                ));
             }
         }
     }
     if lines.is_empty() {
-        return Ok(None);
+        return Ok(JudgedTracks {
+            axis: None,
+            left_out,
+        });
     }
     let of = |what: fn(&(f64, f64)) -> f64| {
         let mut values: Vec<f64> = lines.iter().map(what).collect();
@@ -104,11 +131,15 @@ pub fn arrival_axis(
     let (offset_m, offset_error_m) = of(|line| line.0);
     // An arrival that is further to the right when further out flies to the left.
     let (turned_deg, turned_error_deg) = of(|line| -line.1.atan().to_degrees());
-    Ok(Some(ArrivalAxis {
+    let axis = ArrivalAxis {
         arrivals: lines.len(),
         offset_m,
         offset_error_m,
         turned_deg,
         turned_error_deg,
-    }))
+    };
+    Ok(JudgedTracks {
+        axis: Some(axis),
+        left_out,
+    })
 }

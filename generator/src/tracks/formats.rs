@@ -1,7 +1,8 @@
-//! Files of tracks: CSV as `traffic` and OpenSky write them, `trace_full` of readsb (JSON), and JSON lines of `jet1090`. The names of the
-//! columns tell the units.
+//! Files of tracks: CSV as `traffic` and OpenSky write them, `trace_full` of readsb (JSON), JSON lines of `jet1090`, and X-Plane's
+//! recordings. The names of the columns tell the units.
 
 mod jet1090;
+mod x_plane;
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
@@ -36,6 +37,17 @@ pub(super) struct Fix {
     pub(super) ground_speed_mps: Option<f64>,
     pub(super) track_deg: Option<f64>,
     pub(super) on_ground: bool,
+    pub(super) attitude: Option<Attitude>,
+    /// Of a simulator: position and altitude above mean sea level are exact.
+    pub(super) is_simulated: bool,
+}
+
+/// A measured attitude.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Attitude {
+    pub(super) pitch_deg: f64,
+    pub(super) roll_deg: f64,
+    pub(super) heading_true_deg: Option<f64>,
 }
 
 /// The fixes of one aircraft in order of time.
@@ -62,7 +74,7 @@ pub enum TrackFileError {
     /// Columns are missing.
     #[error(
         "{}: no column for {missing}; its columns are {found}. Expected those of traffic (timestamp, latitude, longitude, altitude), of \
-         OpenSky (time, lat, lon, baroaltitude), trace_full of readsb, or JSON lines of jet1090",
+         OpenSky (time, lat, lon, baroaltitude), trace_full of readsb, JSON lines of jet1090, or X-Plane's Data.txt or .fdr",
         path.display()
     )]
     MissingColumns {
@@ -84,8 +96,13 @@ pub(super) fn read(path: &Path, runway: &Runway) -> Result<Vec<Track>, TrackFile
     let mut file = BufReader::new(outside_file::open(path, TRACKS)?);
     let head = file.fill_buf().map_err(|error| broken(error.to_string()))?;
     let first = head.iter().find(|byte| !byte.is_ascii_whitespace());
+    let target = runway.touchdown_target().lat_lon();
     let mut tracks = if jet1090::is_one(head) {
-        jet1090::read(file, runway.touchdown_target().lat_lon()).map_err(broken)?
+        jet1090::read(file, target).map_err(broken)?
+    } else if x_plane::is_data_txt(head) {
+        x_plane::data_txt(file, target).map_err(broken)?
+    } else if x_plane::is_fdr(head) {
+        x_plane::fdr(file, target).map_err(broken)?
     } else if first == Some(&b'{') {
         let bytes = outside_file::read(path, TRACE)?;
         let trace = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
@@ -238,6 +255,9 @@ fn csv_tracks<R: Read>(
             None => number(at, what),
         };
         let stated_s = seconds(time, kind.time)?;
+        let name = aircraft.and_then(|at| record.get(at)).unwrap_or_default();
+        // An aircraft without any position is counted as well.
+        let kept = tracks.entry(name.to_owned()).or_default();
         let valid_s =
             position_time.map_or(Ok(None), |at| seconds(at, "the time of the position"))?;
         let (Some(time_s), Some(latitude_deg), Some(longitude_deg)) = (
@@ -248,7 +268,6 @@ fn csv_tracks<R: Read>(
             continue;
         };
         let on_ground = ground.and_then(|at| record.get(at)).unwrap_or_default();
-        let name = aircraft.and_then(|at| record.get(at)).unwrap_or_default();
         let fix = Fix {
             time_s: if time_s > MILLISECONDS {
                 time_s / 1e3
@@ -264,8 +283,10 @@ fn csv_tracks<R: Read>(
                 on_ground.to_ascii_lowercase().as_str(),
                 "true" | "1" | "1.0" | "t"
             ),
+            attitude: None,
+            is_simulated: false,
         };
-        tracks.entry(name.to_owned()).or_default().add(fix, target);
+        kept.add(fix, target);
     }
     Ok(tracks_of(tracks))
 }
@@ -302,6 +323,8 @@ fn trace_full(trace: &Value) -> Option<Track> {
             ground_speed_mps: number(4).map(|knots| knots * MPS_PER_KNOT),
             track_deg: number(5),
             on_ground: row.get(3).and_then(Value::as_str) == Some("ground"),
+            attitude: None,
+            is_simulated: false,
         })
     };
     Some(Track {

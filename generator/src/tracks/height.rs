@@ -36,6 +36,8 @@ pub(super) struct Datum {
     line: Line,
     /// True if the glide path gives the stretch.
     is_tied: bool,
+    /// True if altitudes are exact.
+    is_exact: bool,
 }
 
 /// A line through altitudes by the distance to go.
@@ -65,6 +67,9 @@ impl Datum {
                 altitudes: points.len(),
             });
         }
+        if arrival.iter().all(|at| at.fix.is_simulated) {
+            return Ok(Self::exact(runway));
+        }
         let rough = line_through_medians(&points);
         points.retain(|(to_go_m, altitude_m)| {
             (altitude_m - rough.0 - rough.1 * to_go_m).abs() < OUTLIER_M
@@ -87,7 +92,32 @@ impl Datum {
             stretch: if is_tied { stretch } else { 1.0 },
             line,
             is_tied,
+            is_exact: false,
         })
+    }
+
+    /// Altitudes above mean sea level without errors.
+    fn exact(runway: &Runway) -> Self {
+        let target_m = runway.touchdown_target().altitude_msl_m;
+        Self {
+            target_m,
+            stretch: 1.0,
+            line: Line {
+                at_zero_m: target_m,
+                slope: runway.glide_path_deg.to_radians().tan(),
+                middle_m: 0.0,
+                spread_m: 1.0,
+                off_m: 0.0,
+                independent: 1.0,
+            },
+            is_tied: false,
+            is_exact: true,
+        }
+    }
+
+    /// True if altitudes are exact.
+    pub(super) fn is_exact(self) -> bool {
+        self.is_exact
     }
 
     pub(super) fn height_m(self, altitude_m: f64) -> f64 {
@@ -106,7 +136,7 @@ impl Datum {
             0.0
         };
         let turned_m = (self.stretch * line.middle_m - tied_m) * slope_sd;
-        let stretched_m = if self.is_tied {
+        let stretched_m = if self.is_tied || self.is_exact {
             0.0
         } else {
             STRETCH_SD * height_m

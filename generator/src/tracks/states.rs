@@ -7,8 +7,9 @@ use dataset::numbers::spread::{mean_and_deviation, median};
 use dataset::numbers::units::Degrees;
 
 use super::arrival::{NoArrival, Seen, arrival, without_jumps};
-use super::attitude::{final_speed_mps, flaps, gear, pitch_deg, roll_deg};
-use super::formats::Fix;
+use super::attitude::{density, final_speed_mps, gear, measured_attitude, pitch_deg, roll_deg};
+use super::flaps::{FlapSchedule, Moment};
+use super::formats::{Attitude, Fix};
 use super::height::Datum;
 use super::smoother::{Measured, Noise, Smoothed, at, smooth};
 
@@ -31,6 +32,8 @@ const HEIGHT: Noise = Noise {
     speed_mps: 1.0,
     acceleration: 0.05,
 };
+/// Positions of a simulator are rounded, metres.
+const EXACT_M: f64 = 1.0;
 /// An altitude this far from the median of its neighbours on both sides is wrong, metres.
 const SPIKE_M: f64 = 100.0;
 const NEIGHBOURS: usize = 5;
@@ -53,7 +56,7 @@ const MEASURED_S: f64 = 2.0;
 const TURN_S: f64 = 2.0;
 const TURNS_S: f64 = 5.0;
 
-const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,roll_deg,heading_true_deg,tas_mps,v_north_mps,v_east_mps,v_down_mps,flap_norm,gear_norm,on_ground,altitude_90_m,position";
+const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,roll_deg,heading_true_deg,tas_mps,v_north_mps,v_east_mps,v_down_mps,flap_norm,gear_norm,on_ground,altitude_90_m,attitude,position";
 
 /// The states of a recording.
 pub(super) struct Made {
@@ -69,6 +72,7 @@ struct Row {
     numbers: [f64; 12],
     on_ground: bool,
     is_measured: bool,
+    has_measured_attitude: bool,
     /// Half the width of the 90 % interval of the height.
     height_90_m: f64,
 }
@@ -86,6 +90,7 @@ struct Path<'a> {
     left_m: f64,
     datum: Datum,
     final_mps: f64,
+    flaps: FlapSchedule,
 }
 
 /// Deviations of the measured positions from the path, metres (standard deviation).
@@ -180,9 +185,17 @@ impl<'a> Path<'a> {
         }
         let [along, across, heights] = measured;
         let heights = without_spikes(&heights);
-        let (to_go, along_outliers) = smooth(&along, ALONG);
-        let (right, across_outliers) = smooth(&across, ACROSS);
-        let (height, _) = smooth(&heights, HEIGHT);
+        let noise = |noise: Noise| Noise {
+            place_m: if datum.is_exact() {
+                EXACT_M
+            } else {
+                noise.place_m
+            },
+            ..noise
+        };
+        let (to_go, along_outliers) = smooth(&along, noise(ALONG));
+        let (right, across_outliers) = smooth(&across, noise(ACROSS));
+        let (height, _) = smooth(&heights, noise(HEIGHT));
         let is_outlier: Vec<bool> = (along_outliers.iter().zip(&across_outliers))
             .map(|(along, across)| *along || *across)
             .collect();
@@ -210,8 +223,15 @@ impl<'a> Path<'a> {
             left_m: 0.0,
             datum,
             final_mps: final_speed_mps(seen),
+            flaps: FlapSchedule::of(&[], runway.glide_path_deg),
         };
         path.land(seen);
+        let (first_s, last_s) = (seen[0].fix.time_s, path.touchdown_s);
+        let steps = ((last_s - first_s) / STEP_S).max(0.0) as usize;
+        let moments: Vec<Moment> = (0..=steps)
+            .map(|step| path.moment(first_s + step as f64 * STEP_S))
+            .collect();
+        path.flaps = FlapSchedule::of(&moments, runway.glide_path_deg);
         (path, scatter)
     }
 
@@ -290,6 +310,27 @@ impl<'a> Path<'a> {
         ]
     }
 
+    fn moment(&self, time_s: f64) -> Moment {
+        let [north, east] = self.velocity_mps(time_s);
+        let speed_mps = north.hypot(east);
+        let height_m = self.height_m(time_s);
+        // Indicated airspeeds fall with the root of the density.
+        let field_msl_m = self.runway.threshold.altitude_msl_m;
+        let thinner = density(field_msl_m + height_m) / density(field_msl_m);
+        Moment {
+            time_s,
+            to_go_m: self.place(time_s)[0].place_m,
+            height_m,
+            climbs_deg: -self.sink_mps(time_s).atan2(speed_mps).to_degrees(),
+            faster: speed_mps * thinner.sqrt() / self.final_mps,
+        }
+    }
+
+    fn sink_mps(&self, time_s: f64) -> f64 {
+        let half_s = STEP_S / 2.0;
+        (self.height_m(time_s - half_s) - self.height_m(time_s + half_s)) / STEP_S
+    }
+
     fn track_deg(&self, time_s: f64) -> f64 {
         let [north, east] = self.velocity_mps(time_s);
         east.atan2(north).to_degrees()
@@ -302,8 +343,7 @@ impl<'a> Path<'a> {
         let [north, east] = self.velocity_mps(time_s);
         let speed_mps = north.hypot(east);
         let on_ground = time_s >= self.touchdown_s;
-        let half_s = STEP_S / 2.0;
-        let sink_mps = (self.height_m(time_s - half_s) - self.height_m(time_s + half_s)) / STEP_S;
+        let sink_mps = self.sink_mps(time_s);
         let turn = Degrees(self.track_deg(time_s + TURN_S) - self.track_deg(time_s - TURN_S))
             .wrapped_180()
             .0;
@@ -313,29 +353,41 @@ impl<'a> Path<'a> {
         let is_measured = near
             .filter_map(|index| seen.get(index))
             .any(|at| (at.fix.time_s - time_s).abs() <= MEASURED_S);
-        let path_deg = -sink_mps.atan2(speed_mps).to_degrees();
+        let flaps = self.flaps.at(time_s);
+        let measured = measured_attitude(seen, time_s);
+        let attitude = measured.unwrap_or_else(|| {
+            let derived = |value_deg: f64| if on_ground { 0.0 } else { value_deg };
+            let Moment {
+                climbs_deg, faster, ..
+            } = self.moment(time_s);
+            Attitude {
+                pitch_deg: derived(pitch_deg(climbs_deg, faster, flaps, bank_deg)),
+                roll_deg: derived(bank_deg),
+                heading_true_deg: None,
+            }
+        });
+        let heading_deg = attitude
+            .heading_true_deg
+            .unwrap_or_else(|| self.track_deg(time_s));
         Row {
             time_s: time_s - first_s,
             numbers: [
                 here.latitude_deg,
                 here.longitude_deg,
                 target.altitude_msl_m + self.height_m(time_s),
-                if on_ground {
-                    0.0
-                } else {
-                    pitch_deg(path_deg, speed_mps, self.final_mps, bank_deg)
-                },
-                if on_ground { 0.0 } else { bank_deg },
-                Degrees(self.track_deg(time_s)).wrapped_360().0,
+                attitude.pitch_deg,
+                attitude.roll_deg,
+                Degrees(heading_deg).wrapped_360().0,
                 speed_mps,
                 north,
                 east,
                 sink_mps,
-                flaps(speed_mps),
+                flaps,
                 gear(to_go.place_m),
             ],
             on_ground,
             is_measured,
+            has_measured_attitude: measured.is_some(),
             height_90_m: self.datum.half_width_90_m(self.height_m(time_s)),
         }
     }
@@ -352,13 +404,14 @@ impl Made {
                 let digits = if index < 2 { 9 } else { 4 };
                 let _ = write!(text, ",{number:.digits$}");
             }
-            let position = if row.is_measured {
-                "measured"
-            } else {
-                "derived"
-            };
+            let source = |is_measured: bool| if is_measured { "measured" } else { "derived" };
+            let [position, attitude] = [row.is_measured, row.has_measured_attitude].map(source);
             let on_ground = u8::from(row.on_ground);
-            let _ = writeln!(text, ",{on_ground},{:.1},{position}", row.height_90_m);
+            let _ = writeln!(
+                text,
+                ",{on_ground},{:.1},{attitude},{position}",
+                row.height_90_m
+            );
         }
         text
     }

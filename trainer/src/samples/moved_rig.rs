@@ -7,8 +7,8 @@ use glam::{DMat3, DVec3};
 
 use crate::samples::rig::{Cameras, differences, form};
 
-/// Cameras of two runways are the same within this distance, metres, and this angle, degrees: true directions at a mast and at the
-/// touchdown target differ by up to 0.04 degrees, depending on the latitude.
+/// Cameras of two runways are the same within this distance, metres, and this angle, degrees: a `heading_true_deg` at a mast and at the
+/// touchdown target differs by up to 0.04 degrees, depending on the latitude.
 const SAME_PLACE_M: f64 = 0.5;
 const SAME_DIRECTION_DEG: f64 = 0.1;
 

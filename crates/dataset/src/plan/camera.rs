@@ -11,12 +11,16 @@ use super::Picture;
 use crate::corpus::calibration::CameraEntry;
 use crate::geometry::camera::CameraPose;
 use crate::geometry::distortion::Distortion;
-use crate::geometry::geodesy::Geodetic;
+use crate::geometry::geodesy::{Geodetic, LatLon};
 use crate::geometry::imaging::Imaging;
 use crate::geometry::pose::Pose;
 use crate::geometry::runway::Runway;
 use crate::numbers::limits::{self, Check};
 use crate::numbers::units::{Degrees, METERS_PER_NAUTICAL_MILE};
+
+/// Up to this latitude, meridians at a runway and its masts are parallel within 0.0006 degrees, and are taken as such: so directions in
+/// corpora of Changi stay as they are.
+const PARALLEL_MERIDIANS_DEG: f64 = 2.0;
 
 /// A camera on a mast beside the runway, as in the rig of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,7 +37,8 @@ pub struct PlannedCamera {
     pub right_m: f64,
     /// Height above the touchdown target, metres.
     pub height_m: f64,
-    /// Turn of the optical axis from the reciprocal of the course towards the runway's axis, degrees. Either this or `heading_true_deg`.
+    /// Turn of the optical axis from the reciprocal of the course towards the runway's axis, degrees, measured at the mast. Either this or
+    /// `heading_true_deg`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inward_deg: Option<f64>,
     /// Direction of the optical axis, degrees true.
@@ -220,7 +225,8 @@ fn place(camera: &PlannedCamera, runway: &Runway) -> CameraPose {
     let position = runway
         .point_on_approach(-beyond_target_m, camera.right_m)
         .at_altitude_m(target.altitude_msl_m + camera.height_m);
-    let back = runway.course_true_deg + 180.0;
+    let back =
+        runway.course_true_deg + 180.0 + convergence_deg(target.lat_lon(), position.lat_lon());
     // Looking back along the course, the runway's axis is on the left of a camera that stands left of the course.
     let turned = back + clockwise_deg(camera.inward_deg.unwrap_or(0.0), camera.right_m);
     let heading = camera.heading_true_deg.unwrap_or(turned);
@@ -235,6 +241,16 @@ fn place(camera: &PlannedCamera, runway: &Runway) -> CameraPose {
         },
         hfov_deg: camera.hfov_deg,
     }
+}
+
+/// Turn of north from the touchdown target to a mast, degrees: a direction that stays parallel to the runway has another azimuth there.
+fn convergence_deg(target: LatLon, mast: LatLon) -> f64 {
+    if target.latitude_deg.abs() < PARALLEL_MERIDIANS_DEG || target == mast {
+        return 0.0;
+    }
+    let leaves_deg = target.azimuth_to_deg(mast);
+    let arrives_deg = mast.azimuth_to_deg(target) + 180.0;
+    Degrees(arrives_deg - leaves_deg).wrapped_180().0
 }
 
 /// A turn towards the runway's axis is clockwise for cameras on the right and anticlockwise on the left. A camera on the axis has
@@ -372,6 +388,36 @@ mod tests {
                 (a.x + b.x - 1_919.0).abs() < 0.5,
                 "{dtd_nm} NM: {a} and {b}"
             );
+        }
+    }
+
+    #[test]
+    fn a_rig_has_the_same_directions_relative_to_the_runway_at_every_latitude() {
+        // Each camera's axes in those of the runway.
+        let at_latitude = |latitude_deg: f64, course_true_deg: f64| {
+            let mut runway = changi_02l();
+            runway.threshold.latitude_deg = latitude_deg;
+            runway.course_true_deg = course_true_deg;
+            let runway_axes = runway.touchdown_target().ecef_from_ned()
+                * glam::DMat3::from_rotation_z(course_true_deg.to_radians());
+            [-300.0, 300.0].map(|side| {
+                let placed = place(&mast("view", side), &runway);
+                let camera = Pinhole::from_pose(&placed, 1920, 1280);
+                runway_axes.transpose() * camera.ecef_from_camera
+            })
+        };
+        let changi = at_latitude(1.35, 23.02);
+        for (latitude_deg, course_true_deg) in [(47.5, 137.2), (-20.4, 317.0), (64.0, 190.0)] {
+            let there = at_latitude(latitude_deg, course_true_deg);
+            for (here, there) in changi.iter().zip(&there) {
+                let turn = here.transpose() * *there;
+                let off_deg = (turn.y_axis - glam::DVec3::Y).length().to_degrees();
+                let aside_deg = (turn.z_axis - glam::DVec3::Z).length().to_degrees();
+                assert!(
+                    off_deg < 0.0008 && aside_deg < 0.0008,
+                    "{latitude_deg}: {off_deg} {aside_deg}"
+                );
+            }
         }
     }
 

@@ -6,7 +6,7 @@ use dataset::numbers::units::Degrees;
 
 use super::{Conflict, PLACE_M, USUAL_GLIDE_PATH_DEG, USUAL_TOUCHDOWN_M};
 use crate::airports::sources::Ends;
-use crate::tracks::ArrivalAxis;
+use crate::tracks::{ArrivalAxis, JudgedTracks, RefusedTrack};
 
 /// Courses contradict each other beyond this difference, degrees.
 const COURSE_DEG: f64 = 0.05;
@@ -31,6 +31,8 @@ pub(super) struct Line<'a> {
     /// Distance of the localizer's antenna from the centreline, metres.
     pub(super) localizer_m: Option<f64>,
     pub(super) arrivals: Option<ArrivalAxis>,
+    /// Tracks that are not among the arrivals.
+    pub(super) left_out: Vec<RefusedTrack>,
 }
 
 impl<'a> Line<'a> {
@@ -49,10 +51,16 @@ impl<'a> Line<'a> {
             landing_m: threshold.distance_m(far.place),
             localizer_m: None,
             arrivals: None,
+            left_out: Vec::new(),
         };
         let offset_m = localizer.map(|place| line.place(place).cross_track_m.abs());
         line.localizer_m = offset_m.filter(|offset_m| *offset_m < OFFSET_LOCALIZER_M);
         line
+    }
+
+    /// With the arrivals on it.
+    pub(super) fn judge(&mut self, tracks: JudgedTracks) {
+        (self.arrivals, self.left_out) = (tracks.axis, tracks.left_out);
     }
 
     /// The runway by this table at sea level, for what lies on the ground.
@@ -108,6 +116,11 @@ impl<'a> Line<'a> {
             self.threshold.at_altitude_m(0.0),
             self.course_deg,
         )
+    }
+
+    /// Offset of a place from the centreline, to the right when landing, metres.
+    pub(super) fn across_m(&self, place: LatLon) -> f64 {
+        self.place(place).cross_track_m
     }
 
     pub(super) fn along_m(&self, place: LatLon) -> f64 {

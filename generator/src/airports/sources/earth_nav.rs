@@ -13,6 +13,8 @@ const ELEVATION_FT: std::ops::RangeInclusive<f64> = -1_500.0..=16_000.0;
 const FREQUENCY: std::ops::RangeInclusive<f64> = 10_800.0..=11_200.0;
 /// Hundredths of a degree times 1,000, and the bearing.
 const ANGLE: std::ops::RangeInclusive<f64> = 200_000.0..=800_000.0;
+/// The true bearing, degrees; from version 1100 on with 360 times the magnetic course, in whole degrees.
+const BEARING: std::ops::RangeInclusive<f64> = 0.0..=130_320.0;
 
 pub(super) fn is_one(head: &str) -> bool {
     let is_aid = |line: &str| {
@@ -56,9 +58,11 @@ pub(super) fn read<R: BufRead>(
                 angle_deg: (coded / 1_000.0).floor() / 100.0,
             }
         } else {
+            let coded = lines.number("the localizer's bearing", field(6), BEARING)?;
             Aid::Localizer {
                 place,
                 frequency_mhz: lines.number("the frequency", field(4), FREQUENCY)? / 100.0,
+                course_magnetic_deg: (coded > 360.0).then(|| (coded / 360.0).floor()),
             }
         });
     }

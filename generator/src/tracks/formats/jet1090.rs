@@ -51,6 +51,8 @@ pub(super) fn read<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, St
         let Some(aircraft) = message.icao24 else {
             continue;
         };
+        // An aircraft without any position is counted as well.
+        let kept = tracks.entry(aircraft.clone()).or_default();
         if let (Some(knots), Some(track_deg)) = (message.groundspeed, message.track) {
             velocities.insert(
                 aircraft.clone(),
@@ -72,8 +74,10 @@ pub(super) fn read<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, St
             ground_speed_mps: velocity.map(|velocity| velocity.1),
             track_deg: velocity.map(|velocity| velocity.2),
             on_ground: message.bds.as_deref() == Some(SURFACE),
+            attitude: None,
+            is_simulated: false,
         };
-        tracks.entry(aircraft).or_default().add(fix, target);
+        kept.add(fix, target);
     }
     Ok(super::tracks_of(tracks))
 }

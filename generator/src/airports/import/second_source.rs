@@ -1,0 +1,41 @@
+//! Sources that confirm the recommended ends of a runway.
+
+use dataset::geometry::geodesy::LatLon;
+use dataset::numbers::units::Degrees;
+
+use super::line::Line;
+
+/// Two sources agree within these differences: metres across at the threshold, degrees.
+const ACROSS_M: f64 = 5.0;
+const TURNED_DEG: f64 = 0.02;
+
+/// Names of the sources that agree with a line: other tables, the axis of both localizers, arrivals. None of them: it is unconfirmed.
+pub(super) fn confirmed_by(
+    best: &Line<'_>,
+    lines: &[Line<'_>],
+    localizers: Option<(LatLon, LatLon)>,
+) -> Vec<String> {
+    let agrees = |other: &Line<'_>| {
+        let turned_deg = Degrees(other.course_deg - best.course_deg).wrapped_180().0;
+        best.across_m(other.threshold).abs() <= ACROSS_M && turned_deg.abs() <= TURNED_DEG
+    };
+    let others = lines
+        .iter()
+        .filter(|line| line.ends.source != best.ends.source);
+    let mut found: Vec<String> = others
+        .filter(|line| agrees(line))
+        .map(|line| line.ends.source.to_owned())
+        .collect();
+    let axis = localizers.and_then(|(localizer, opposite)| best.onto_axis(opposite, localizer));
+    if let Some(axis) =
+        axis.filter(|axis| axis.source != best.ends.source && agrees(&Line::of(axis, None)))
+    {
+        found.push(axis.source.to_owned());
+    }
+    let arrivals = best.arrivals.filter(|axis| {
+        let off_m = axis.offset_m.abs();
+        axis.is_judge() && off_m <= ACROSS_M && axis.turned_deg.abs() <= TURNED_DEG
+    });
+    found.extend(arrivals.map(|axis| format!("{} arrivals", axis.arrivals)));
+    found
+}

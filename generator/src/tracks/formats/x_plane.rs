@@ -1,0 +1,245 @@
+//! X-Plane's own recordings: `Data.txt`, the data output to disk, and files of the flight data recorder (`.fdr`). Position, height and
+//! attitude are the simulator's.
+//!
+//! `Data.txt` has columns between bars; a line with their names begins it, and follows each change of the columns. Rows of an `.fdr` begin
+//! with `DATA` in version 3, with the time of day in version 4 ("Creating FDR Files", x-plane.com/kb).
+
+use std::io::BufRead;
+
+use dataset::geometry::geodesy::LatLon;
+use dataset::numbers::units::METERS_PER_FOOT;
+
+use super::{Attitude, Fix, Kept, MPS_PER_KNOT, Track};
+
+/// Rows that follow sooner than this are left out, seconds.
+const STEP_S: f64 = 0.2;
+/// An aircraft whose wheels are lower is on the ground, feet.
+const ON_GROUND_FT: f64 = 1.0;
+const DAY_S: f64 = 86_400.0;
+
+/// Names of columns in `Data.txt`, without underscores at their beginning; the first that is there counts. `p-alt` is above a pressure.
+const TIMES: [&str; 3] = ["totl,_time", "missn,_time", "real,_time"];
+const LATITUDE: &str = "lat,__deg";
+const LONGITUDE: &str = "lon,__deg";
+const TRUE_ALTITUDES: [&str; 2] = ["CG,ftMSL", "alt,ftmsl"];
+const PRESSURE_ALTITUDE: &str = "p-alt,ftMSL";
+const ABOVE_GROUND: &str = "alt,ftagl";
+const GROUND_SPEED: &str = "Vtrue,_ktgs";
+const TRACKS: [&str; 2] = ["hpath,_true", "hpath,__deg"];
+const PITCH: &str = "pitch,__deg";
+const ROLL: &str = "roll,__deg";
+const HEADING: &str = "hding,_true";
+
+/// Names of columns, without the underscores that fill them up on the left.
+fn names(line: &str) -> Vec<&str> {
+    let fields = line.trim().trim_end_matches('|').split('|');
+    fields
+        .map(|field| field.trim().trim_start_matches('_'))
+        .collect()
+}
+
+fn first_lines(head: &[u8]) -> impl Iterator<Item = &str> {
+    let lines = head.split(|byte| *byte == b'\n');
+    let texts = lines.map(|line| std::str::from_utf8(line).unwrap_or_default().trim());
+    texts.filter(|line| !line.is_empty())
+}
+
+/// True if a file begins with names of columns between bars.
+pub(super) fn is_data_txt(head: &[u8]) -> bool {
+    let first = first_lines(head).next().unwrap_or_default();
+    first.contains('|') && first.contains(",_")
+}
+
+/// True if a file begins with the kind of its line ends and its version.
+pub(super) fn is_fdr(head: &[u8]) -> bool {
+    let mut lines = first_lines(head);
+    matches!(lines.next(), Some("A" | "I" | "IBM" | "APL"))
+        && lines.next().is_some_and(|version| {
+            version
+                .split_whitespace()
+                .next()
+                .is_some_and(|text| text.parse::<u32>().is_ok())
+        })
+}
+
+/// Columns of `Data.txt`.
+struct Columns {
+    time: usize,
+    latitude: usize,
+    longitude: usize,
+    altitude: usize,
+    is_true_altitude: bool,
+    above_ground: Option<usize>,
+    ground_speed: Option<usize>,
+    track: Option<usize>,
+    attitude: Option<[usize; 3]>,
+}
+
+impl Columns {
+    fn of(line: &str) -> Result<Self, String> {
+        let found = names(line);
+        let place = |name: &str| found.iter().position(|found| *found == name);
+        let any = |names: &[&str]| names.iter().find_map(|name| place(name));
+        let needed = |column: Option<usize>, what: &str| {
+            column.ok_or_else(|| {
+                format!(
+                    "no column for {what}; its columns are {}. Select `times` and `latitude, longitude, & altitude` in X-Plane's data output",
+                    found.join(", ")
+                )
+            })
+        };
+        let true_altitude = any(&TRUE_ALTITUDES);
+        Ok(Self {
+            time: needed(any(&TIMES), "the time")?,
+            latitude: needed(place(LATITUDE), "the latitude")?,
+            longitude: needed(place(LONGITUDE), "the longitude")?,
+            altitude: needed(
+                true_altitude.or_else(|| place(PRESSURE_ALTITUDE)),
+                "the altitude",
+            )?,
+            is_true_altitude: true_altitude.is_some(),
+            above_ground: place(ABOVE_GROUND),
+            ground_speed: place(GROUND_SPEED),
+            track: any(&TRACKS),
+            attitude: place(PITCH)
+                .zip(place(ROLL))
+                .zip(place(HEADING))
+                .map(|((pitch, roll), heading)| [pitch, roll, heading]),
+        })
+    }
+}
+
+/// The flight in a `Data.txt`; the error is a line and the reason.
+pub(super) fn data_txt<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, String> {
+    let mut columns: Option<Columns> = None;
+    let mut rows = Rows::new(target);
+    for (index, line) in file.lines().enumerate() {
+        let bad = |why: String| format!("line {}: {why}", index + 1);
+        let line = line.map_err(|error| bad(error.to_string()))?;
+        if line.trim().is_empty() {
+            continue;
+        }
+        if line.contains(",_") {
+            columns = Some(Columns::of(&line).map_err(bad)?);
+            continue;
+        }
+        let Some(columns) = &columns else {
+            return Err(bad("numbers without names of columns before them".into()));
+        };
+        let fields: Vec<&str> = line.split('|').map(str::trim).collect();
+        let number = |at: usize| number(&fields, at).map_err(bad);
+        let optional = |at: Option<usize>| at.map(number).transpose();
+        let above_ground_ft = optional(columns.above_ground)?;
+        let attitude = match columns.attitude {
+            Some([pitch, roll, heading]) => Some(Attitude {
+                pitch_deg: number(pitch)?,
+                roll_deg: number(roll)?,
+                heading_true_deg: Some(number(heading)?),
+            }),
+            None => None,
+        };
+        rows.add(Fix {
+            time_s: number(columns.time)?,
+            latitude_deg: number(columns.latitude)?,
+            longitude_deg: number(columns.longitude)?,
+            altitude_m: Some(number(columns.altitude)? * METERS_PER_FOOT),
+            ground_speed_mps: optional(columns.ground_speed)?.map(|knots| knots * MPS_PER_KNOT),
+            track_deg: optional(columns.track)?,
+            on_ground: above_ground_ft.is_some_and(|feet| feet < ON_GROUND_FT),
+            attitude,
+            is_simulated: columns.is_true_altitude,
+        });
+    }
+    Ok(rows.track())
+}
+
+/// The flight in an `.fdr`; the error is a line and the reason.
+pub(super) fn fdr<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, String> {
+    let mut rows = Rows::new(target);
+    let mut days_s = 0.0;
+    let mut before_s = f64::NEG_INFINITY;
+    for (index, line) in file.lines().enumerate() {
+        let bad = |why: String| format!("line {}: {why}", index + 1);
+        let line = line.map_err(|error| bad(error.to_string()))?;
+        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+        let number = |at: usize| number(&fields, at).map_err(bad);
+        // Before the position: kind, seconds, temperature; or the time of day.
+        let (time_s, place, attitude, has_true_heading) = if fields[0] == "DATA" {
+            (number(1)?, 3, 10, true)
+        } else if let Some(day_s) = time_of_day_s(fields[0]) {
+            let is_next_day = day_s + days_s < before_s - DAY_S / 2.0;
+            days_s += if is_next_day { DAY_S } else { 0.0 };
+            (day_s + days_s, 1, 5, false)
+        } else {
+            continue;
+        };
+        before_s = time_s;
+        rows.add(Fix {
+            time_s,
+            latitude_deg: number(place + 1)?,
+            longitude_deg: number(place)?,
+            altitude_m: Some(number(place + 2)? * METERS_PER_FOOT),
+            ground_speed_mps: None,
+            track_deg: None,
+            on_ground: false,
+            attitude: Some(Attitude {
+                pitch_deg: number(attitude)?,
+                roll_deg: number(attitude + 1)?,
+                // Version 4 has the magnetic heading, before the pitch.
+                heading_true_deg: has_true_heading.then(|| number(attitude + 2)).transpose()?,
+            }),
+            is_simulated: true,
+        });
+    }
+    Ok(rows.track())
+}
+
+/// The rows of a recording, thinned out.
+struct Rows {
+    kept: Kept,
+    target: LatLon,
+    last_s: f64,
+}
+
+impl Rows {
+    fn new(target: LatLon) -> Self {
+        Self {
+            kept: Kept::default(),
+            target,
+            last_s: f64::NEG_INFINITY,
+        }
+    }
+
+    fn add(&mut self, fix: Fix) {
+        // A time that jumps back begins another flight in the same file; the last landing counts.
+        if (self.last_s - 1.0..self.last_s + STEP_S).contains(&fix.time_s) {
+            return;
+        }
+        self.last_s = fix.time_s;
+        self.kept.add(fix, self.target);
+    }
+
+    fn track(self) -> Vec<Track> {
+        vec![Track {
+            aircraft: None,
+            fixes: self.kept.fixes(),
+        }]
+    }
+}
+
+fn number(fields: &[&str], at: usize) -> Result<f64, String> {
+    let text = fields.get(at).copied().unwrap_or_default();
+    let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+    number.ok_or_else(|| format!("field {} is {text:?}; expected a number", at + 1))
+}
+
+/// Seconds of a time such as `18:54:32.5`.
+fn time_of_day_s(text: &str) -> Option<f64> {
+    let mut parts = text.split(':').map(str::parse::<f64>);
+    let (Some(Ok(hours)), Some(Ok(minutes)), Some(Ok(seconds)), None) =
+        (parts.next(), parts.next(), parts.next(), parts.next())
+    else {
+        return None;
+    };
+    Some(hours * 3_600.0 + minutes * 60.0 + seconds)
+}
