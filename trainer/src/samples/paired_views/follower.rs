@@ -100,7 +100,8 @@ impl Follower {
                 aircraft.paired_s += step_s;
             }
             aircraft.remember(time_s, &boxes);
-            if aircraft.paired_s == 0.0 && aircraft.seen_s >= APPROACH_S {
+            // The first step was before its first box.
+            if aircraft.paired_s == 0.0 && aircraft.seen_s - step_s >= APPROACH_S {
                 aircraft.has_approached |= learned.shows_approach(aircraft, step_s);
             }
         }

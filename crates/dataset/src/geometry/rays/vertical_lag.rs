@@ -23,7 +23,7 @@ const MOST: usize = 600;
 const SD_PX: f64 = 0.04;
 const SD_PART: f64 = 0.003;
 /// No lag of one arrival has a smaller one, seconds: light and shade change which parts the views show.
-pub const LEAST_LAG_SD_S: f64 = 0.005;
+const LEAST_SD_S: f64 = 0.005;
 
 /// Standard deviation of the distance of registered places of an aircraft from the line, pixels. `width_px`: of the aircraft.
 pub fn across_sd_px(width_px: f64) -> f64 {
@@ -148,7 +148,7 @@ impl VerticalLag {
         Some(Lag {
             time_s: weighted(&times) / spread,
             seconds,
-            sd_s: (excess / spread).sqrt().hypot(LEAST_LAG_SD_S),
+            sd_s: (excess / spread).sqrt().hypot(LEAST_SD_S),
         })
     }
 
