@@ -9,7 +9,7 @@
 //! both images, which is fitted with the lag.
 
 use dataset::geometry::camera::Camera;
-use dataset::geometry::rays::EpipolarLine;
+use dataset::geometry::rays::{EpipolarLine, across_sd_px};
 use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
 
@@ -25,7 +25,7 @@ const UNIT_PX: f64 = 1_000.0;
 const PRIOR_WEIGHT: f64 = 1e-6;
 /// Fewer sightings say nothing.
 const FEWEST: f64 = 40.0;
-/// No distance from the line has a smaller standard deviation, pixels.
+/// The flight's distances from the line have no smaller standard deviation, pixels.
 const LEAST_SD_PX: f64 = 0.1;
 /// Residuals of so many standard deviations have half the weight, in so many rounds.
 const CAUCHY: f64 = 2.5;
@@ -36,15 +36,17 @@ const ROUNDS: usize = 20;
 pub(crate) struct CommonSighting {
     /// Factors of the unknowns.
     row: [f64; UNKNOWNS],
-    /// Distance from the line in the second view.
+    /// Distance from the line in the second view, and its usual standard deviation.
     off_px: f64,
+    sd_px: f64,
 }
 
 impl CommonSighting {
-    /// Where both cameras see it, and by how much it moves in the second view in a second; `None` if no line is defined.
+    /// Where both cameras see it, its width, and by how much it moves in the second view in a second; `None` if no line is defined.
     pub(crate) fn of(
         cameras: [&Camera; 2],
         places_px: [DVec2; 2],
+        width_px: f64,
         motion_px_s: DVec2,
     ) -> Option<Self> {
         let [first, second] = places_px;
@@ -54,6 +56,7 @@ impl CommonSighting {
         Some(Self {
             row: [1.0, x, y, apart, line.across.dot(motion_px_s)],
             off_px: line.off_px(second),
+            sd_px: across_sd_px(width_px),
         })
     }
 
@@ -68,7 +71,7 @@ impl CommonSighting {
 pub(crate) struct TimeOffset {
     /// To be added to the times of the second view, seconds: negative for images that are late.
     pub(crate) seconds: f64,
-    /// Its standard deviation if all sightings have independent errors, seconds.
+    /// Its standard deviation, seconds.
     pub(crate) sd_s: f64,
 }
 
@@ -92,14 +95,16 @@ impl Default for TimeOffsetFit {
 
 impl TimeOffsetFit {
     fn add_weighted(&mut self, sighting: &CommonSighting, weight: f64) {
+        let weight = weight * sighting.sd_px.powi(-2);
         self.normal.add(&sighting.row, sighting.off_px, weight);
     }
 
-    fn with_sd(&self, unknowns: &[f64; UNKNOWNS], sd_px: f64) -> Option<TimeOffset> {
+    /// `excess`: errors of the sightings in parts of their usual ones.
+    fn with_sd(&self, unknowns: &[f64; UNKNOWNS], excess: f64) -> Option<TimeOffset> {
         let variance = self.normal.inverse()?[LAG][LAG];
         let offset = TimeOffset {
             seconds: unknowns[LAG],
-            sd_s: sd_px.max(LEAST_SD_PX) * variance.sqrt(),
+            sd_s: excess * variance.sqrt(),
         };
         (offset.seconds.is_finite() && offset.sd_s.is_finite()).then_some(offset)
     }
@@ -130,13 +135,15 @@ impl ViewRelation {
             }
             let unknowns = fit.normal.solve()?;
             let off_px = |sighting: &CommonSighting| sighting.off_px_by(&unknowns);
-            let sd_px = deviation_from_zero(sightings.iter().map(off_px)).max(LEAST_SD_PX);
+            let off = |sighting: &CommonSighting| off_px(sighting) / sighting.sd_px;
+            // Errors that are larger than usual count, smaller ones may be chance.
+            let excess = deviation_from_zero(sightings.iter().map(off)).max(1.0);
             for (sighting, weight) in sightings.iter().zip(&mut weights) {
-                *weight = 1.0 / (1.0 + (off_px(sighting) / (CAUCHY * sd_px)).powi(2));
+                *weight = 1.0 / (1.0 + (off(sighting) / (CAUCHY * excess)).powi(2));
             }
             relation = Some(Self {
-                offset: fit.with_sd(&unknowns, sd_px)?,
-                sd_px,
+                offset: fit.with_sd(&unknowns, excess)?,
+                sd_px: deviation_from_zero(sightings.iter().map(off_px)).max(LEAST_SD_PX),
                 unknowns,
             });
         }
@@ -193,7 +200,7 @@ mod tests {
             let there = seen(0.0) + DVec2::new(noise(0.3) + 1.5, noise(1.7) - 0.8);
             let here = left.project(place_m(flown_s)).unwrap();
             let motion = (seen(0.1) - seen(-0.1)) / 0.2;
-            CommonSighting::of([&stated[0], &stated[1]], [here, there], motion).unwrap()
+            CommonSighting::of([&stated[0], &stated[1]], [here, there], 20.0, motion).unwrap()
         };
         (0..560).map(sighting).collect()
     }
@@ -222,6 +229,22 @@ mod tests {
         let off_px = relation.off_px(&sightings[7]);
         assert!((off_px - 30.0).abs() < 1.0, "{off_px}");
         assert!(relation.off_px(&sightings[8]).abs() < 1.0);
+    }
+
+    #[test]
+    fn errors_of_a_near_aircraft_change_the_offset_less_than_those_of_a_far_one() {
+        let error_s = |width_px: f64| {
+            let mut sightings = sightings(0.5, 0.0);
+            for sighting in sightings.iter_mut().skip(480) {
+                sighting.off_px += 0.3;
+                sighting.sd_px = across_sd_px(width_px);
+            }
+            let found = ViewRelation::robust(&sightings).unwrap().offset;
+            (found.seconds - 0.5).abs()
+        };
+        let [near_s, far_s] = [200.0, 20.0].map(error_s);
+        assert!(near_s < 0.5 * far_s, "{near_s}, {far_s}");
+        assert!(near_s < 0.03, "{near_s}");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use dataset::corpus::detections::{Detection, Detections};
 use dataset::geometry::camera::Camera;
+use dataset::geometry::rays::LAG_STEP_S;
 use dataset::numbers::motion::motion_at;
 use dataset::tables::health::{HealthState, ViewHealth, ViewLag};
 use dataset::tables::registrations::Registration;
@@ -13,14 +14,10 @@ use glam::DVec2;
 use super::pictures::ViewTicks;
 use crate::view_lag::{CommonSighting, ViewRelation};
 
-/// Sightings that count are so far apart, seconds.
-const STEP_S: f64 = 0.5;
 /// A direction that is less certain is not corrected, pixels.
 const MOST_TURN_SD_PX: f64 = 0.3;
-/// Errors of so many sightings in a row are alike.
-const ALIKE: f64 = 3.0;
 /// Standard deviation of what all sightings of a flight have in common, milliseconds: views from two sides see other parts of a near
-/// aircraft. The demo's untouched flights have lags up to 45 ms.
+/// aircraft, and wrong directions of cameras resemble a lag.
 const COMMON_SD_MS: f64 = 20.0;
 /// A larger lag, or a less certain one, was not measured: motion changes too much during it, milliseconds.
 const MOST_MS: f64 = 10_000.0;
@@ -134,7 +131,7 @@ impl Flight<'_> {
         let relation = ViewRelation::robust(&kept)?;
         let lag = ViewLag {
             lag_ms: -1e3 * relation.offset.seconds,
-            lag_sd_ms: (1e3 * relation.offset.sd_s * ALIKE.sqrt()).hypot(COMMON_SD_MS),
+            lag_sd_ms: (1e3 * relation.offset.sd_s).hypot(COMMON_SD_MS),
         };
         if lag.lag_ms.abs().max(lag.lag_sd_ms) > MOST_MS {
             return None;
@@ -220,8 +217,8 @@ fn sightings<'a>(cameras: [&Camera; 2], seen: &'a [Seen]) -> Vec<(&'a Seen, Sigh
         .collect();
     let sighting = |seen: &'a Seen| {
         let motion_px_s = motion_at(&places, seen.time_s);
-        let sighting =
-            CommonSighting::of(cameras, seen.places_px, motion_px_s.unwrap_or_default())?;
+        let motion = motion_px_s.unwrap_or_default();
+        let sighting = CommonSighting::of(cameras, seen.places_px, seen.width_px, motion)?;
         let sighted = match motion_px_s {
             Some(_) => Sighted::Moving(sighting),
             None => Sighted::Short(sighting),
@@ -237,7 +234,7 @@ fn thinned(all: &[(&Seen, Sighted)]) -> Vec<CommonSighting> {
     let mut kept = Vec::new();
     for (seen, sighting) in all {
         if let Sighted::Moving(sighting) = sighting
-            && seen.time_s >= last_s + STEP_S
+            && seen.time_s >= last_s + LAG_STEP_S
         {
             last_s = seen.time_s;
             kept.push(*sighting);

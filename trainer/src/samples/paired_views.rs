@@ -3,7 +3,7 @@
 //! A detector's best box of a view may be a lamp, a bird or a second arrival, whatever the other views see. Here the views have to agree: a
 //! [`Relation`] of each two views, learned from the training's boxes, says which boxes can be one aircraft, and a [`Follower`] keeps to one
 //! aircraft for a flight. Where views contradict each other, the boxes of the aircraft that was followed before are kept, or none. What one
-//! view sees while the others see nothing counts if it comes along the paths of the training ([`Path`]), until views have agreed on
+//! view sees while the others see nothing counts once it comes along the paths of the training ([`Path`]), until views have agreed on
 //! something else.
 
 mod aircraft;
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::samples::{Observation, Sample};
 pub(crate) use follower::Follower;
 use follower::{InSight, Learned};
-use path::Path;
+use path::{Path, Sighting};
 use relation::{LEAST_PAIRS, Relation};
 
 /// The relations of a rig's views, and the paths in each.
@@ -198,8 +198,17 @@ fn common_boxes<'a>(views: [usize; 2], true_boxes: &[&'a Sample]) -> Vec<[&'a Pi
 }
 
 fn fitted_path(view: usize, true_boxes: &[&Sample]) -> Option<Path> {
-    let boxes = true_boxes.iter().filter_map(|s| s.boxes[view].as_ref());
-    Path::fit(view, &boxes.collect::<Vec<_>>())
+    let flights = true_boxes.chunk_by(|a, b| a.scenario == b.scenario);
+    let flights = flights.map(|flight| {
+        let sighting = |sample: &&Sample| {
+            Some(Sighting {
+                time_s: sample.time_ns as f64 / 1e9,
+                pixel_box: sample.boxes[view]?,
+            })
+        };
+        flight.iter().filter_map(sighting).collect::<Vec<_>>()
+    });
+    Path::fit(view, &flights.collect::<Vec<_>>())
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use glam::{DMat3, DVec2, DVec3};
 use crate::geometry::camera::Camera;
 
 pub use epipolar_line::EpipolarLine;
-pub use vertical_lag::{Lag, Sighting, VerticalLag};
+pub use vertical_lag::{LAG_STEP_S, Lag, Sighting, VerticalLag, across_sd_px};
 
 /// A line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
+use super::path::Sighting;
 use crate::samples::other_boxes::Candidate;
 use crate::samples::trusted_boxes::centre_and_size;
 
@@ -38,13 +39,6 @@ const LATE_S: f64 = 10.0;
 const LEAST_GROWTH: f64 = 0.7;
 const MOST_GROWTH: f64 = 1.4;
 const GROWTH_PER_S: f64 = 0.03;
-
-/// A box at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Sighting {
-    time_s: f64,
-    pixel_box: PixelBox,
-}
 
 /// A change per second, and its standard error.
 #[derive(Debug, Clone, Copy)]
@@ -198,6 +192,8 @@ pub(super) struct Aircraft {
     pub(super) last_s: f64,
     /// Time for which the views have been contradicting each other, seconds.
     pub(super) disputed_s: f64,
+    /// It came along the paths of the training at a usual speed.
+    pub(super) has_approached: bool,
 }
 
 impl Aircraft {
@@ -211,6 +207,7 @@ impl Aircraft {
             seen_s: 0.0,
             last_s: 0.0,
             disputed_s: 0.0,
+            has_approached: false,
         };
         new.boxes[view] = Some(index);
         new
@@ -227,12 +224,12 @@ impl Aircraft {
         self.traces[view].as_ref()?.distance_to(time_s, seen)
     }
 
-    /// The first and the last box of the motion in each view that has seen one.
-    pub(super) fn motions(&self) -> impl Iterator<Item = (usize, [&PixelBox; 2])> {
+    /// The first and the last sighting of the motion in each view that has seen one.
+    pub(super) fn motions(&self) -> impl Iterator<Item = (usize, [&Sighting; 2])> {
         let traces = self.traces.iter().enumerate();
         traces.filter_map(|(view, trace)| {
             let trace = trace.as_ref()?;
-            Some((view, [&trace.first()?.pixel_box, &trace.last.pixel_box]))
+            Some((view, [trace.first()?, &trace.last]))
         })
     }
 
@@ -285,6 +282,7 @@ impl Aircraft {
                 boxes: vec![None; self.traces.len()],
                 paired_s: 0.0,
                 disputed_s: 0.0,
+                has_approached: false,
                 ..self
             };
             alone.last_s = trace.last.time_s;

@@ -9,7 +9,7 @@ use dataset::tables::pixel_box::PixelBox;
 
 use super::aircraft::Aircraft;
 use super::is_related;
-use super::path::Path;
+use super::path::{Path, Sighting};
 use super::relation::Relation;
 use crate::samples::Observation;
 use crate::samples::other_boxes::Candidate;
@@ -32,6 +32,8 @@ const ADVANTAGE_S: f64 = 3.0;
 const DISPUTE_S: f64 = 3.0;
 /// Objects in two views contradict each other if they were last seen within this time, seconds: rows change by a pixel or two in a second.
 const RIVAL_S: f64 = 3.0;
+/// What one view alone has seen counts after this time, seconds: then places tell its speed.
+const APPROACH_S: f64 = 10.0;
 /// Of two boxes that contradict each other, one is an intruder if it is so many times as far from where it is expected, plus this.
 const INTRUDER: f64 = 2.0;
 const INTRUDER_AWAY: f64 = 0.2;
@@ -98,6 +100,10 @@ impl Follower {
                 aircraft.paired_s += step_s;
             }
             aircraft.remember(time_s, &boxes);
+            // The first step was before its first box.
+            if aircraft.paired_s == 0.0 && aircraft.seen_s - step_s >= APPROACH_S {
+                aircraft.has_approached |= learned.shows_approach(aircraft, step_s);
+            }
         }
         let chosen = self.choose(&tick, step_s);
         self.followed = chosen.map(|chosen| self.aircraft[chosen].number);
@@ -268,10 +274,10 @@ impl Follower {
             .map(|(index, _)| *index)
     }
 
-    /// False if its views contradict each other, or if it was never seen by two views and stands still, has another size than
-    /// aircraft have there, or is contradicted by what another view sees.
+    /// False if its views contradict each other, or if it was never seen by two views and has not approached at a usual speed, stands
+    /// still, has another size than aircraft have there, or is contradicted by what another view sees.
     fn is_certain(&self, chosen: &Aircraft, tick: &Tick, step_s: f64) -> bool {
-        let Learned { relations, paths } = tick.learned;
+        let relations = tick.learned.relations;
         if chosen.disputed_s > 0.0 && chosen.count() > 1 {
             return false;
         }
@@ -289,18 +295,38 @@ impl Follower {
                     })
                 })
         };
-        let path = |view: usize| paths.iter().find(|path| path.view == view);
-        let is_on_path =
-            |(view, seen): (usize, &PixelBox)| path(view).is_none_or(|path| path.holds(seen));
-        let follows_path = |(view, boxes): (usize, [&PixelBox; 2])| {
-            path(view).is_none_or(|path| path.leads(boxes))
-        };
         chosen.paired_s > 0.0
             // Between ticks that are as far apart as this, waiting for another one would cost more than lamps do.
-            || (chosen.is_moving().unwrap_or(step_s >= LONGEST_STEP_S)
-                && chosen.last_boxes().all(is_on_path)
-                && chosen.motions().all(follows_path)
+            || ((chosen.has_approached || step_s >= LONGEST_STEP_S)
+                && tick.learned.is_on_path(chosen, step_s)
                 && !self.aircraft.iter().any(|other| is_rival(&other)))
+    }
+}
+
+impl Learned<'_> {
+    fn path(&self, view: usize) -> Option<&Path> {
+        self.paths.iter().find(|path| path.view == view)
+    }
+
+    /// True if an object moves, and has the size and the growth of aircraft on the paths of the training.
+    fn is_on_path(&self, of: &Aircraft, step_s: f64) -> bool {
+        let holds =
+            |(view, seen): (usize, &PixelBox)| self.path(view).is_none_or(|path| path.holds(seen));
+        let leads = |(view, ends): (usize, [&Sighting; 2])| {
+            let boxes = ends.map(|seen| &seen.pixel_box);
+            self.path(view).is_none_or(|path| path.leads(boxes))
+        };
+        of.is_moving().unwrap_or(step_s >= LONGEST_STEP_S)
+            && of.last_boxes().all(holds)
+            && of.motions().all(leads)
+    }
+
+    /// True if its motion is known as well, and is about as fast as the training's.
+    fn shows_approach(&self, of: &Aircraft, step_s: f64) -> bool {
+        let mut motions = of.motions().peekable();
+        motions.peek().is_some()
+            && motions.all(|(view, ends)| self.path(view).is_none_or(|path| path.is_as_fast(ends)))
+            && self.is_on_path(of, step_s)
     }
 }
 

@@ -13,7 +13,7 @@ use super::EpipolarLine;
 use crate::geometry::camera::Camera;
 
 /// Seconds between measurements: errors of neighbouring images are alike.
-const STEP_S: f64 = 0.95;
+pub const LAG_STEP_S: f64 = 0.95;
 /// Seconds before and after a measurement in which its motion is read off.
 const SPAN_S: f64 = 2.1;
 /// Measurements before there is a lag, and the most that are kept.
@@ -24,6 +24,11 @@ const SD_PX: f64 = 0.04;
 const SD_PART: f64 = 0.003;
 /// No lag of one arrival has a smaller one, seconds: light and shade change which parts the views show.
 const LEAST_SD_S: f64 = 0.005;
+
+/// Standard deviation of the distance of registered places of an aircraft from the line, pixels. `width_px`: of the aircraft.
+pub fn across_sd_px(width_px: f64) -> f64 {
+    SD_PX.hypot(SD_PART * width_px)
+}
 
 /// An aircraft in the images of two cameras that have the same time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,7 +87,7 @@ impl VerticalLag {
             time_s, places_px, ..
         } = sighting;
         let last_s = self.seen.back().map(|seen| seen.time_s);
-        if last_s.is_some_and(|last_s| time_s < last_s + STEP_S) {
+        if last_s.is_some_and(|last_s| time_s < last_s + LAG_STEP_S) {
             return;
         }
         let [first, second] = &self.cameras;
@@ -97,7 +102,7 @@ impl VerticalLag {
             place_px: places_px[1],
             across: line.across,
             off_px: line.off_px(places_px[1]),
-            sd_px: SD_PX.hypot(SD_PART * sighting.width_px),
+            sd_px: across_sd_px(sighting.width_px),
             added_s: sighting.added_s,
         });
     }
