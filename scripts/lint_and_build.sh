@@ -1,24 +1,12 @@
 #!/usr/bin/env bash
-# lint_and_build.sh RUSTC ARGUMENTS...: a RUSTC_WRAPPER that runs clippy on the workspace's crates before they are compiled.
+# lint_and_build.sh RUSTC ARGUMENTS...: a RUSTC_WRAPPER with which clippy compiles the workspace's crates, instead of checking all of them
+# and their dependencies once more.
 #
-# `cargo clippy` checks all dependencies a second time. Lints need only their metadata, and during a build that is there.
+# Libraries are compiled by rustc, whose code is faster: clippy, which works on code that is not optimised yet, sees theirs with their tests.
 set -euo pipefail
 
-if [ -n "${CARGO_PRIMARY_PACKAGE:-}" ]; then
-    folder=$(mktemp -d)
-    trap 'rm -rf "$folder"' EXIT
-    arguments=()
-    previous=
-    for argument in "$@"; do
-        case $argument in
-        --emit=*) argument=--emit=metadata ;;
-        # Without `artifacts`: cargo takes their announcement for the build's own.
-        --json=*) argument=--json=diagnostic-rendered-ansi ;;
-        esac
-        if [ "$previous" = --out-dir ]; then argument=$folder; fi
-        arguments+=("$argument")
-        previous=$argument
-    done
-    clippy-driver "${arguments[@]}" -D warnings
-fi
-"$@"
+case "${CARGO_PRIMARY_PACKAGE:+workspace} $*" in
+workspace*" --crate-type lib "*) exec "$@" -D warnings ;;
+workspace*) exec clippy-driver "$@" -D warnings ;;
+*) exec "$@" ;;
+esac

@@ -184,3 +184,6 @@ fn check_store(url: &StoreUrl) -> Result<(), String> {
         None => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -123,7 +123,7 @@ fn an_answer_has_the_names_that_scripts_rely_on() {
 fn a_signal_ends_it_with_zero_within_two_seconds() {
     let workshop = Workshop::shared();
     let source = workshop.source();
-    // Played in its own time, eight seconds an image.
+    // Played in its own time, four seconds an image.
     let mut running = Running::start(&mut workshop.command([&source, &source]));
     assert_eq!(running.next()["event"], "start");
     let began = Instant::now();

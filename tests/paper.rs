@@ -24,9 +24,9 @@ const KILLED_IN: [(&str, Duration); 4] = [
     ("ranges", Duration::from_millis(200)),
 ];
 
-/// With half as many images as the small scale has, and few steps: figures are compared, not judged.
+/// With a quarter as many images as the small scale has, and few steps: figures are compared, not judged.
 fn arguments(out: &Path) -> Vec<String> {
-    arguments_at("1/6", out)
+    arguments_at("1/12", out)
 }
 
 fn arguments_at(frame_rate: &str, out: &Path) -> Vec<String> {

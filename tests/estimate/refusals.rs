@@ -68,7 +68,7 @@ fn what_can_never_work_is_refused_with_what_to_do() {
         ),
         (
             &["--view", &left, "--view", &of("right", text(&small))],
-            "640x480 pixels, expected 1920x1280",
+            "640x480 pixels, expected 960x640",
         ),
         (
             &[

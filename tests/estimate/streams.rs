@@ -51,7 +51,7 @@ fn passwords_from_the_environment_and_from_files_reach_servers_and_nobody_sees_t
         let checked = with_passwords(&["--check"]).output().unwrap();
         assert!(checked.status.success(), "{}", said(&checked));
         let found: Value = serde_json::from_slice(&checked.stdout).unwrap();
-        assert_eq!(found[0]["size_px"], json!([1920, 1280]));
+        assert_eq!(found[0]["size_px"], json!([960, 640]));
         let mut seen = said(&checked) + &found.to_string();
         let mut command = with_passwords(&["--metrics", "127.0.0.1:0"]);
         let mut running = Running::start(command.stderr(Stdio::piped()));

@@ -8,14 +8,34 @@ use std::sync::{OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard
 
 use dataset::corpus::Corpus;
 use serde_json::Value;
+use testkit::TINY_TRAINING;
 use testkit::command::{Dtd, said, text};
-use testkit::files::copy_folder;
-use testkit::{MadeOnce, TINY_TRAINING};
+use testkit::sweep::{SmallSweep, starting_from};
 
 pub(crate) const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 pub(crate) const VIEWS: [&str; 2] = ["left", "right"];
 /// Tests that share the machine, or one that needs it alone.
 static MACHINE: RwLock<()> = RwLock::new(());
+
+/// Five arrivals, seen as in `tests/data/live.toml`.
+fn arrivals() -> String {
+    let start = starting_from(4.2, 4.4, 400);
+    let tables = [
+        &*start,
+        "[split]\ntrain = 0.6\nvalidation = 0.2\ntest = 0.2\n",
+        "[weather.clear]\nvisibility_m = 80000\n",
+    ];
+    SmallSweep {
+        name: "arrivals",
+        seed: 12,
+        weathers: &["clear"],
+        repeats: 5,
+        size_px: (960, 640),
+        frame_rate: "1/4",
+        tables: &tables.concat(),
+    }
+    .toml()
+}
 
 pub(crate) struct Workshop {
     pub(crate) folder: tempfile::TempDir,
@@ -64,12 +84,10 @@ impl Workshop {
             let settings = made.folder.path().join("train.toml");
             fs::write(&settings, TINY_TRAINING).unwrap();
             let run = made.run();
-            let chain = MadeOnce::made("chain", |folder| {
-                let corpus = folder.join("corpus");
-                done(&["generate", "tests/data/chain.toml", "--out", text(&corpus)]);
-                done(&["label", text(&corpus)]);
-            });
-            copy_folder(&chain.path().join("corpus"), &corpus);
+            let sweep = made.folder.path().join("arrivals.toml");
+            fs::write(&sweep, arrivals()).unwrap();
+            done(&["generate", text(&sweep), "--out", text(&corpus)]);
+            done(&["label", text(&corpus)]);
             done(&["detect", text(&corpus)]);
             let out = ["--out", text(&run), "--config", text(&settings)];
             done(&[&["train", text(&corpus)][..], &out].concat());

@@ -123,7 +123,7 @@ fn a_training_that_is_killed_again_and_again_comes_to_the_same_numbers() {
         let run = folder.path().join("killed");
         let mut kills = 0_usize;
         // Each process gets a little further than the last.
-        while let Some(heard) = killed(&corpus, &run, &config, 2) {
+        while let Some(heard) = killed(&corpus, &run, &config, 4) {
             assert_eq!(is_resuming(&heard), kills > 0, "{heard:?}");
             assert!(!run.exists() || kills == 0);
             kills += 1;

@@ -48,7 +48,7 @@ fn corpus(root: &Path, scenarios: u32) -> Corpus {
 #[test]
 fn more_scenarios_take_hardly_more_memory_in_any_format() {
     let folder = tempfile::tempdir().unwrap();
-    let sizes = [2, 8];
+    let sizes = [1, 7];
     let corpora = sizes.map(|size| corpus(&folder.path().join(format!("corpus-{size}")), size));
     let picture_bytes = f64::from(SIZE_PX[0] * SIZE_PX[1] * 3);
     let added_mib = f64::from((sizes[1] - sizes[0]) * TICKS * VIEWS) * picture_bytes / MIB;

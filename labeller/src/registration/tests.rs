@@ -2,6 +2,7 @@
 
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::{NoShift, Shift};
+use dataset::video::PicturePart;
 use glam::{DMat2, DVec2};
 
 use super::patch::blurred;
@@ -86,10 +87,18 @@ impl Scene {
         )
     }
 
-    fn draw(&self) -> Vec<u8> {
+    /// The pixels of a part of the image.
+    fn draw(&self, part: PicturePart) -> Vec<u8> {
+        // The lens mixes in what is around it.
+        let reach = (5.0 * self.lens_px).ceil() as u32;
+        let drawn = |start: u32, length: u32, end: u32| {
+            start.saturating_sub(reach)..(start + length + reach).min(end)
+        };
+        let rows = drawn(part.top_px, part.height_px, HEIGHT);
+        let columns = drawn(part.left_px, part.width_px, WIDTH);
         let mut light = Vec::new();
-        for row in 0..HEIGHT {
-            for column in 0..WIDTH {
+        for row in rows.clone() {
+            for column in columns.clone() {
                 let pixel = DVec2::new(f64::from(column), f64::from(row));
                 let p = (pixel - self.at) / self.size;
                 let lamp = |x: f64| (-0.5 * (p - DVec2::new(x, 1.0)).length_squared()).exp();
@@ -100,13 +109,18 @@ impl Scene {
             }
         }
         if self.lens_px > 0.0 {
-            light = blurred(&light, WIDTH as usize, self.lens_px);
+            light = blurred(&light, columns.len(), self.lens_px);
         }
         let mut rgb = Vec::new();
-        for (index, light) in (0..).zip(light) {
-            for channel in 0..3 {
-                let noise = self.noise * noise(self.seed * 3 + channel, index);
-                rgb.push((light + noise).round().clamp(0.0, 255.0) as u8);
+        for row in part.top_px..part.top_px + part.height_px {
+            let line = (row - rows.start) as usize * columns.len();
+            for column in part.left_px..part.left_px + part.width_px {
+                let light = light[line + (column - columns.start) as usize];
+                let index = u64::from(row * WIDTH + column);
+                for channel in 0..3 {
+                    let noise = self.noise * noise(self.seed * 3 + channel, index);
+                    rgb.push((light + noise).round().clamp(0.0, 255.0) as u8);
+                }
             }
         }
         rgb
@@ -114,21 +128,12 @@ impl Scene {
 
     /// The surroundings of a box that is off by so much.
     fn patch(&self, box_off: DVec2) -> Result<Patch, NoShift> {
-        let rgb = self.draw();
         let mut pixel_box = self.box_around();
         pixel_box.cx_px += box_off.x;
         pixel_box.cy_px += box_off.y;
         let part = Patch::part_around(pixel_box, [WIDTH, HEIGHT])?;
-        let rows = part.top_px..part.top_px + part.height_px;
-        let pixels: Vec<u8> = rows
-            .flat_map(|row| {
-                let start = 3 * (row * WIDTH + part.left_px) as usize;
-                &rgb[start..start + 3 * part.width_px as usize]
-            })
-            .copied()
-            .collect();
         let pixels = PictureView {
-            rgb: &pixels,
+            rgb: &self.draw(part),
             width_px: part.width_px,
             height_px: part.height_px,
         };

@@ -153,7 +153,7 @@ fn the_truth_box_is_the_box_of_a_silhouette_cast_ray_by_ray() {
         flap_ratio: 0.75,
         gear_ratio: 1.0,
     });
-    const RAYS_PER_PIXEL: i32 = 12;
+    const RAYS_PER_PIXEL: i32 = 10;
     for (view, along_track_m) in [("left", 16_000.0), ("right", 12_000.0)] {
         let camera = Camera::from_pose(&rig::placed(view), 1920, 1280);
         let mut pose = approach::on_glide_path(along_track_m, 12.0);
