@@ -48,7 +48,13 @@ def fill(file, row, size):
     while file.tell() < size:
         file.write("".join(row(number + index) for index in range(100_000)))
         number += 100_000
-    return number
+
+
+def repeat(file, rows, size):
+    """The same rows until the file has that size."""
+    text = "".join(rows)
+    while file.tell() < size:
+        file.write(text)
 
 
 def recording(path, size):
@@ -65,13 +71,13 @@ def tracks(path, size):
         flight = list(csv.DictReader(file))
     with path.open("w") as file:
         file.write("timestamp,icao24,latitude,longitude,altitude,groundspeed,track,onground\n")
-        fill(
-            file,
-            lambda number: f"{1.6e9 + number / 4000:.1f},{4200000 + number % 4000:x},{44 + number % 997 / 100:.5f},"
-            f"{number % 1999 / 100:.5f},{35000 + number % 40 * 25},450,{number % 360},False\n",
-            size,
+        rows = (
+            f"{1.6e9 + number / 4000:.1f},{4200000 + number % 4000:x},{44 + number % 997 / 100:.5f},"
+            f"{number % 1999 / 100:.5f},{35000 + number % 40 * 25},450,{number % 360},False\n"
+            for number in range(200_000)
         )
-        for number, state in enumerate(flight):
+        repeat(file, rows, size)
+        for state in flight:
             value = {key: float(text) for key, text in state.items() if key != "on_ground"}
             north, east = value["v_north_mps"], value["v_east_mps"]
             file.write(
