@@ -136,10 +136,13 @@ pub enum PixelError {
     },
     /// A cover was noticed too late.
     #[error(
-        "something covered the scene, and was noticed only after pictures of it had been recorded: a message, a window, a notification or \
+        "something covered {rectangle} of the pictures, and was noticed only after pictures of it had been recorded: a message, a window, a notification or \
          a pointer that came in gradually, or in a pause between two pictures. Keep it from coming again"
     )]
-    CoveredBefore,
+    CoveredBefore {
+        /// Covered rectangle, from the images' top left.
+        rectangle: Rectangle,
+    },
     /// An older pattern stays.
     #[error(
         "the simulator says that it shows the check pattern {code:08x}, but after {waited:.1?} the screen still shows {found:08x}: \

@@ -36,7 +36,7 @@ use super::{
 use crate::error::BridgeError;
 use crate::link::{PictureSize, SimulatorWindow};
 pub(crate) use coded_grabs::{CodedGrabs, CodedPicture};
-use covered::{Hidden, cover_on_screen};
+use covered::{Hidden, cover_on_screen, share_of};
 pub use ffmpeg_screen::FfmpegScreen;
 pub(crate) use frame_code::MARGIN_PX;
 use grabber::Grabber;
@@ -48,6 +48,8 @@ const PATIENCE: Duration = if cfg!(test) {
 } else {
     Duration::from_secs(2)
 };
+/// A pattern of which a larger share is hidden may be an earlier one: half of the cells of two patterns differ.
+const LATE_SHARE: f64 = 0.25;
 /// Number of codes for measuring the lag.
 const TRIALS: u32 = 8;
 /// While recording, this multiple of the longest lag is waited for.
@@ -299,14 +301,22 @@ impl ScreenSource {
             sleep(wait.time).await;
         }
         let mut picture = self.grabber.grab(RgbPicture::default(), wait.grabs).await?;
-        // A busy machine may show it later than it did when the lag was measured.
-        while !hidden.compare_if_shown(&picture, code) {
-            if began.elapsed() > PATIENCE {
-                hidden.compare(&picture, code);
-                break;
-            }
+        let mut found = hidden.in_grab(&picture, code);
+        // A busy machine may show the pattern later than it did when the lag was measured, and in parts. A cover is in two grabs in a row.
+        while found.contains(&true) {
             picture = self.grabber.grab(picture, 0).await?;
+            let again = hidden.in_grab(&picture, code);
+            let is_late = share_of(&again) > LATE_SHARE && began.elapsed() < PATIENCE;
+            if is_late {
+                found = again;
+                continue;
+            }
+            for (found, again) in found.iter_mut().zip(again) {
+                *found &= again;
+            }
+            break;
         }
+        hidden.add(&found);
         Ok(())
     }
 
@@ -403,12 +413,9 @@ impl PixelSource for ScreenSource {
             let found = self.look_for_cover(display).await;
             let found = clearing(found, display).await?;
             self.wait_until_gone().await?;
-            let [left_px, top_px] = self.margins_px.unwrap_or_default();
-            Ok(found.map(|cover| Rectangle {
-                x_px: cover.x_px.saturating_sub(left_px),
-                y_px: cover.y_px.saturating_sub(top_px),
-                ..cover
-            }))
+            let margins_px = self.margins_px.unwrap_or_default();
+            let window_px = [self.window.width_px, self.window.height_px];
+            Ok(found.and_then(|cover| in_picture(cover, window_px, margins_px)))
         })
     }
 
@@ -425,6 +432,21 @@ impl fmt::Debug for ScreenSource {
             .field("lag", &self.lag)
             .finish_non_exhaustive()
     }
+}
+
+/// The part of a rectangle of the window that is in the picture between the margins.
+fn in_picture(
+    cover: Rectangle,
+    [width_px, height_px]: [u32; 2],
+    [x_px, y_px]: [u32; 2],
+) -> Option<Rectangle> {
+    let part = Rectangle::between(
+        cover.x_px.max(x_px) - x_px,
+        cover.y_px.max(y_px) - y_px,
+        cover.right_px().min(width_px - x_px).saturating_sub(x_px),
+        cover.bottom_px().min(height_px - y_px).saturating_sub(y_px),
+    );
+    (part.width_px > 0 && part.height_px > 0).then_some(part)
 }
 
 /// Cuts margins off, left and right, above and below, without other memory.

@@ -27,7 +27,7 @@ use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, FrameHeader, PictureBytes, PooledPicture,
     Request,
 };
-use crate::pixels::still_scene::{CoverWatch, Verdict, WorldTime};
+use crate::pixels::still_scene::{CoverWatch, Covered, Verdict, WorldTime};
 use crate::pixels::{CodedPicture, PixelError, Rectangle};
 use aircraft_place::{aircraft_place, displaced};
 use sequence::{Scene, Sequence, Show, Taken};
@@ -87,8 +87,13 @@ pub struct BlockRecording<'a> {
     block: BlockOfTicks<'a>,
     sequence: Sequence<Grabbed>,
     covers: CoverWatch,
-    /// True once the image that later ones are compared with is known to show no cover.
+    /// True once the check pattern has shown that nothing covers the scene: in a pause the image that later ones are compared with, while
+    /// time runs the last one.
     is_proven: bool,
+    /// A cover because of which the block began again.
+    covered: Covered,
+    /// Ticks that were shown again before that.
+    repeated: u32,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
     /// Headers of the drawn frames, by frame.
@@ -181,7 +186,9 @@ impl Simulator {
             simulator: self,
             block,
             covers: CoverWatch::new(width_px, height_px, time),
-            is_proven: time == WorldTime::Runs,
+            is_proven: false,
+            covered: Covered::default(),
+            repeated: 0,
             asked: VecDeque::new(),
             drawn: BTreeMap::new(),
         })
@@ -197,6 +204,9 @@ impl BlockRecording<'_> {
         Box::pin(async move {
             let mut idle = 0;
             loop {
+                if self.is_proof_due() {
+                    self.prove().await?;
+                }
                 if let Some(taken) = self.sequence.deliver() {
                     return self.captured(taken).map(Some);
                 }
@@ -205,14 +215,12 @@ impl BlockRecording<'_> {
                     self.finish().await?;
                     return Ok(None);
                 }
-                let is_first = self.sequence.waits_for_tick() == 0;
-                if is_first && self.covers.covered_for(Instant::now()) > LONG_COVERED {
+                if let Some(rectangle) = self.long_covered() {
+                    self.covered.note(rectangle, Instant::now())?;
                     self.take_answers().await?;
                     self.simulator.grabs.rest(true);
                     self.simulator.wait_until_uncovered().await?;
                     self.begin_again()?;
-                } else if !self.is_proven && !self.sequence.is_settling() {
-                    self.prove().await?;
                 }
                 self.ask().await?;
                 let expects_grabs = self.sequence.expects_grabs();
@@ -259,31 +267,50 @@ impl BlockRecording<'_> {
                 .filter(|_| !all_held)
                 .map(|lag| lag as u32),
             is_measured: tally.seen > 0,
-            repeated: tally.repeated,
+            repeated: self.repeated + tally.repeated,
             held: tally.held,
         }
     }
 
-    /// Looks for a cover over the image that the following ones will be compared with, before any of them is taken. If there is one, the
-    /// block begins again.
+    /// True if the check pattern has to be shown now, while no request is unanswered.
+    fn is_proof_due(&self) -> bool {
+        let is_time = match self.simulator.world_time() {
+            WorldTime::Paused => !self.sequence.is_settling(),
+            // An image is compared with the one just before it, if that is recent: what came in between, or has been there all the time, is
+            // found only now.
+            WorldTime::Runs => self.sequence.is_complete(),
+        };
+        is_time && !self.is_proven && self.asked.is_empty()
+    }
+
+    /// Looks for a cover. In a pause the block begins again if there is one, since no image of it has been taken.
     async fn prove(&mut self) -> Result<(), BridgeError> {
         self.simulator.grabs.rest(true);
-        if self.simulator.wait_until_uncovered().await? {
-            self.begin_again()?;
-        } else {
-            self.is_proven = true;
-            self.forget_grabs()?;
+        match self.simulator.wait_until_uncovered().await? {
+            None => {
+                self.is_proven = true;
+                Ok(self.forget_grabs()?)
+            }
+            Some(rectangle) if self.simulator.world_time() == WorldTime::Runs => {
+                Err(PixelError::CoveredBefore { rectangle }.into())
+            }
+            Some(_) => Ok(self.begin_again()?),
         }
-        Ok(())
+    }
+
+    /// What has covered the scene for so long, before any image was delivered, that the first one may show what has gone since.
+    fn long_covered(&self) -> Option<Rectangle> {
+        let covered = self.covers.covered_for(LONG_COVERED, Instant::now());
+        covered.filter(|_| self.sequence.waits_for_tick() == 0)
     }
 
     /// Begins as if no image had been seen yet. No request is unanswered.
     fn begin_again(&mut self) -> Result<(), PixelError> {
         let (width_px, height_px) = self.block.size_px;
-        let time = self.simulator.world_time();
+        self.repeated += self.sequence.tally().repeated;
         self.sequence = self.simulator.sequence(&self.block);
-        self.covers = CoverWatch::new(width_px, height_px, time);
-        self.is_proven = time == WorldTime::Runs;
+        self.covers = CoverWatch::new(width_px, height_px, self.simulator.world_time());
+        self.is_proven = false;
         self.forget_grabs()
     }
 
@@ -408,7 +435,14 @@ impl BlockRecording<'_> {
         if self.sequence.take_again(from_frame) {
             return Ok(());
         }
-        Err(PixelError::CoveredBefore.into())
+        let rectangle = self.covers.covered_for(Duration::ZERO, Instant::now());
+        let rectangle = rectangle.unwrap_or(Rectangle {
+            x_px: 0,
+            y_px: 0,
+            width_px: self.block.size_px.0,
+            height_px: self.block.size_px.1,
+        });
+        Err(PixelError::CoveredBefore { rectangle }.into())
     }
 
     /// Rectangles in which the aircraft and its shadow may be in the grab of a frame.
@@ -460,19 +494,7 @@ impl BlockRecording<'_> {
         let is_measured = self.sequence.tally().seen > 0;
         let known = &mut self.simulator.known_blocks;
         known.note(self.block.view, self.sequence.lag(), is_measured);
-        if !self.simulator.time_runs() {
-            return Ok(());
-        }
-        // An image is compared with the one just before it, if that is recent: what came in between, or has been there all the time, is
-        // found only now.
-        self.simulator.grabs.rest(true);
-        match self.simulator.covered_part().await? {
-            None => Ok(()),
-            Some(rectangle) => {
-                tracing::warn!(%rectangle, "something covers the scene after the last picture of a block");
-                Err(PixelError::CoveredBefore.into())
-            }
-        }
+        Ok(())
     }
 }
 

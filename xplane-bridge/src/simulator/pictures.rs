@@ -148,14 +148,14 @@ impl Simulator {
         self.pixels.covered_part(display).await
     }
 
-    /// Waits until nothing covers the images. Returns true if something did.
-    pub(super) async fn wait_until_uncovered(&mut self) -> Result<bool, BridgeError> {
-        let (mut covered, mut was_covered) = (Covered::default(), false);
+    /// Waits until nothing covers the images. Returns what did last.
+    pub(super) async fn wait_until_uncovered(&mut self) -> Result<Option<Rectangle>, BridgeError> {
+        let (mut covered, mut last) = (Covered::default(), None);
         while let Some(rectangle) = self.covered_part().await? {
             covered.note(rectangle, Instant::now())?;
-            was_covered = true;
+            last = Some(rectangle);
         }
-        Ok(was_covered)
+        Ok(last)
     }
 
     /// Source of the images.

@@ -33,30 +33,22 @@ impl Hidden {
         }
     }
 
-    /// Adds what a grab of the window hides of a pattern, unless most of it differs: then it shows another pattern, or none. Returns true
-    /// if it was added.
-    pub(super) fn compare_if_shown(&mut self, grabbed: &RgbPicture, code: u32) -> bool {
-        let hidden = self.hidden_in(grabbed, code);
-        let is_shown = hidden.iter().filter(|hidden| **hidden).count() * 2 <= hidden.len();
-        if is_shown {
-            self.add(&hidden);
-        }
-        is_shown
-    }
-
     /// Adds what a grab of the window hides of a pattern.
+    #[cfg(test)]
     pub(super) fn compare(&mut self, grabbed: &RgbPicture, code: u32) {
-        let hidden = self.hidden_in(grabbed, code);
+        let hidden = self.in_grab(grabbed, code);
         self.add(&hidden);
     }
 
-    fn add(&mut self, hidden: &[bool]) {
+    /// Adds cells that [`Hidden::in_grab`] returned.
+    pub(super) fn add(&mut self, hidden: &[bool]) {
         for (cell, hidden) in self.cells.iter_mut().zip(hidden) {
             *cell |= hidden;
         }
     }
 
-    fn hidden_in(&self, grabbed: &RgbPicture, code: u32) -> Vec<bool> {
+    /// Which cells a grab of the window hides of a pattern.
+    pub(super) fn in_grab(&self, grabbed: &RgbPicture, code: u32) -> Vec<bool> {
         let drawn = draw(code, self.window.width_px, self.window.height_px);
         if grabbed.rgb.len() != drawn.rgb.len() {
             return vec![true; self.cells.len()];
@@ -104,8 +96,18 @@ pub(super) fn cover_on_screen(
         part.pixels_mut(0, window.width_px, y).copy_from_slice(row);
     }
     let mut hidden = Hidden::new(window);
-    hidden.compare_if_shown(&part, code);
+    let in_grab = hidden.in_grab(&part, code);
+    if share_of(&in_grab) > 0.5 {
+        // Another pattern, or none.
+        return None;
+    }
+    hidden.add(&in_grab);
     hidden.verdict(None).err()
+}
+
+/// The share of cells that are hidden.
+pub(super) fn share_of(hidden: &[bool]) -> f64 {
+    hidden.iter().filter(|hidden| **hidden).count() as f64 / hidden.len() as f64
 }
 
 #[cfg(test)]

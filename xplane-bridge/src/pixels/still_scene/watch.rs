@@ -29,6 +29,7 @@ pub(crate) enum Verdict {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Covered {
     since: Option<Instant>,
+    rectangle: Option<Rectangle>,
 }
 
 impl Covered {
@@ -44,6 +45,7 @@ impl Covered {
             );
             now
         });
+        self.rectangle = Some(rectangle);
         let waited = now.duration_since(since);
         if waited > PATIENCE {
             return Err(PixelError::StaysCovered { rectangle, waited });
@@ -83,10 +85,11 @@ impl CoverWatch {
         self.covered = Covered::default();
     }
 
-    /// Time for which every image has been covered.
-    pub(crate) fn covered_for(&self, now: Instant) -> Duration {
-        let since = self.covered.since;
-        since.map_or(Duration::ZERO, |since| now.duration_since(since))
+    /// What has covered every image for longer than a time, or the last one.
+    pub(crate) fn covered_for(&self, time: Duration, now: Instant) -> Option<Rectangle> {
+        let since = self.covered.since?;
+        let is_longer = now.duration_since(since) >= time;
+        self.covered.rectangle.filter(|_| is_longer)
     }
 
     /// Looks at the image of a frame, in which only `moving` may differ from the one before.

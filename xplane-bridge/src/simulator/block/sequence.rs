@@ -577,6 +577,16 @@ impl<P: Scene> Sequence<P> {
         mem::take(&mut self.spent)
     }
 
+    /// True if the image of every tick has been taken and proven, though perhaps not delivered.
+    pub(super) fn is_complete(&self) -> bool {
+        let taken = self.delivered as usize + self.pictures.len();
+        let is_proven = |picture: &Unproven<P>| {
+            let grab = picture.grab;
+            grab.is_none_or(|grab| grab <= self.confirmed_up_to)
+        };
+        taken == self.ticks as usize && self.pictures.values().all(is_proven)
+    }
+
     /// True if every tick has been delivered.
     pub(super) fn is_done(&self) -> bool {
         self.delivered == self.ticks

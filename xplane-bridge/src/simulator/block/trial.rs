@@ -8,7 +8,7 @@ use super::BlockOfTicks;
 use super::aircraft_place::aircraft_place;
 use crate::error::BridgeError;
 use crate::link::{CaptureRequest, Deliver};
-use crate::pixels::Rectangle;
+use crate::pixels::{PixelError, Rectangle};
 
 /// Ticks of a trial's block.
 const TICKS: usize = 9;
@@ -92,13 +92,18 @@ impl Simulator {
             let mut is_held = false;
             for first in starts(&flight) {
                 // What comes over the scene for a moment does not decide.
+                let mut tried = Ok(BlockTrial::Equal);
                 for _ in 0..MOST_TRIES {
-                    trial = self.try_block(&flight, first, &mut is_held).await?;
-                    if trial == BlockTrial::Equal {
-                        break;
+                    tried = self.try_block(&flight, first, &mut is_held).await;
+                    match &tried {
+                        Ok(BlockTrial::Different { .. })
+                        | Err(BridgeError::Pixels(PixelError::CoveredBefore { .. })) => {
+                            self.wait_until_uncovered().await?;
+                        }
+                        Ok(BlockTrial::Equal) | Err(_) => break,
                     }
-                    self.wait_until_uncovered().await?;
                 }
+                trial = tried?;
                 if trial != BlockTrial::Equal {
                     break;
                 }
