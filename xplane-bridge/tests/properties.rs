@@ -66,7 +66,7 @@ impl Drawn {
         if name.is_empty() { "x".into() } else { name }
     }
 
-    fn to_simulator(&mut self) -> ToSimulator {
+    fn any_to_simulator(&mut self) -> ToSimulator {
         match self.0.random_range(0..6) {
             0 => ToSimulator::SubscribeDataref(SubscribeDataref {
                 frequency_hz: self.i32(),
@@ -103,7 +103,7 @@ impl Drawn {
         }
     }
 
-    fn from_simulator(&mut self) -> FromSimulator {
+    fn any_from_simulator(&mut self) -> FromSimulator {
         match self.0.random_range(0..3) {
             0 => {
                 let count = self.0.random_range(0..=183);
@@ -160,7 +160,7 @@ const TAGS: [&[u8; 4]; 8] = [
 #[test]
 fn what_goes_to_the_simulator_arrives_as_it_was_meant() {
     for seed in 0..CASES {
-        let packet = Drawn::of(seed).to_simulator();
+        let packet = Drawn::of(seed).any_to_simulator();
         let datagram = packet.encode().unwrap();
         assert_eq!(ToSimulator::decode(&datagram), Ok(packet), "seed {seed}");
     }
@@ -169,7 +169,7 @@ fn what_goes_to_the_simulator_arrives_as_it_was_meant() {
 #[test]
 fn what_comes_from_the_simulator_arrives_as_it_was_meant() {
     for seed in 0..CASES {
-        let packet = Drawn::of(seed).from_simulator();
+        let packet = Drawn::of(seed).any_from_simulator();
         let datagram = packet.encode().unwrap();
         assert_eq!(FromSimulator::decode(&datagram), Ok(packet), "seed {seed}");
     }
@@ -196,7 +196,7 @@ fn any_bytes_are_a_packet_or_an_error_and_a_packet_said_again_is_the_same_bytes(
 fn a_packet_that_is_cut_says_how_much_it_lacks() {
     for seed in 0..CASES {
         let mut drawn = Drawn::of(seed);
-        let whole = drawn.to_simulator().encode().unwrap();
+        let whole = drawn.any_to_simulator().encode().unwrap();
         let cut = drawn.0.random_range(0..=whole.len());
         if let Err(PacketError::TooShort { needed, found, .. }) = ToSimulator::decode(&whole[..cut])
         {
