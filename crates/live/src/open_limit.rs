@@ -1,8 +1,8 @@
-//! How long an attempt to open a source may take.
+//! Time limit for opening a source.
 //!
-//! A server that has stopped accepts a connection and never answers, and one that is just ending the connection before may answer and send
-//! nothing. An attempt that waits for long then outlasts the fault. So a source that was open before gets twice the time that this took,
-//! and after each attempt that this ended twice as much.
+//! A server that has stopped accepts a connection and never answers, and one that is just ending an earlier connection may answer and send
+//! nothing. A long attempt then outlasts the fault. So a source that has been opened before gets twice the longest time that this took,
+//! and the limit is doubled after each attempt that reached it.
 
 /// At first, and at most, milliseconds.
 const MOST_MS: u64 = 4_000;
@@ -13,11 +13,16 @@ const LEAST_MS: u64 = 1_000;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct OpenLimit {
     next_ms: u64,
+    /// The longest time that a successful attempt took, milliseconds.
+    longest_ms: u64,
 }
 
 impl Default for OpenLimit {
     fn default() -> Self {
-        Self { next_ms: MOST_MS }
+        Self {
+            next_ms: MOST_MS,
+            longest_ms: 0,
+        }
     }
 }
 
@@ -31,7 +36,9 @@ impl OpenLimit {
     pub(crate) fn take(&mut self, has_opened: bool, took_s: f64) {
         let took_ms = (1e3 * took_s) as u64;
         if has_opened {
-            self.next_ms = (2 * took_ms).clamp(LEAST_MS, MOST_MS);
+            // An opening that waits for a key frame takes more or less long by chance.
+            self.longest_ms = self.longest_ms.max(took_ms);
+            self.next_ms = (2 * self.longest_ms).clamp(LEAST_MS, MOST_MS);
         } else if took_ms >= self.next_ms {
             self.next_ms = (2 * self.next_ms).min(MOST_MS);
         }
@@ -60,7 +67,7 @@ mod tests {
         }
         assert_eq!(
             found,
-            [4_000, 4_000, 1_400, 1_400, 2_800, 4_000, 1_000, 4_000]
+            [4_000, 4_000, 1_400, 1_400, 2_800, 4_000, 1_400, 4_000]
         );
     }
 }
