@@ -205,6 +205,7 @@ impl BlockRecording<'_> {
             let mut idle = 0;
             loop {
                 if self.is_proof_due() {
+                    self.take_answers().await?;
                     self.prove().await?;
                 }
                 if let Some(taken) = self.sequence.deliver() {
@@ -272,7 +273,7 @@ impl BlockRecording<'_> {
         }
     }
 
-    /// True if the check pattern has to be shown now, while no request is unanswered.
+    /// True if the check pattern has to be shown now.
     fn is_proof_due(&self) -> bool {
         let is_time = match self.simulator.world_time() {
             WorldTime::Paused => !self.sequence.is_settling(),
@@ -280,7 +281,7 @@ impl BlockRecording<'_> {
             // found only now.
             WorldTime::Runs => self.sequence.is_complete(),
         };
-        is_time && !self.is_proven && self.asked.is_empty()
+        is_time && !self.is_proven
     }
 
     /// Looks for a cover. In a pause the block begins again if there is one, since no image of it has been taken.
