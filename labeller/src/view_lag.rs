@@ -232,22 +232,6 @@ mod tests {
     }
 
     #[test]
-    fn errors_of_a_near_aircraft_change_the_offset_less_than_those_of_a_far_one() {
-        let error_s = |width_px: f64| {
-            let mut sightings = sightings(0.5, 0.0);
-            for sighting in sightings.iter_mut().skip(480) {
-                sighting.off_px += 0.3;
-                sighting.sd_px = across_sd_px(width_px);
-            }
-            let found = ViewRelation::robust(&sightings).unwrap().offset;
-            (found.seconds - 0.5).abs()
-        };
-        let [near_s, far_s] = [200.0, 20.0].map(error_s);
-        assert!(near_s < 0.5 * far_s, "{near_s}, {far_s}");
-        assert!(near_s < 0.03, "{near_s}");
-    }
-
-    #[test]
     fn too_little_is_said_to_be_unknown() {
         assert_eq!(ViewRelation::robust(&sightings(0.0, 0.0)[..39]), None);
     }

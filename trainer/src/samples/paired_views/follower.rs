@@ -100,8 +100,7 @@ impl Follower {
                 aircraft.paired_s += step_s;
             }
             aircraft.remember(time_s, &boxes);
-            // The first step was before its first box.
-            if aircraft.paired_s == 0.0 && aircraft.seen_s - step_s >= APPROACH_S {
+            if aircraft.paired_s == 0.0 && aircraft.seen_s >= APPROACH_S {
                 aircraft.has_approached |= learned.shows_approach(aircraft, step_s);
             }
         }

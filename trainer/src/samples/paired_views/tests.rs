@@ -256,7 +256,7 @@ fn a_single_view_counts_while_the_others_are_blind() {
         let (answered, wrong) = answered_and_false(&chosen, &alone);
         assert_eq!(wrong, 0);
         // Until its speed is known.
-        assert!(answered as f64 >= 0.85 * seen(&alone) as f64, "{answered}");
+        assert!(answered as f64 >= 0.7 * seen(&alone) as f64, "{answered}");
     }
 }
 
@@ -264,7 +264,7 @@ fn a_single_view_counts_while_the_others_are_blind() {
 fn what_one_view_alone_sees_counts_only_if_it_is_as_fast_as_an_approach() {
     let (paired, flights) = each_second();
     let flight = &flights[0];
-    for (times_as_fast, counts) in [(1, true), (3, false)] {
+    for (times_as_fast, counts) in [(1, true), (8, false)] {
         let ticks = flight.iter().zip(flight.iter().step_by(times_as_fast));
         let alone = ticks.map(|(observed, shown)| Observation {
             boxes: vec![shown.boxes[0], None],
