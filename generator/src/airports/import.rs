@@ -34,7 +34,8 @@ const USUAL_TOUCHDOWN_M: f64 = 291.0;
 /// Reasons that a message has room for.
 const MOST_REASONS: usize = 5;
 /// A runway without a second source.
-pub const UNCONFIRMED: &str = "unconfirmed: no second source agrees within 5 m across and 0.02 degrees";
+pub const UNCONFIRMED: &str =
+    "unconfirmed: no second source agrees within 5 m across and 0.02 degrees";
 
 /// Reasons why no runway could be made.
 #[derive(Debug, thiserror::Error)]
@@ -46,7 +47,10 @@ pub enum ImportError {
     #[error(transparent)]
     Tracks(#[from] TrackFileError),
     /// No track can be used to check the runway.
-    #[error("no track can be used to check {airport} {runway}: {}", reasons(left_out))]
+    #[error(
+        "no track can be used to check {airport} {runway}: {}",
+        reasons(left_out)
+    )]
     NoArrival {
         /// The airport.
         airport: String,
