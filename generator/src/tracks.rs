@@ -39,7 +39,7 @@ use crate::recording::{Implausible, Recording, RecordingError};
 pub struct ImportedTrack {
     /// The file with the track.
     pub file: PathBuf,
-    /// The aircraft's 24-bit address, if the file has one.
+    /// The aircraft's 24-bit address, if the file has one, or the number of the flight in it.
     pub aircraft: Option<String>,
     /// The recording.
     pub recording: PathBuf,
@@ -58,7 +58,7 @@ pub struct ImportedTrack {
 pub struct RefusedTrack {
     /// The file with the track.
     pub file: PathBuf,
-    /// The aircraft's 24-bit address, if the file has one.
+    /// The aircraft's 24-bit address, if the file has one, or the number of the flight in it.
     pub aircraft: Option<String>,
     /// The reason.
     pub reason: String,

@@ -260,7 +260,8 @@ fn arrivals_decide_between_tables_without_a_localizer_and_say_how_far_the_runway
         .unwrap_err()
         .to_string();
     assert!(
-        nowhere.starts_with("no track judges ZZZZ 25: ") && nowhere.contains("aaa002: it"),
+        nowhere.starts_with("no track can be used to check ZZZZ 25: ")
+            && nowhere.contains("aaa002: it"),
         "{nowhere}"
     );
 }

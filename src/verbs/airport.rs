@@ -31,7 +31,7 @@ pub(crate) fn run(args: &AirportArgs) -> Outcome {
         eprintln!("{figure}: {found}\n    recommended: {recommended}");
     }
     if found.confirmed_by.is_empty() {
-        eprintln!("threshold, course_true_deg: {UNCONFIRMED}");
+        eprintln!("centreline: {UNCONFIRMED}");
     }
     for track in &found.tracks_left_out {
         eprintln!("left out: {track}");

@@ -95,8 +95,11 @@ def main():
     judged = {name: result["corners"] for name, result in found.items() if "corners" in result}
     off = [name for name, corners in judged.items() if is_off(corners["across_m"], corners["turned_deg"])]
     off_arrivals = [name for name, result in found.items() if is_off_arrivals(result.get("arrivals", {"arrivals": 0}))]
+    names = {"threshold", "course_true_deg"}
     unnamed = [
-        name for name in {*off, *off_arrivals} if found[name]["confirmed_by"] and not found[name]["conflicts"]
+        name
+        for name in {*off, *off_arrivals}
+        if found[name]["confirmed_by"] and not names & set(found[name]["conflicts"])
     ]
     imported = [name for name, result in found.items() if "refused" not in result]
     print(

@@ -34,7 +34,8 @@ const USUAL_TOUCHDOWN_M: f64 = 291.0;
 /// Reasons that a message has room for.
 const MOST_REASONS: usize = 5;
 /// A runway without a second source.
-pub const UNCONFIRMED: &str = "unconfirmed: no second source agrees within 5 m and 0.02 degrees";
+pub const UNCONFIRMED: &str =
+    "unconfirmed: no second source agrees within 5 m across and 0.02 degrees";
 
 /// Reasons why no runway could be made.
 #[derive(Debug, thiserror::Error)]
@@ -45,8 +46,11 @@ pub enum ImportError {
     /// A file of tracks cannot be read.
     #[error(transparent)]
     Tracks(#[from] TrackFileError),
-    /// No track judges the runway.
-    #[error("no track judges {airport} {runway}: {}", reasons(left_out))]
+    /// No track can be used to check the runway.
+    #[error(
+        "no track can be used to check {airport} {runway}: {}",
+        reasons(left_out)
+    )]
     NoArrival {
         /// The airport.
         airport: String,
@@ -105,7 +109,7 @@ pub struct Imported {
     pub arrivals: Option<ArrivalAxis>,
     /// Tracks that are no part of that line.
     pub tracks_left_out: Vec<RefusedTrack>,
-    /// Sources that agree with threshold and course within 5 m and 0.02 degrees. Empty: unconfirmed.
+    /// Sources that agree with the centreline within 5 m across and 0.02 degrees. Empty: unconfirmed.
     pub confirmed_by: Vec<String>,
     /// Source of threshold and course.
     ends_from: String,

@@ -19,7 +19,7 @@ const UNSUPPORTED: [(&str, &str); 3] = [
         "temperature is not supported: X-Plane and the flight model always have the standard atmosphere, 15 degrees Celsius at sea level",
     ),
 ];
-const SNOW: &str = "snow is not supported: it falls in X-Plane below freezing alone, temperature cannot be set, and the bundled simulator does not draw it; rain_ratio and a lower visibility_m are the nearest";
+const SNOW: &str = "snow is not supported: X-Plane shows snow only below freezing, temperature cannot be set, and the bundled simulator does not draw it; rain_ratio and a lower visibility_m are the nearest";
 
 /// A quantity in the text of a sweep that is not supported.
 pub(super) fn unsupported(text: &str) -> Option<Fault> {

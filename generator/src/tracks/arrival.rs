@@ -35,7 +35,7 @@ const CORRIDOR: f64 = 0.5;
 /// Reasons why a track is no arrival on the runway.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoArrival {
-    /// It was heard, but never said where it was.
+    /// No position of it was received.
     #[error("it has no positions")]
     NoPositions,
     /// Not enough to smooth.

@@ -8,6 +8,7 @@ use dataset::numbers::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
 use super::arrival::Seen;
 use super::formats::Attitude;
+use super::smoother::Smoothed;
 
 const GRAVITY_MPS2: f64 = 9.81;
 /// Distances between which an aircraft flies at its final speed, metres.
@@ -55,14 +56,18 @@ pub(super) fn measured_attitude(seen: &[Seen], time_s: f64) -> Option<Attitude> 
     })
 }
 
-/// Ground speed on final approach.
-pub(super) fn final_speed_mps(arrival: &[Seen]) -> f64 {
+/// Ground speed on final approach: as reported, else by the smoothed distances to go.
+pub(super) fn final_speed_mps(arrival: &[Seen], to_go: &[Smoothed]) -> f64 {
     let is_final = |at: &&Seen| (FINAL_M.0..=FINAL_M.1).contains(&at.to_go_m);
     let speeds = arrival.iter().filter(is_final);
     let mut speeds: Vec<f64> = speeds
         .filter_map(|at| at.fix.ground_speed_mps)
         .filter(|speed_mps| speed_mps.is_finite())
         .collect();
+    if speeds.is_empty() {
+        let is_final = |at: &&Smoothed| (FINAL_M.0..=FINAL_M.1).contains(&at.place_m);
+        speeds.extend(to_go.iter().filter(is_final).map(|at| -at.speed_mps));
+    }
     if speeds.is_empty() {
         return USUAL_FINAL_MPS;
     }

@@ -58,7 +58,12 @@ impl FlapSchedule {
                 at.height_m < FULL_BY_M || at.faster < F_SPEED
             })
         });
-        let time_s = |index: Option<usize>| index.map_or(f64::INFINITY, |at| moments[at].time_s);
+        // At the first moment they are extended already.
+        let time_s = |index: Option<usize>| match index {
+            None => f64::INFINITY,
+            Some(0) => f64::NEG_INFINITY,
+            Some(index) => moments[index].time_s,
+        };
         Self {
             half_s: time_s(half),
             full_s: time_s(full),
@@ -102,5 +107,7 @@ mod tests {
         let late = FlapSchedule::of(&moments(0.0), 3.0);
         assert_eq!(late.at((28_000.0 - 7_000.0) / 70.0), 0.5);
         assert_eq!(late.at((28_000.0 - 4_500.0) / 70.0), 1.0);
+        let established = FlapSchedule::of(&moments(9_000.0)[300..], 3.0);
+        assert_eq!(established.at(300.0), 1.0);
     }
 }

@@ -213,6 +213,7 @@ impl<'a> Path<'a> {
             across_m: deviation(&across, &right),
             outliers: is_outlier.iter().filter(|outlier| **outlier).count(),
         };
+        let final_mps = final_speed_mps(seen, &to_go);
         let mut path = Self {
             runway,
             ends_s: seen[seen.len() - 1].fix.time_s,
@@ -222,7 +223,7 @@ impl<'a> Path<'a> {
             touchdown_s: f64::INFINITY,
             left_m: 0.0,
             datum,
-            final_mps: final_speed_mps(seen),
+            final_mps,
             flaps: FlapSchedule::of(&[], runway.glide_path_deg),
         };
         path.land(seen);

@@ -225,8 +225,7 @@ fn place(camera: &PlannedCamera, runway: &Runway) -> CameraPose {
     let position = runway
         .point_on_approach(-beyond_target_m, camera.right_m)
         .at_altitude_m(target.altitude_msl_m + camera.height_m);
-    let back =
-        runway.course_true_deg + 180.0 + convergence_deg(target.lat_lon(), position.lat_lon());
+    let back = runway.course_true_deg + 180.0 + convergence_deg(runway, position.lat_lon());
     // Looking back along the course, the runway's axis is on the left of a camera that stands left of the course.
     let turned = back + clockwise_deg(camera.inward_deg.unwrap_or(0.0), camera.right_m);
     let heading = camera.heading_true_deg.unwrap_or(turned);
@@ -244,13 +243,19 @@ fn place(camera: &PlannedCamera, runway: &Runway) -> CameraPose {
 }
 
 /// Turn of north from the touchdown target to a mast, degrees: a direction that stays parallel to the runway has another azimuth there.
-fn convergence_deg(target: LatLon, mast: LatLon) -> f64 {
-    if target.latitude_deg.abs() < PARALLEL_MERIDIANS_DEG || target == mast {
+fn convergence_deg(runway: &Runway, mast: LatLon) -> f64 {
+    let target = runway.touchdown_target().lat_lon();
+    if !meridians_converge(runway) || target == mast {
         return 0.0;
     }
     let leaves_deg = target.azimuth_to_deg(mast);
     let arrives_deg = mast.azimuth_to_deg(target) + 180.0;
     Degrees(arrives_deg - leaves_deg).wrapped_180().0
+}
+
+/// True where north turns from a runway to its masts.
+pub(super) fn meridians_converge(runway: &Runway) -> bool {
+    runway.threshold.latitude_deg.abs() >= PARALLEL_MERIDIANS_DEG
 }
 
 /// A turn towards the runway's axis is clockwise for cameras on the right and anticlockwise on the left. A camera on the axis has

@@ -3,7 +3,11 @@
 //! Only values that were read or drawn are hashed. Values derived by trigonometry are excluded, because their last digits differ between
 //! machines. Numbers are written with the fewest digits that read back as the same number, members in the order of the structs.
 
-use super::{Common, Parameters, Plan, PlannedScenario};
+use super::camera::meridians_converge;
+use super::{Common, Parameters, Plan, PlannedCamera, PlannedScenario};
+
+/// Marks hashes of cameras whose `inward_deg` is measured at the mast: away from the equator it used to be measured at the target.
+const INWARD_AT_MAST: &[u8] = b"\ninward_deg at the mast";
 
 /// Hashes the parameters of the scenarios of a plan.
 #[derive(Debug)]
@@ -28,9 +32,12 @@ pub enum HashMismatch {
 impl ConfigHasher {
     /// For scenarios that have this in common.
     pub fn new(common: &Common) -> Self {
-        Self {
-            common: json(common),
+        let mut bytes = json(common);
+        let is_turned = |camera: &PlannedCamera| camera.inward_deg.is_some();
+        if meridians_converge(&common.runway) && common.cameras.iter().any(is_turned) {
+            bytes.extend_from_slice(INWARD_AT_MAST);
         }
+        Self { common: bytes }
     }
 
     /// The hash of a scenario's identifier, seed, parameters and common values.

@@ -1,4 +1,4 @@
-//! Sources that confirm the recommended ends of a runway.
+//! Sources that confirm the recommended centreline of a runway: across it and in its course, not along it.
 
 use dataset::geometry::geodesy::LatLon;
 use dataset::numbers::units::Degrees;
@@ -33,8 +33,12 @@ pub(super) fn confirmed_by(
         found.push(axis.source.to_owned());
     }
     let arrivals = best.arrivals.filter(|axis| {
-        let off_m = axis.offset_m.abs();
-        axis.is_judge() && off_m <= ACROSS_M && axis.turned_deg.abs() <= TURNED_DEG
+        let is_within = |value: f64, error: Option<f64>, limit: f64| {
+            value.abs() <= limit && error.is_some_and(|error| error <= limit)
+        };
+        axis.is_judge()
+            && is_within(axis.offset_m, axis.offset_error_m, ACROSS_M)
+            && is_within(axis.turned_deg, axis.turned_error_deg, TURNED_DEG)
     });
     found.extend(arrivals.map(|axis| format!("{} arrivals", axis.arrivals)));
     found

@@ -1,5 +1,5 @@
-//! X-Plane's own recordings: `Data.txt`, the data output to disk, and files of the flight data recorder (`.fdr`). Position, height and
-//! attitude are the simulator's.
+//! X-Plane's own recordings: `Data.txt`, the data output to disk, with the simulator's exact states, and files of a flight data recorder
+//! (`.fdr`), which may come from a real aircraft: their attitude is measured, their altitudes are as uncertain as those of receivers.
 //!
 //! `Data.txt` has columns between bars; a line with their names begins it, and follows each change of the columns. Rows of an `.fdr` begin
 //! with `DATA` in version 3, with the time of day in version 4 ("Creating FDR Files", x-plane.com/kb).
@@ -13,6 +13,8 @@ use super::{Attitude, Fix, Kept, MPS_PER_KNOT, Track};
 
 /// Rows that follow sooner than this are left out, seconds.
 const STEP_S: f64 = 0.2;
+/// A time that is this much earlier begins another flight, seconds.
+const JUMPS_BACK_S: f64 = 1.0;
 /// An aircraft whose wheels are lower is on the ground, feet.
 const ON_GROUND_FT: f64 = 1.0;
 const DAY_S: f64 = 86_400.0;
@@ -109,7 +111,7 @@ impl Columns {
     }
 }
 
-/// The flight in a `Data.txt`; the error is a line and the reason.
+/// The flights in a `Data.txt`; the error is a line and the reason.
 pub(super) fn data_txt<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, String> {
     let mut columns: Option<Columns> = None;
     let mut rows = Rows::new(target);
@@ -150,10 +152,10 @@ pub(super) fn data_txt<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>
             is_simulated: columns.is_true_altitude,
         });
     }
-    Ok(rows.track())
+    Ok(rows.tracks())
 }
 
-/// The flight in an `.fdr`; the error is a line and the reason.
+/// The flights in an `.fdr`; the error is a line and the reason.
 pub(super) fn fdr<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, String> {
     let mut rows = Rows::new(target);
     let mut days_s = 0.0;
@@ -188,14 +190,16 @@ pub(super) fn fdr<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, Str
                 // Version 4 has the magnetic heading, before the pitch.
                 heading_true_deg: has_true_heading.then(|| number(attitude + 2)).transpose()?,
             }),
-            is_simulated: true,
+            is_simulated: false,
         });
     }
-    Ok(rows.track())
+    Ok(rows.tracks())
 }
 
 /// The rows of a recording, thinned out.
 struct Rows {
+    /// Flights before this one.
+    ended: Vec<Kept>,
     kept: Kept,
     target: LatLon,
     last_s: f64,
@@ -204,6 +208,7 @@ struct Rows {
 impl Rows {
     fn new(target: LatLon) -> Self {
         Self {
+            ended: Vec::new(),
             kept: Kept::default(),
             target,
             last_s: f64::NEG_INFINITY,
@@ -211,19 +216,24 @@ impl Rows {
     }
 
     fn add(&mut self, fix: Fix) {
-        // A time that jumps back begins another flight in the same file; the last landing counts.
-        if (self.last_s - 1.0..self.last_s + STEP_S).contains(&fix.time_s) {
+        if fix.time_s < self.last_s - JUMPS_BACK_S {
+            // Another flight in the same file.
+            self.ended.push(std::mem::take(&mut self.kept));
+        } else if fix.time_s < self.last_s + STEP_S {
             return;
         }
         self.last_s = fix.time_s;
         self.kept.add(fix, self.target);
     }
 
-    fn track(self) -> Vec<Track> {
-        vec![Track {
-            aircraft: None,
-            fixes: self.kept.fixes(),
-        }]
+    fn tracks(mut self) -> Vec<Track> {
+        self.ended.push(self.kept);
+        let count = self.ended.len();
+        let track = |(index, kept): (usize, Kept)| Track {
+            aircraft: (count > 1).then(|| format!("flight-{}", index + 1)),
+            fixes: kept.fixes(),
+        };
+        self.ended.into_iter().enumerate().map(track).collect()
     }
 }
 
