@@ -56,15 +56,16 @@ enum Step {
     Read(bool),
 }
 
-const FROZEN_S: [f64; 2] = [18.0, 21.0];
-const DARK_S: [f64; 2] = [23.0, 26.0];
+const FROZEN_S: [f64; 2] = [28.0, 31.0];
+const DARK_S: [f64; 2] = [33.0, 36.0];
 
 /// In order of time.
 const FAULTS: [Fault; 10] = [
     Fault {
         name: "a view that starts late",
         from_s: 0.0,
-        to_s: 6.5,
+        // What one view alone sees counts after ten seconds.
+        to_s: 16.5,
         views: &["right"],
         state: Some("down"),
         noticed_s: Some(0.0),
@@ -73,8 +74,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "a feed that is killed",
-        from_s: 12.0,
-        to_s: 14.0,
+        from_s: 22.0,
+        to_s: 24.0,
         views: &["left"],
         state: Some("down"),
         noticed_s: Some(0.3),
@@ -103,8 +104,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "a server that stops",
-        from_s: 29.0,
-        to_s: 31.0,
+        from_s: 39.0,
+        to_s: 41.0,
         views: &VIEWS,
         state: Some("down"),
         noticed_s: Some(0.5),
@@ -113,8 +114,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "1 % of lost packets",
-        from_s: 36.0,
-        to_s: 39.0,
+        from_s: 46.0,
+        to_s: 49.0,
         views: &["right"],
         state: Some("damaged"),
         noticed_s: None,
@@ -123,8 +124,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "20 % of lost packets",
-        from_s: 41.0,
-        to_s: 44.0,
+        from_s: 51.0,
+        to_s: 54.0,
         views: &["right"],
         state: Some("damaged"),
         noticed_s: Some(1.5),
@@ -133,8 +134,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "another size",
-        from_s: 49.0,
-        to_s: 51.0,
+        from_s: 59.0,
+        to_s: 61.0,
         views: &["left"],
         state: Some("damaged"),
         noticed_s: Some(1.5),
@@ -143,8 +144,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "another codec",
-        from_s: 56.0,
-        to_s: 56.5,
+        from_s: 66.0,
+        to_s: 66.5,
         views: &["right"],
         state: Some("down"),
         noticed_s: None,
@@ -153,8 +154,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "a busy machine",
-        from_s: 61.0,
-        to_s: 64.0,
+        from_s: 71.0,
+        to_s: 74.0,
         views: &[],
         state: None,
         noticed_s: None,
@@ -163,8 +164,8 @@ const FAULTS: [Fault; 10] = [
     },
 ];
 /// Then the reader stops for this time, and the program is killed.
-const UNREAD_S: [f64; 2] = [66.0, 70.0];
-const KILLED_S: f64 = 73.0;
+const UNREAD_S: [f64; 2] = [76.0, 80.0];
+const KILLED_S: f64 = 83.0;
 
 #[test]
 fn no_fault_makes_an_old_answer_fresh_and_each_is_overcome() {
