@@ -390,11 +390,11 @@ mod tests {
             PixelChoice::Auto,
             &[SimulatorTarget::StandIn]
         ));
-        // A block of 55 pictures, 13 of the other view, and 12 in each encoder.
+        // A block of 82 pictures, 22 of the other view, and 12 in each encoder.
         let rgb_bytes = 1920 * 1280 * 3;
         assert_eq!(
             recording_bytes(picture, 2, true),
-            (55 + 13 + 24) * rgb_bytes
+            (82 + 22 + 24) * rgb_bytes
         );
         assert_eq!(recording_bytes(picture, 2, false), (8 + 24) * rgb_bytes);
     }
