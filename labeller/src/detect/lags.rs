@@ -353,8 +353,8 @@ mod tests {
             assert_eq!(health[0].lag, None, "the others are compared with it");
             let ViewLag { lag_ms, lag_sd_ms } = health[1].lag.unwrap();
             assert!((lag_ms - 1e3 * late_s).abs() < 20.0, "{late_s}: {lag_ms}");
-            // A lag of 0.45 s is certain by five of them.
-            assert!((20.0..90.0).contains(&lag_sd_ms), "{lag_sd_ms}");
+            // Boxes that do not grow say less than an arrival's.
+            assert!((20.0..110.0).contains(&lag_sd_ms), "{lag_sd_ms}");
         }
     }
 
