@@ -43,7 +43,7 @@ pub(crate) struct CommonSighting {
 }
 
 impl CommonSighting {
-    /// Where both cameras see it, its width, and by how much it moves in the second view in a second; `None` if no line is defined.
+    /// From its places in both images, its width, and its motion per second in the second view; `None` if no line is defined.
     pub(crate) fn of(
         cameras: [&Camera; 2],
         places_px: [DVec2; 2],

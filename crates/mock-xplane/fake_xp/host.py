@@ -23,7 +23,7 @@ from xp_rules import ENABLE, START
 
 # The stand-in has no screen to wait for; without a pause an idle plugin would take a whole core.
 LEAST_PAUSE_S = 0.001
-# Frames after which the list of values to read is built anew, and the most conversions that are remembered.
+# The list of values to read is rebuilt after so many frames; at most so many conversions are remembered.
 FRAMES_REMEMBERED = 64
 MOST_CONVERSIONS = 1_000
 

@@ -35,7 +35,7 @@ pub(super) fn roll_deg(speed_mps: f64, turn_deg_per_s: f64) -> f64 {
     (aside_mps2 / GRAVITY_MPS2).atan().to_degrees()
 }
 
-/// The measured attitude at a time, between those of the fixes around it.
+/// The measured attitude at a time, interpolated between the fixes around it.
 pub(super) fn measured_attitude(seen: &[Seen], time_s: f64) -> Option<Attitude> {
     let next = seen.partition_point(|at| at.fix.time_s < time_s).max(1);
     let (before, after) = (seen[next - 1].fix, seen.get(next)?.fix);

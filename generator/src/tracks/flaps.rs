@@ -1,6 +1,6 @@
 //! Flaps on an approach as airliners are flown: half extended on the glide path, fully for the final speed.
 //!
-//! Speeds are those of the A320's flight crew techniques in ratio to the final one: the S speed, where flaps follow the slats, and the F
+//! Speeds are multiples of the final one, from the A320's flight crew techniques: the S speed, where flaps follow the slats, and the F
 //! speed, where they are set for landing. They are extended at S speed once the aircraft descends on the glide path, at 2,000 ft at the
 //! latest, and for landing by 1,000 ft.
 

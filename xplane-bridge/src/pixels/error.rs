@@ -136,8 +136,8 @@ pub enum PixelError {
     },
     /// A cover was noticed too late.
     #[error(
-        "something covered {rectangle} of the pictures, and was noticed only after pictures of it had been recorded: a message, a window, a notification or \
-         a pointer that came in gradually, or in a pause between two pictures. Keep it from coming again"
+        "something covered {rectangle} of the pictures, and was noticed only after pictures of it had been recorded: a message, \
+         a window, a notification or a pointer that came in gradually, or in a pause between two pictures. Keep it from coming again"
     )]
     CoveredBefore {
         /// Covered rectangle, from the images' top left.

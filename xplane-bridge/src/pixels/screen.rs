@@ -275,7 +275,7 @@ impl ScreenSource {
         Ok(over.verdict(under)?)
     }
 
-    /// What the lowest pattern that can be shown does not show, in the window.
+    /// The largest part of the window that hides the lowest pattern that can be shown.
     async fn look_for_cover(
         &mut self,
         display: &mut dyn PatternDisplay,

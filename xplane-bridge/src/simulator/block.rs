@@ -299,7 +299,7 @@ impl BlockRecording<'_> {
         }
     }
 
-    /// What has covered the scene for so long, before any image was delivered, that the first one may show what has gone since.
+    /// A cover that has lasted so long, before any image was delivered, that the first one may show something that has gone since.
     fn long_covered(&self) -> Option<Rectangle> {
         let covered = self.covers.covered_for(LONG_COVERED, Instant::now());
         covered.filter(|_| self.sequence.waits_for_tick() == 0)

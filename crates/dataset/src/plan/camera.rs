@@ -398,7 +398,7 @@ mod tests {
 
     #[test]
     fn a_rig_has_the_same_directions_relative_to_the_runway_at_every_latitude() {
-        // Each camera's axes in those of the runway.
+        // The axes of each camera in the runway's frame.
         let at_latitude = |latitude_deg: f64, course_true_deg: f64| {
             let mut runway = changi_02l();
             runway.threshold.latitude_deg = latitude_deg;

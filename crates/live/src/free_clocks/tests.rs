@@ -112,7 +112,7 @@ fn a_clock_that_was_changed_is_learned_anew_from_one_arrival() {
     assert!((found.offset_s - SLOW_S).abs() < 0.05, "{found:?}");
 }
 
-/// What both views of a recorded arrival show, a row a second.
+/// Boxes of both views of a recorded arrival, one row per second.
 struct Recorded {
     time_s: f64,
     places_px: [DVec2; 2],

@@ -35,7 +35,7 @@ pub(super) fn course_magnetic_deg(course_true_deg: f64, threshold: Geodetic) -> 
     Some(Degrees(course_true_deg - east_deg).wrapped_360().0)
 }
 
-/// What contradicts a magnetic course: the one that a source states, and the runway's designator.
+/// Contradictions of a magnetic course: with the one that a source states, and with the runway's designator.
 pub(super) fn contradictions(
     magnetic_deg: f64,
     stated_deg: Option<f64>,

@@ -1,5 +1,5 @@
 //! X-Plane's own recordings: `Data.txt`, the data output to disk, with the simulator's exact states, and files of a flight data recorder
-//! (`.fdr`), which may come from a real aircraft: their attitude is measured, their altitudes are as uncertain as those of receivers.
+//! (`.fdr`), which may come from a real aircraft: attitudes were measured, and altitudes are as uncertain as a receiver's.
 //!
 //! `Data.txt` has columns between bars; a line with their names begins it, and follows each change of the columns. Rows of an `.fdr` begin
 //! with `DATA` in version 3, with the time of day in version 4 ("Creating FDR Files", x-plane.com/kb).

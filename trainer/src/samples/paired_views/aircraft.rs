@@ -18,7 +18,7 @@ const LEAST_MOTION_S: f64 = 2.0;
 /// 10 NM, an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows twice as much.
 const STILL_PX_S: f64 = 0.1;
 const STILL_GROWTH: f64 = 0.02;
-/// What stands still exceeds that by chance: the centre and the width of a box of a far thing have these standard deviations, pixels, ...
+/// A still object exceeds that by chance: the centre and the width of a box of a far thing have these standard deviations, pixels, ...
 const CENTRE_SD_PX: f64 = 0.35;
 const WIDTH_SD_PX: f64 = 1.3;
 /// ... so motion and growth have to be so many standard errors. Chance moves one thing in three thousand that far. An aircraft that moves

@@ -32,7 +32,7 @@ const ADVANTAGE_S: f64 = 3.0;
 const DISPUTE_S: f64 = 3.0;
 /// Objects in two views contradict each other if they were last seen within this time, seconds: rows change by a pixel or two in a second.
 const RIVAL_S: f64 = 3.0;
-/// What one view alone has seen counts after this time, seconds: then places tell its speed.
+/// An object of one view alone counts after this time, seconds: then places tell its speed.
 const APPROACH_S: f64 = 10.0;
 /// Of two boxes that contradict each other, one is an intruder if it is so many times as far from where it is expected, plus this.
 const INTRUDER: f64 = 2.0;

@@ -47,7 +47,7 @@ impl Hidden {
         }
     }
 
-    /// Which cells a grab of the window hides of a pattern.
+    /// The cells of a pattern that are hidden in a grab of the window.
     pub(super) fn in_grab(&self, grabbed: &RgbPicture, code: u32) -> Vec<bool> {
         let drawn = draw(code, self.window.width_px, self.window.height_px);
         if grabbed.rgb.len() != drawn.rgb.len() {

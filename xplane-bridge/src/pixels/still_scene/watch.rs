@@ -85,7 +85,7 @@ impl CoverWatch {
         self.covered = Covered::default();
     }
 
-    /// What has covered every image for longer than a time, or the last one.
+    /// The cover of the last image, if every image has been covered for at least this time.
     pub(crate) fn covered_for(&self, time: Duration, now: Instant) -> Option<Rectangle> {
         let since = self.covered.since?;
         let is_longer = now.duration_since(since) >= time;
