@@ -79,13 +79,42 @@ fn passwords_from_the_environment_and_from_files_reach_servers_and_nobody_sees_t
 fn descriptions_name_streams_that_come_without_a_server() {
     let workshop = Workshop::shared();
     let stills = stills(&workshop);
-    let senders = VIEWS.map(|view| Sender::start(workshop.folder.path(), view, &stills[view]));
+    let senders = VIEWS.map(|view| Sender::start(workshop.folder.path(), view, &stills[view], &[]));
     let sources = [text(&senders[0].description), text(&senders[1].description)];
     let mut running = Running::start(&mut workshop.command(sources));
     let said = running.until_both("up");
     assert!(said.contains("\"clock\""), "{said}");
     running.signal(Signal::TERM);
     assert_eq!(running.last()["cause"], "signal");
+}
+
+#[test]
+fn a_camera_whose_images_stop_is_opened_again_although_its_sound_goes_on() {
+    let workshop = Workshop::shared();
+    let folder = tempfile::tempdir().unwrap();
+    let stills = stills(&workshop);
+    let port = format!("rtp://127.0.0.1:{}", free_udp_port());
+    let sound = ["-map", "1:a", "-c:a", "pcm_mulaw", "-f", "rtp", &port];
+    let senders = [
+        Sender::start(folder.path(), "left", &stills["left"], &sound),
+        Sender::start(folder.path(), "right", &stills["right"], &[]),
+    ];
+    let sources = [text(&senders[0].description), text(&senders[1].description)];
+    let mut command = workshop.command(sources);
+    command.args(["--metrics", "127.0.0.1:0"]);
+    let mut running = Running::start(command.stderr(Stdio::piped()));
+    let mut stderr = BufReader::new(running.child.stderr.take().unwrap());
+    let address = line_with(&mut stderr, "http://");
+    running.until_both("up");
+    let reopened = || {
+        let told = metrics(&address);
+        let count = told.split("dtd_view_reopened_total{view=\"left\"} ").nth(1);
+        count.unwrap().lines().next().unwrap().to_owned()
+    };
+    let before = reopened();
+    while reopened() == before {
+        thread::sleep(Duration::from_millis(50));
+    }
 }
 
 /// A camera that sends RTP to this computer.
@@ -95,20 +124,17 @@ struct Sender {
 }
 
 impl Sender {
-    fn start(folder: &Path, view: &str, video: &Path) -> Self {
+    /// `sound`: options of its output. With it, images stop after ten seconds.
+    fn start(folder: &Path, view: &str, video: &Path, sound: &[&str]) -> Self {
         let description = folder.join(format!("{view}.sdp"));
         let to = format!("rtp://127.0.0.1:{}", free_udp_port());
+        let lasts_s = if sound.is_empty() { "60" } else { "10" };
         let process = Command::new("ffmpeg")
-            .args(["-loglevel", "error", "-re", "-i", text(video)])
-            .args([
-                "-c",
-                "copy",
-                "-f",
-                "rtp",
-                "-sdp_file",
-                text(&description),
-                &to,
-            ])
+            .args(["-loglevel", "error", "-sdp_file", text(&description)])
+            .args(["-re", "-t", lasts_s, "-i", text(video)])
+            .args(["-re", "-f", "lavfi", "-i", "sine=sample_rate=8000"])
+            .args(["-map", "0:v", "-c:v", "copy", "-f", "rtp", &to])
+            .args(sound)
             .stdin(Stdio::null())
             .spawn()
             .unwrap();

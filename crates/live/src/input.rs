@@ -18,7 +18,7 @@ use crate::options::Decoder;
 use crate::place::{OpenFault, Patience, Place, RecordedTimes};
 use crate::source::Source;
 
-/// Milliseconds that a wait for the next packet may take.
+/// Milliseconds that a wait for the next packet of the video may take.
 const READ_MS: u64 = 2_000;
 /// Images whose arrival is remembered until they are decoded.
 const MOST_IN_DECODER: usize = 64;
@@ -207,26 +207,9 @@ impl Input {
 
     /// Reads a packet.
     fn read(&mut self) -> Result<(), End> {
-        // Before FFmpeg 6 a packet that is read into again loses its old memory for good.
-        let mut packet = Packet::empty();
         self.patience.wait(READ_MS);
-        match packet.read(&mut self.input) {
-            Ok(()) if packet.stream() != self.stream => {}
-            Ok(()) => {
-                let sender_s =
-                    sender_utc_s(&packet).map(|utc_s| self.patience.clock.since_start_s(utc_s));
-                self.is_damaged |= packet.is_corrupt();
-                match (&mut self.units, packet.pts(), packet.data()) {
-                    (Some(units), Some(pts), Some(piece)) => {
-                        self.complete
-                            .extend(units.take(pts, piece).into_iter().flatten());
-                        if let Some(sender_s) = sender_s {
-                            self.sender_of_piece = Some((pts, sender_s));
-                        }
-                    }
-                    _ => self.send(&packet, sender_s),
-                }
-            }
+        match self.next_packet() {
+            Ok(packet) => self.take(&packet),
             Err(_) if self.patience.is_stopped() => return Err(End::Stopped),
             Err(ffmpeg_next::Error::Eof) if !self.all_sent => {
                 self.all_sent = true;
@@ -234,11 +217,41 @@ impl Input {
                 let _ = self.decoder.send_eof();
             }
             Err(ffmpeg_next::Error::Exit) => {
-                return Err(End::Lost(format!("nothing came for {READ_MS} ms")));
+                return Err(End::Lost(format!("no image came for {READ_MS} ms")));
             }
             Err(error) => return Err(End::Lost(error.to_string())),
         }
         Ok(())
+    }
+
+    /// The next packet of the video. Those of other streams do not prolong the wait: a microphone goes on when images have stopped.
+    fn next_packet(&mut self) -> Result<Packet, ffmpeg_next::Error> {
+        loop {
+            // Before FFmpeg 6 a packet that is read into again loses its old memory for good.
+            let mut packet = Packet::empty();
+            packet.read(&mut self.input)?;
+            if packet.stream() == self.stream {
+                return Ok(packet);
+            }
+            if self.patience.is_over() {
+                return Err(ffmpeg_next::Error::Exit);
+            }
+        }
+    }
+
+    fn take(&mut self, packet: &Packet) {
+        let sender_s = sender_utc_s(packet).map(|utc_s| self.patience.clock.since_start_s(utc_s));
+        self.is_damaged |= packet.is_corrupt();
+        match (&mut self.units, packet.pts(), packet.data()) {
+            (Some(units), Some(pts), Some(piece)) => {
+                let complete = units.take(pts, piece).into_iter().flatten();
+                self.complete.extend(complete);
+                if let Some(sender_s) = sender_s {
+                    self.sender_of_piece = Some((pts, sender_s));
+                }
+            }
+            _ => self.send(packet, sender_s),
+        }
     }
 
     /// The sender's clock of the image with this timestamp, from that of a piece: both run evenly.
