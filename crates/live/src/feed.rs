@@ -103,13 +103,14 @@ impl Feed {
         while !self.shared.is_stopped() {
             let opened_s = self.shared.clock.now_s();
             let end = self.once();
-            self.status.watch().set_connected(false);
             let was_useful = self.shared.metrics.has_images(self.view);
             let reports = reports_of(end, self.source.is_recorded(), was_useful);
             let is_over = !matches!(reports[..], [Report::Lost(_)]);
             for report in reports {
                 self.report(report);
             }
+            // After the cause, which is told with the state.
+            self.status.watch().set_connected(false);
             if is_over {
                 break;
             }

@@ -63,7 +63,8 @@ impl ViewNews {
     fn why_of(&self, view: &str, state: ViewState) -> Option<String> {
         let why = match state {
             ViewState::Up | ViewState::Late => return None,
-            ViewState::Down => return self.why.clone(),
+            // Of a connection that is still open, no other cause is known yet.
+            ViewState::Down => self.why.as_deref().unwrap_or("no images come"),
             ViewState::Moved => {
                 return Some(format!(
                     "the camera looks elsewhere, and its images are not measured; if it stays so, `dtd refit RUN --view {view}`"
@@ -113,5 +114,7 @@ mod tests {
         assert!(news.of("left", ViewState::Up).is_none());
         let event = news.of("left", ViewState::Moved).unwrap()(2.0);
         assert!(format!("{event:?}").contains("dtd refit RUN --view left"));
+        let event = news.of("left", ViewState::Down).unwrap()(3.0);
+        assert!(format!("{event:?}").contains("no images come"));
     }
 }
