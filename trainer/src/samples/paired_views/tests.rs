@@ -278,6 +278,32 @@ fn what_one_view_alone_sees_counts_only_if_it_is_as_fast_as_an_approach() {
     }
 }
 
+/// A box as a detector sees it: with errors that are nearly normal.
+fn erring(exact: PixelBox, random: &mut ChaCha12Rng) -> PixelBox {
+    let mut error = |sd: f64| sd * ((0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0);
+    PixelBox {
+        cx_px: exact.cx_px + error(0.35),
+        cy_px: exact.cy_px + error(0.35),
+        width_px: exact.width_px + error(1.3),
+        height_px: exact.height_px + error(0.5),
+    }
+}
+
+/// Images of which the first view alone sees something.
+fn alone(
+    like: &Observation,
+    step_ns: i64,
+    boxes: impl IntoIterator<Item = PixelBox>,
+) -> Vec<Observation> {
+    let image = |(image, pixel_box): (i64, PixelBox)| {
+        let mut observed = like.with_boxes(vec![Some(pixel_box), None]);
+        observed.time_ns = step_ns * image;
+        observed.tracks = vec![Some(3), None];
+        observed
+    };
+    (0..).zip(boxes).map(image).collect()
+}
+
 #[test]
 fn what_stands_still_in_one_view_gives_no_answer_although_its_boxes_err() {
     let (paired, flights) = each_second();
@@ -286,27 +312,52 @@ fn what_stands_still_in_one_view_gives_no_answer_although_its_boxes_err() {
     let (mut answered, mut all) = (0, 0);
     for seed in 0..100 {
         let mut random = ChaCha12Rng::seed_from_u64(seed);
-        // Nearly normal.
-        let mut error = |sd: f64| sd * ((0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0);
-        let images = (0..150).map(|image| {
-            let pixel_box = PixelBox {
-                cx_px: place.cx_px + error(0.35),
-                cy_px: place.cy_px + error(0.35),
-                width_px: place.width_px + error(1.3),
-                height_px: place.height_px + error(0.5),
-            };
-            let mut observed = seen_first.with_boxes(vec![Some(pixel_box), None]);
-            observed.time_ns = 200_000_000 * image;
-            observed.tracks = vec![Some(3), None];
-            observed
-        });
-        let images: Vec<Observation> = images.collect();
+        let boxes = (0..150).map(|_| erring(place, &mut random));
+        let images = alone(seen_first, 200_000_000, boxes);
         answered += seen(&paired.of_one_aircraft(&images));
         all += images.len();
     }
     let part = answered as f64 / all as f64;
     println!("{answered} answers at {all} ticks");
     assert!(part < 0.01, "{part}");
+}
+
+#[test]
+fn a_far_arrival_that_comes_straight_at_the_only_camera_that_sees_it_counts_within_a_minute() {
+    let (mut paired, flights) = each_second();
+    let seen_first = flights[0].iter().find(|of| of.boxes[0].is_some()).unwrap();
+    let usual = seen_first.boxes[0].unwrap();
+    // 20 pixels wide at 10 NM, 70 m/s; it never moves in the image.
+    let straight = |distance_m: f64| PixelBox {
+        width_px: 20.0 * 18_520.0 / distance_m,
+        ..usual
+    };
+    let sightings = |seed: u64| {
+        let mut random = ChaCha12Rng::seed_from_u64(seed);
+        let sighting = |second: i32| Sighting {
+            time_s: f64::from(second),
+            pixel_box: erring(
+                straight(13.0 * 1_852.0 - 70.0 * f64::from(second)),
+                &mut random,
+            ),
+        };
+        (0..212).map(sighting).collect::<Vec<_>>()
+    };
+    paired.paths[0] = Path::fit(0, &[sightings(1), sightings(2), sightings(3)]).unwrap();
+    for seed in 10..20 {
+        let boxes = sightings(seed).into_iter().map(|seen| seen.pixel_box);
+        let images = alone(seen_first, 1_000_000_000, boxes);
+        let chosen = paired.of_one_aircraft(&images);
+        // From 10.7 NM to 9 NM, and to 5 NM.
+        let [early, far, nearer] = [0..60, 60..106, 106..212].map(|of| seen(&chosen[of]));
+        println!("seed {seed}: {early} of 60, {far} of 46, {nearer} of 106");
+        assert!(far >= 37 && nearer >= 95, "seed {seed}: {far}, {nearer}");
+        let mut random = ChaCha12Rng::seed_from_u64(seed);
+        let still = (0..212).map(|_| erring(usual, &mut random));
+        let images = alone(seen_first, 1_000_000_000, still);
+        let answered = seen(&paired.of_one_aircraft(&images));
+        assert!(answered < 4, "{answered} of 212 images of a still thing");
+    }
 }
 
 #[test]
