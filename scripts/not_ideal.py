@@ -128,8 +128,9 @@ def forget_registrations(corpus):
 def miscalibrated(demo, out, row):
     """A training whose calibration is wrong, registered again with the cameras that it fitted."""
     corpus, first, again = out / row, out / f"{row}-first", out / f"{row}-again"
+    copy = out / f"{row}-copy"
     if not corpus.exists():
-        copy = fresh(out / f"{row}-copy")
+        fresh(copy)
         example = DTD.parent / "examples" / "miscalibrated_corpus"
         subprocess.run([example, demo, copy, *map(str, MISCALIBRATED[row])], check=True)
         forget_registrations(copy)
@@ -140,7 +141,9 @@ def miscalibrated(demo, out, row):
     made = {"as_detected": figures.of_judged(first)}
     dtd("detect", corpus, "--registration-of", first)
     made["registered_again"] = train(corpus, again)
-    for folder in (corpus, first, again):
+    # In one step, so that half a corpus never looks like a whole one.
+    corpus.rename(fresh(copy))
+    for folder in (copy, first, again):
         shutil.rmtree(folder)
     return made
 

@@ -126,11 +126,11 @@ struct Sender {
 }
 
 impl Sender {
-    /// `sound`: options of its output. With it, images stop after ten seconds.
+    /// `sound`: options of its output. With it, images stop after twenty seconds.
     fn start(folder: &Path, view: &str, video: &Path, sound: &[&str]) -> Self {
         let description = folder.join(format!("{view}.sdp"));
         let to = format!("rtp://127.0.0.1:{}", free_udp_port());
-        let lasts_s = if sound.is_empty() { "60" } else { "10" };
+        let lasts_s = if sound.is_empty() { "60" } else { "20" };
         let process = Command::new("ffmpeg")
             .args(["-loglevel", "error", "-sdp_file", text(&description)])
             .args(["-re", "-t", lasts_s, "-i", text(video)])

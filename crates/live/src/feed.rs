@@ -109,7 +109,7 @@ impl Feed {
             for report in reports {
                 self.report(report);
             }
-            // After the cause, which is told with the state.
+            // After the cause, so that the event has it.
             self.status.watch().set_connected(false);
             if is_over {
                 break;

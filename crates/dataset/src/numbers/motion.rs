@@ -5,7 +5,7 @@ use glam::DVec2;
 use crate::numbers::least_squares::NormalEquations;
 
 /// Places that count: within these seconds, or else the nearest ones, so many ... A parabola through six seconds on both sides smooths the
-/// beginning of a glide path so much that lags came out too large by a sixth.
+/// beginning of a glide path so much that lags came out too large by up to a seventh.
 const AROUND_S: f64 = 4.0;
 const FEWEST: usize = 5;
 /// ... but none that are farther away than this, seconds.

@@ -11,7 +11,7 @@ use crate::samples::trusted_boxes::centre_and_size;
 
 /// Boxes of this time give the motion in an image, seconds, ...
 const MOTION_S: f64 = 10.0;
-/// ... and boxes of this time tell whether it moves or grows, no more of them than one in a second. An aircraft that comes straight at a
+/// ... and boxes of this time show whether it moves or grows, no more of them than one in a second. An aircraft that comes straight at a
 /// camera from 13 NM stays where it is in the image and grows by 0.3 % per second: ten seconds of boxes show that from 4 NM on, a minute
 /// of them from the beginning.
 const REMEMBERED_S: f64 = 60.0;
@@ -19,7 +19,7 @@ const STEP_S: f64 = 1.0;
 /// A shorter time gives no motion, seconds.
 const LEAST_MOTION_S: f64 = 2.0;
 /// Objects that move less, pixels per second, and grow less, in parts of the width over the time that is remembered, stand still: at
-/// 10 NM, an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows twice as much.
+/// 10 NM, an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows by twice as much in ten seconds.
 const STILL_PX_S: f64 = 0.1;
 const STILL_GROWTH: f64 = 0.02;
 /// A still object exceeds that by chance: the centre and the width of a box of a far thing have these standard deviations, pixels, ...
