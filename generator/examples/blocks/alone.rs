@@ -66,15 +66,18 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
         let states: Vec<(Pose, Controls, f64)> = rows
             .map(|row| (row.pose, row.controls, row.time_ns as f64 * 1e-9))
             .collect();
+        let scene_of = |camera: &Camera| {
+            BuiltIn.picture(
+                camera,
+                &record.runway,
+                &record.conditions.weather,
+                &record.conditions.clock,
+                None,
+            )
+        };
         // The window has margins around the picture.
         let around = with_margins(camera);
-        let scene = BuiltIn.picture(
-            &around,
-            &record.runway,
-            &record.conditions.weather,
-            &record.conditions.clock,
-            None,
-        );
+        let scene = scene_of(&around);
         let mut drawn = RgbPicture {
             width_px: around.width_px,
             height_px: around.height_px,
@@ -96,9 +99,11 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
         sum[1] += stage.per_picture(states.len(), |_| Ok(grab.grab(&mut grabbed)?))?;
 
         // As drawn, not as decoded: a decoded picture has lost what costs most, such as streaks of rain.
+        let scene = scene_of(&camera);
         let pictures = states.iter().map(|(pose, controls, time_s)| {
-            scene.draw(pose, controls, *time_s, &mut drawn.rgb);
-            without_margins(&drawn)
+            let mut rgb = vec![0; camera.width_px as usize * camera.height_px as usize * 3];
+            scene.draw(pose, controls, *time_s, &mut rgb);
+            rgb
         });
         let pictures: Vec<Vec<u8>> = pictures.collect();
         let folder = tempfile::tempdir()?;
@@ -129,14 +134,4 @@ fn with_margins(mut camera: Camera) -> Camera {
     camera.height_px += 2 * MARGIN_PX;
     camera.principal_px += f64::from(MARGIN_PX);
     camera
-}
-
-fn without_margins(drawn: &RgbPicture) -> Vec<u8> {
-    let margin = MARGIN_PX as usize;
-    let rows = drawn.rgb.chunks_exact(drawn.width_px as usize * 3);
-    let inner = rows
-        .skip(margin)
-        .take(drawn.height_px as usize - 2 * margin);
-    let inner = inner.flat_map(|row| &row[3 * margin..row.len() - 3 * margin]);
-    inner.copied().collect()
 }

@@ -64,6 +64,19 @@ mod tests {
     }
 
     #[test]
+    fn a_bend_four_seconds_away_does_not_count() {
+        let place = |tick: u32| {
+            let time_s = f64::from(tick);
+            (time_s, DVec2::new(3.0 * time_s, (time_s - 20.0).max(0.0)))
+        };
+        let places: Vec<(f64, DVec2)> = (0..40).map(place).collect();
+        for (at_s, down) in [(16.0, 0.0), (24.0, 1.0)] {
+            let motion = motion_at(&places, at_s).unwrap();
+            assert!((motion - DVec2::new(3.0, down)).length() < 1e-6, "{motion}");
+        }
+    }
+
+    #[test]
     fn a_cubic_has_its_slope_at_any_rate_and_at_its_ends() {
         for step_s in [0.1, 1.0, 2.0, 3.3] {
             let places = places(step_s, 20);
