@@ -53,6 +53,7 @@ use raster::{Patch, Scratch};
 use seeing::Turbulence;
 use sensor::SensorNoise;
 use sway::SwayingMast;
+pub(crate) use sway::displace;
 use tone::Tone;
 use view::View;
 

@@ -24,12 +24,12 @@ impl SwayingMast {
 
     /// Moves a picture by the sway of an instant.
     pub(crate) fn move_picture(&self, rgb: &mut [u8], size: (usize, usize), time_s: f64) {
-        move_by(rgb, size, self.0.shift_px(time_s));
+        displace(rgb, size, self.0.shift_px(time_s));
     }
 }
 
 /// Moves a picture of this size by a displacement, pixels right and down.
-fn move_by(rgb: &mut [u8], (width, height): (usize, usize), shift_px: DVec2) {
+pub(crate) fn displace(rgb: &mut [u8], (width, height): (usize, usize), shift_px: DVec2) {
     let still = rgb.to_vec();
     // What is seen at x was at x - shift.
     let from = -shift_px;
@@ -116,7 +116,7 @@ mod tests {
             DVec2::new(5.0, 0.04),
         ] {
             let mut rgb = spot(place);
-            move_by(&mut rgb, SIZE, shift_px);
+            displace(&mut rgb, SIZE, shift_px);
             let error_px = centre(&rgb) - place - shift_px;
             assert!(error_px.length() < 0.01, "{error_px} of {shift_px}");
             let drawn = spot(place + shift_px);
@@ -129,10 +129,10 @@ mod tests {
     fn a_picture_that_stays_keeps_every_byte_and_even_light_stays_even_up_to_the_edges() {
         let still = spot(DVec2::new(22.3, 18.8));
         let mut rgb = still.clone();
-        move_by(&mut rgb, SIZE, DVec2::ZERO);
+        displace(&mut rgb, SIZE, DVec2::ZERO);
         assert!(rgb == still);
         let mut even = vec![77; SIZE.0 * SIZE.1 * COLOURS];
-        move_by(&mut even, SIZE, DVec2::new(-6.4, 3.3));
+        displace(&mut even, SIZE, DVec2::new(-6.4, 3.3));
         assert!(even.iter().all(|value| *value == 77));
     }
 }

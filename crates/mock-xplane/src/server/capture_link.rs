@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use dataset::geometry::camera::Camera;
 use dataset::numbers::limits::Check;
 use dataset::numbers::units::SimTime;
+use glam::DVec2;
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
@@ -27,11 +28,12 @@ use xplane_bridge::link::{
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 
 use super::engine::Engine;
-use super::faults::cameras::FaultyCameras;
+use super::faults::cameras::{Drawn, FaultyCameras};
 use super::faults::outages::Outages;
 use super::scenes::{SceneKey, Scenes};
 use super::seat::{Activity, LinkPatience, Seat};
 use super::{MockError, Shared};
+use crate::render::displace;
 use crate::render::overlay::Canvas;
 use crate::window::DisplayWindow;
 
@@ -445,7 +447,7 @@ impl CaptureService {
                 return refusal(format!("view {}: {bad_lens}", request.view));
             }
             let key = SceneKey {
-                camera: drawn.camera,
+                camera: drawn.request.camera,
                 imaging,
                 width_px: request.width_px,
                 height_px: request.height_px,
@@ -525,16 +527,21 @@ impl CaptureService {
     /// Draws into the slot, or into our own memory that becomes the payload. The answer is to the request, whatever is drawn.
     fn draw(
         &self,
-        (request, drawn): (&CaptureRequest, &CaptureRequest),
+        (request, drawn): (&CaptureRequest, &Drawn),
         key: &SceneKey,
         frame: Frame,
         slot: Option<DrawingSlot>,
     ) -> Reply {
         let draw = |rgb: &mut [u8]| {
-            let time_s = SimTime(drawn.time_ns).seconds();
+            let content = &drawn.request;
+            let time_s = SimTime(content.time_ns).seconds();
             self.scenes.with(self.engine.as_ref(), key, |picture| {
-                picture.draw(&drawn.pose, &drawn.controls, time_s, rgb);
+                picture.draw(&content.pose, &content.controls, time_s, rgb);
             });
+            if drawn.shift_px != DVec2::ZERO {
+                let size = (key.width_px as usize, key.height_px as usize);
+                displace(rgb, size, drawn.shift_px);
+            }
             if frame.alert {
                 let mut canvas = Canvas {
                     rgb,

@@ -1,7 +1,7 @@
 //! Cameras that do not show what they report: images that are late, repeated, shaken, or taken in another direction.
 //!
-//! Input: the requests for images in their order. Output: for each, the request for what is drawn in its place. Answers still echo
-//! what was asked: a camera with such a fault does not notice it.
+//! Input: the requests for images in their order. Output: for each, what is drawn in its place ([`Drawn`]). Answers still echo what was
+//! asked: a camera with such a fault does not notice it.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::f64::consts::TAU;
@@ -10,6 +10,7 @@ use std::time::Duration;
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::{Controls, Pose};
 use dataset::numbers::units::Degrees;
+use glam::DVec2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use xplane_bridge::link::CaptureRequest;
@@ -33,7 +34,8 @@ pub struct CameraFault {
 pub enum CameraFaultKind {
     /// Everything is shown where it was this long before. The first images of a flight show its beginning.
     Late(Duration),
-    /// The camera shakes about its two transverse axes.
+    /// The camera shakes about its two transverse axes. The finished picture is displaced as a whole, because each direction of a camera
+    /// needs a backdrop of its own, which takes seconds. With ten degrees of view that differs from a rotation by less than one percent.
     Shakes {
         /// Root mean square along each axis of the image, pixels.
         rms_px: f64,
@@ -49,6 +51,14 @@ pub enum CameraFaultKind {
         /// The time since the first tick.
         after: Duration,
     },
+}
+
+/// What is drawn in place of a requested image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Drawn {
+    pub(crate) request: CaptureRequest,
+    /// Displacement of the finished picture, pixels right and down.
+    pub(crate) shift_px: DVec2,
 }
 
 /// All cameras in the course of a flight.
@@ -96,37 +106,44 @@ impl FaultyCameras {
         ))
     }
 
-    /// The request for what is drawn in place of the image that was requested.
-    pub(crate) fn drawn_for(&mut self, request: &CaptureRequest) -> CaptureRequest {
+    /// What is drawn in place of the image that was requested.
+    pub(crate) fn drawn_for(&mut self, request: &CaptureRequest) -> Drawn {
         let faults: Vec<CameraFaultKind> = (self.faults.iter())
             .filter(|fault| fault.view == request.view)
             .map(|fault| fault.kind)
             .collect();
         if faults.is_empty() {
-            return *request;
+            return Drawn {
+                request: *request,
+                shift_px: DVec2::ZERO,
+            };
         }
         let seed = self.seed;
         let view = self.views.entry(request.view);
         let content = view
             .or_insert_with(|| View::new(seed, request.view))
             .content(&faults, request);
-        CaptureRequest {
-            time_ns: content.time_ns,
-            pose: content.pose,
-            controls: content.controls,
-            camera: content.camera,
-            ..*request
+        Drawn {
+            request: CaptureRequest {
+                time_ns: content.time_ns,
+                pose: content.pose,
+                controls: content.controls,
+                camera: content.camera,
+                ..*request
+            },
+            shift_px: content.shift_px,
         }
     }
 }
 
-/// Time and pose in an image.
+/// Time, pose and displacement of an image.
 #[derive(Debug, Clone, Copy)]
 struct Content {
     time_ns: i64,
     pose: Pose,
     controls: Controls,
     camera: CameraPose,
+    shift_px: DVec2,
 }
 
 /// The images of one view since the flight began.
@@ -174,6 +191,7 @@ impl View {
             pose: request.pose,
             controls: request.controls,
             camera: request.camera,
+            shift_px: DVec2::ZERO,
         };
         self.requested.push_back(requested);
         let (mut content, mut sticks) = (requested, false);
@@ -188,15 +206,10 @@ impl View {
                 CameraFaultKind::Shakes {
                     rms_px,
                     frequency_hz,
-                } => {
-                    let [right_px, up_px] = self.shake(rms_px, frequency_hz, request.time_ns);
-                    let half_width = (request.camera.hfov_deg.to_radians() / 2.0).tan();
-                    let per_px = half_width / (f64::from(request.width_px) / 2.0);
-                    turn(&mut content.camera.pose, right_px * per_px, up_px * per_px);
-                }
+                } => content.shift_px += self.shake_px(rms_px, frequency_hz, request.time_ns),
                 CameraFaultKind::Turns { right_deg, after } => {
                     if request.time_ns >= nanoseconds(after) {
-                        turn(&mut content.camera.pose, right_deg.to_radians(), 0.0);
+                        turn_right(&mut content.camera.pose, right_deg);
                     }
                 }
                 CameraFaultKind::Sticks(share) => sticks |= self.random.random::<f64>() < share,
@@ -236,21 +249,23 @@ impl View {
             },
             controls: before.controls,
             camera: latest.camera,
+            shift_px: DVec2::ZERO,
         }
     }
 
-    /// Excursion to the right and up, pixels.
-    fn shake(&self, rms_px: f64, frequency_hz: f64, time_ns: i64) -> [f64; 2] {
+    /// Displacement by the shake, pixels.
+    fn shake_px(&self, rms_px: f64, frequency_hz: f64, time_ns: i64) -> DVec2 {
         // A sinusoid of amplitude 1 has a mean square of 1/2.
         let amplitude_px = rms_px * (2.0 / SINUSOIDS.len() as f64).sqrt();
         let turns = frequency_hz * Duration::from_nanos(time_ns.unsigned_abs()).as_secs_f64();
-        self.phases.map(|phases| {
+        let axes = self.phases.map(|phases| {
             let sinusoids = SINUSOIDS.iter().zip(phases);
             let sum: f64 = sinusoids
                 .map(|(relative, phase)| (TAU * turns * relative + phase).sin())
                 .sum();
             amplitude_px * sum
-        })
+        });
+        axes.into()
     }
 }
 
@@ -258,13 +273,12 @@ fn nanoseconds(duration: Duration) -> i64 {
     i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
 }
 
-/// Turns a camera by small angles to the right and up in its image, radians.
-fn turn(camera: &mut Pose, right: f64, up: f64) {
-    let heading = right / camera.pitch_deg.to_radians().cos();
-    camera.heading_true_deg = Degrees(camera.heading_true_deg + heading.to_degrees())
+/// Turns a camera to the right in its image by a small angle, degrees.
+fn turn_right(camera: &mut Pose, right_deg: f64) {
+    let heading_deg = right_deg / camera.pitch_deg.to_radians().cos();
+    camera.heading_true_deg = Degrees(camera.heading_true_deg + heading_deg)
         .wrapped_360()
         .0;
-    camera.pitch_deg += up.to_degrees();
 }
 
 #[cfg(test)]
@@ -311,36 +325,39 @@ mod tests {
     #[test]
     fn a_late_view_shows_the_aircraft_where_it_was_and_the_other_view_is_untouched() {
         let mut cameras = cameras("late=1:450");
-        assert_eq!(cameras.drawn_for(&request(1, 0)), request(1, 0));
-        let drawn = cameras.drawn_for(&request(1, 1));
+        assert_eq!(cameras.drawn_for(&request(1, 0)).request, request(1, 0));
+        let drawn = cameras.drawn_for(&request(1, 1)).request;
         assert_eq!(drawn.time_ns, 1_550_000_000);
         assert!((drawn.pose.altitude_msl_m - (900.0 - 8.0 * 0.775)).abs() < 1e-9);
         assert!((drawn.pose.heading_true_deg.rem_euclid(360.0) - 359.775).abs() < 1e-9);
         assert_eq!(drawn.camera.pose.heading_true_deg, 203.0);
-        assert_eq!(cameras.drawn_for(&request(0, 1)), request(0, 1));
+        assert_eq!(cameras.drawn_for(&request(0, 1)).request, request(0, 1));
         // More than a tick late.
         let mut slow = self::cameras("late=0:3000");
         let drawn: Vec<_> = (0..5)
-            .map(|tick| slow.drawn_for(&request(0, tick)))
+            .map(|tick| slow.drawn_for(&request(0, tick)).request)
             .collect();
         assert!((drawn[4].pose.altitude_msl_m - (900.0 - 8.0 * 2.5)).abs() < 1e-9);
         // The next flight does not begin with the end of this one.
         slow.begin_flight();
-        assert_eq!(slow.drawn_for(&request(0, 20)).pose, request(0, 20).pose);
+        let drawn = slow.drawn_for(&request(0, 20)).request;
+        assert_eq!(drawn.pose, request(0, 20).pose);
     }
 
     #[test]
     fn a_shaking_camera_has_the_stated_root_mean_square_along_both_axes_and_flights_differ() {
         let mut cameras = cameras("shake=0:2:1.1,seed=3");
-        let per_px = 0.01 / (5_f64.to_radians().tan() / 500.0).atan().to_degrees();
-        let mut flight = || -> Vec<[f64; 2]> {
-            let drawn = (0..4_000).map(|tick| cameras.drawn_for(&request(0, tick)).camera.pose);
-            let px = |degrees: f64| degrees * per_px / 0.01;
-            let excursions: Vec<_> = drawn
-                .map(|pose| [px(pose.heading_true_deg - 203.0), px(pose.pitch_deg - 2.0)])
+        let mut flight = || -> Vec<DVec2> {
+            let drawn: Vec<_> = (0..4_000)
+                .map(|tick| cameras.drawn_for(&request(0, tick)))
                 .collect();
             cameras.begin_flight();
-            excursions
+            assert!(
+                (0..)
+                    .zip(&drawn)
+                    .all(|(tick, drawn)| drawn.request == request(0, tick))
+            );
+            drawn.iter().map(|drawn| drawn.shift_px).collect()
         };
         let (first, second) = (flight(), flight());
         for axis in 0..2 {
@@ -372,7 +389,7 @@ mod tests {
     fn a_sticking_camera_repeats_its_share_of_the_images() {
         let mut cameras = cameras("stick=0:0.04,seed=5");
         let drawn: Vec<_> = (0..5_000)
-            .map(|tick| cameras.drawn_for(&request(0, tick)))
+            .map(|tick| cameras.drawn_for(&request(0, tick)).request)
             .collect();
         let again = drawn
             .windows(2)
@@ -388,6 +405,7 @@ mod tests {
         let mut heading = |tick| {
             cameras
                 .drawn_for(&request(0, tick))
+                .request
                 .camera
                 .pose
                 .heading_true_deg
