@@ -150,3 +150,30 @@ fn a_reference_whose_light_fades_is_replaced_at_its_turn() {
         assert!(error_px < 0.1, "{part}: {found:?}");
     }
 }
+
+#[test]
+fn an_edge_tells_its_place_across_itself_and_not_along_its_steps() {
+    let camera = camera();
+    let certain = |ground: fn(DVec2) -> f64| -> Vec<usize> {
+        let levels = image(Turn::default(), ground);
+        let image = Luma::of(&levels, WIDTH);
+        let tiles = tiles_of(&image, HEIGHT / 2, &camera);
+        assert!(tiles.len() >= FEWEST_TILES);
+        let told = |tile: &Tile| tile.told(&image, DVec2::ZERO).unwrap();
+        tiles
+            .iter()
+            .map(|tile| {
+                let equations = told(tile).equations(&tile.slopes);
+                equations
+                    .iter()
+                    .filter(|(.., certainty)| *certainty > 0.0)
+                    .count()
+            })
+            .collect()
+    };
+    // Stripes that fall by a pixel in twelve: each has a step there.
+    let stripes =
+        |place: DVec2| 60.0 + 100.0 * ((place.y - place.x / 12.0) / 40.0).floor().rem_euclid(2.0);
+    assert!(certain(stripes).iter().all(|axes| *axes == 1));
+    assert!(certain(ground).iter().all(|axes| *axes == 2));
+}

@@ -20,6 +20,9 @@ const BEST_DOWN: usize = 5;
 const LEAST_STRUCTURE: f64 = 200.0;
 /// With less along one of its axes, a tile says nothing about that axis: noise and compression have such slopes too.
 const LEAST_ALONG: f64 = 100.0;
+/// And with less than this part of the structure across it: along an edge, a tile shows little but the steps of the edge on the grid of
+/// pixels, and those do not move with it.
+const LEAST_PART: f64 = 0.1;
 /// A tile whose image resembles the reference less is covered or changed.
 const LEAST_CORRELATION: f64 = 0.6;
 /// Least noise of a pixel, grey levels.
@@ -156,16 +159,8 @@ impl Tile {
             }
         }
         let structure = [(1, 1), (1, 2), (2, 2)].map(|(i, k)| product(&light, i, k));
-        let tells = |structure: f64| {
-            let variance = NOISE_LEVELS * NOISE_LEVELS * SHARED / structure;
-            let certainty = (variance + LEAST_SD_PX * LEAST_SD_PX).recip();
-            if structure < LEAST_ALONG {
-                0.0
-            } else {
-                certainty
-            }
-        };
-        let tells = DVec2::new(tells(structure[0]), tells(structure[2]));
+        let variance = NOISE_LEVELS * NOISE_LEVELS * SHARED;
+        let tells = certainties([structure[0], structure[2]], variance).into();
         let middle_px = DVec2::new(left as f64, top as f64)
             + DVec2::new(WIDTH as f64 - 1.0, HEIGHT as f64 - 1.0) / 2.0;
         let direction = camera.image_of(middle_px).extend(1.0);
@@ -228,17 +223,27 @@ impl Tile {
         let rest = (square - explained).max(0.0) / (found.len() - 4) as f64;
         let variance = rest.max(NOISE_LEVELS * NOISE_LEVELS) * SHARED / (gain * gain);
         let axis = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
-        let axes = [axis, axis.perp()].map(|axis| {
-            let structure =
-                axis.x * axis.x * xx + 2.0 * axis.x * axis.y * xy + axis.y * axis.y * yy;
-            if structure < LEAST_ALONG {
-                return (axis, 0.0);
-            }
-            let variance = variance / structure + LEAST_SD_PX * LEAST_SD_PX;
-            (axis, variance.recip())
-        });
-        Some(Told { best_px, axes })
+        let axes = [axis, axis.perp()];
+        let along =
+            |axis: DVec2| axis.x * axis.x * xx + 2.0 * axis.x * axis.y * xy + axis.y * axis.y * yy;
+        let [first, second] = certainties(axes.map(along), variance);
+        Some(Told {
+            best_px,
+            axes: [(axes[0], first), (axes[1], second)],
+        })
     }
+}
+
+/// Certainties of a tile's place along two axes with this structure, for a variance of its pixels, 1 / square pixels.
+fn certainties(structures: [f64; 2], variance: f64) -> [f64; 2] {
+    let most = structures[0].max(structures[1]);
+    structures.map(|structure| {
+        if structure < LEAST_ALONG.max(LEAST_PART * most) {
+            0.0
+        } else {
+            (variance / structure + LEAST_SD_PX * LEAST_SD_PX).recip()
+        }
+    })
 }
 
 /// A part of an image that begins between its pixels, blurred by one, two, one quarters both ways; `None` if it reaches beyond the edge.

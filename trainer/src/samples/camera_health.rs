@@ -1,8 +1,9 @@
 //! What was seen by cameras that moved, shook or repeated images, as the flight's usual directions would have seen it.
 //!
 //! `dtd detect` measures each camera's direction from the ground in its images ([`dataset::tables::health`]). Where a camera is off, its
-//! boxes and registered shifts are moved to where the usual direction would have seen them. A view does not count at a tick whose image
-//! repeats an earlier one, or whose direction is off by an amount that is not known well. Other ticks stay as they are, bit by bit.
+//! boxes and registered shifts are moved to where the usual direction would have seen them, and the shifts are as much less certain as
+//! that direction is. A view does not count at a tick whose image repeats an earlier one, or whose direction is off by an amount that is
+//! not known well. Other ticks stay as they are, bit by bit.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -131,6 +132,10 @@ impl<'a> CameraHealth<'a> {
                 None => counts.withheld += 1,
             }
         }
-        observed.moved(usual)
+        // Without a standard deviation the view does not count, or was not moved.
+        let sd_px = |view: usize| row(view).and_then(|row| Some(row.motion?.shift_sd_px));
+        observed
+            .moved(usual)
+            .widened(|view| DVec2::splat(sd_px(view).unwrap_or_default()))
     }
 }

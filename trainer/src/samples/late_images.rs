@@ -59,17 +59,9 @@ pub(crate) fn in_time(
                 None => counts.late_withheld += 1,
             }
         }
-        let mut moved =
-            observed.moved(|view, place_px| Some(place_px + late[view].seconds * motions[view]?));
-        for (view, shift) in moved.shifts.iter_mut().enumerate() {
-            let Some(shift) = shift else { continue };
-            for of in [view, shift.reference] {
-                let unknown_px = late[of].sd_s * motions[of].unwrap_or_default().abs();
-                let sum = shift.sd_px * shift.sd_px + unknown_px * unknown_px;
-                shift.sd_px = DVec2::new(sum.x.sqrt(), sum.y.sqrt());
-            }
-        }
-        moved
+        observed
+            .moved(|view, place_px| Some(place_px + late[view].seconds * motions[view]?))
+            .widened(|view| late[view].sd_s * motions[view].unwrap_or_default())
     };
     observations.into_iter().map(moved).collect()
 }

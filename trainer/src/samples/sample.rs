@@ -104,6 +104,29 @@ impl Observation {
         moved.with_boxes(self.boxes.iter().enumerate().map(pixel_box).collect())
     }
 
+    /// The same tick with less certain shifts: `sd_px` gives the standard deviation of the places of a view, which adds to what its shifts
+    /// have.
+    pub(crate) fn widened(mut self, sd_px: impl Fn(usize) -> DVec2) -> Self {
+        let added = |own_px: DVec2, views: [usize; 2]| {
+            let squares = [own_px, sd_px(views[0]), sd_px(views[1])].map(|of| of * of);
+            let sum: DVec2 = squares.into_iter().sum();
+            DVec2::new(sum.x.sqrt(), sum.y.sqrt())
+        };
+        for (view, shift) in self.shifts.iter_mut().enumerate() {
+            if let Some(shift) = shift {
+                shift.sd_px = added(shift.sd_px, [view, shift.reference]);
+            }
+        }
+        let others = self.others.iter_mut().flat_map(|of| &mut of.registered);
+        for (view, registered) in others.enumerate() {
+            if let Some((reference, shift)) = registered {
+                let own_px = DVec2::new(shift.sd_x_px, shift.sd_y_px);
+                [shift.sd_x_px, shift.sd_y_px] = added(own_px, [view, *reference]).to_array();
+            }
+        }
+        self
+    }
+
     /// Number of views that saw the aircraft.
     pub(crate) fn detections(&self) -> usize {
         self.boxes.iter().flatten().count()

@@ -489,6 +489,7 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
     let mut compared = 0;
     for (one, other) in pairs.filter(|(one, _)| one.boxes.iter().all(is_inside)) {
         compared += 1;
+        let tick = one.tick;
         for (one, other) in one.boxes.iter().zip(&other.boxes) {
             let centre = |seen: &Option<PixelBox>| seen.map(|b| DVec2::new(b.cx_px, b.cy_px));
             match (centre(one), centre(other)) {
@@ -503,6 +504,9 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
                         one.shift_px.distance(other.shift_px) < 0.02,
                         "{one:?} {other:?}"
                     );
+                    let turned_px = [0.0, 0.02, 0.1, 0.02 * 2.0_f64.sqrt()][tick as usize % 4];
+                    let sd_px = one.sd_px.to_array().map(|sd_px| sd_px.hypot(turned_px));
+                    assert!(other.sd_px.distance(sd_px.into()) < 1e-9, "{other:?}");
                 }
                 (one, other) => assert_eq!(one, other),
             }
