@@ -132,6 +132,8 @@ def miscalibrated(demo, out, row):
     if not corpus.exists():
         fresh(copy)
         example = DTD.parent / "examples" / "miscalibrated_corpus"
+        if not example.exists():
+            sys.exit(f"{example} is missing: cargo build --release --workspace --example miscalibrated_corpus")
         subprocess.run([example, demo, copy, *map(str, MISCALIBRATED[row])], check=True)
         forget_registrations(copy)
         copy.rename(corpus)

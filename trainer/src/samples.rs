@@ -415,9 +415,14 @@ impl Samples {
         let cameras = cameras_of(scenario)?;
         let health = scenario.health(&self.detections.hash)?.unwrap_or_default();
         let detections = scenario.detections(&self.detections.hash)?;
+        // In hindsight, [`CameraHealth`] leaves these images out, and corrects others.
+        let ill = match moment {
+            Moment::Hindsight => BTreeSet::new(),
+            Moment::Live => ill_live(&health),
+        };
         let detections: Vec<_> = match moment {
             Moment::Hindsight => detections.into_confirmed().collect(),
-            Moment::Live => counting_live(detections, &health)
+            Moment::Live => counting_live(detections, &ill)
                 .ok_or_else(|| Error::corpus(folder.root(), CorpusFault::NoLiveBoxes))?,
         };
         if let Some(Detection { view, .. }) = detections
@@ -460,7 +465,9 @@ impl Samples {
                 })
                 .collect();
             let at = (self.scenarios.len(), row.tick, row.time_ns);
-            Observation::of(at, &found, &registered)
+            let views = self.views.iter();
+            let looks = views.map(|view| !ill.contains(&(row.tick, view.clone())));
+            Observation::of(at, &found, &registered, looks.collect())
         };
         let late = late_views(&health);
         let late = self.views.iter().map(|view| late.get(view.as_str()));
@@ -600,15 +607,18 @@ fn farther_from_training(one: Side, other: Side) -> Side {
     }
 }
 
-/// Boxes that count at their ticks, of cameras that were well then; `None` of detections that do not have this.
-fn counting_live(detections: Detections, health: &[ViewHealth]) -> Option<Vec<Detection>> {
+/// Images, as tick and view, of cameras that were not well by the images up to then.
+fn ill_live(health: &[ViewHealth]) -> BTreeSet<(u32, String)> {
     let is_ill = |row: &&ViewHealth| row.state_live.is_some_and(|state| !state.is_well());
-    let ill: BTreeSet<(u32, &str)> = (health.iter().filter(is_ill))
-        .map(|row| (row.tick, row.view.as_str()))
-        .collect();
+    let ill = health.iter().filter(is_ill);
+    ill.map(|row| (row.tick, row.view.clone())).collect()
+}
+
+/// Boxes that count at their ticks, but for those of these images; `None` of detections that do not have this.
+fn counting_live(detections: Detections, ill: &BTreeSet<(u32, String)>) -> Option<Vec<Detection>> {
     let mut counting = Vec::new();
     for found in detections.boxes {
-        if found.counts_live? && !ill.contains(&(found.tick, found.view.as_str())) {
+        if found.counts_live? && !ill.contains(&(found.tick, found.view.clone())) {
             counting.push(found);
         }
     }

@@ -35,7 +35,13 @@ fn ticks(corpus: &Corpus, scenario: &str, views: &[String]) -> Vec<SeenTick> {
     let mut ticks: Vec<SeenTick> = (rows.iter())
         .map(|row| SeenTick {
             time_ns: row.time_ns,
-            views: vec![SeenView::default(); views.len()],
+            views: vec![
+                SeenView {
+                    looks: true,
+                    ..SeenView::default()
+                };
+                views.len()
+            ],
         })
         .collect();
     for found in boxes {

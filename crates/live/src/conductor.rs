@@ -320,6 +320,7 @@ impl Conductor {
             track: Some(found.track),
         });
         SeenView {
+            looks: searched.looked.camera.is_well(),
             boxes: boxes.collect(),
             registration,
         }

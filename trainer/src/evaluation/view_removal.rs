@@ -61,11 +61,8 @@ impl ViewRemoval {
         for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
             let id = &scenarios[flight[0].scenario].id;
             for (observed, lost) in flight.iter().zip(self.lost(rules, id, flight)) {
-                let boxes = observed.boxes.iter().enumerate();
-                let kept = boxes.map(|(view, seen)| seen.filter(|_| !lost.has(view)));
-                remaining
-                    .observations
-                    .push(observed.with_boxes(kept.collect()));
+                let left = observed.without_images(|view| lost.has(view));
+                remaining.observations.push(left);
                 remaining.removed.push(lost != Lost::None);
             }
         }

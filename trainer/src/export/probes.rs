@@ -100,6 +100,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
             tick: tick as u32,
             time_ns: 0,
             tracks: vec![None; boxes.len()],
+            looks: vec![true; boxes.len()],
             boxes,
             shifts,
             cut_off: 0,

@@ -12,13 +12,15 @@ use crate::samples::{Observation, Scored, whole_of};
 pub struct SeenTick {
     /// Their time, nanoseconds.
     pub time_ns: i64,
-    /// By view; empty where there is no image, or none that may be measured.
+    /// By view; the default where there is no image, or none that may be measured.
     pub views: Vec<SeenView>,
 }
 
 /// An image of a view.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SeenView {
+    /// True if there is an image that shows what there is.
+    pub looks: bool,
     /// Its boxes that count at this moment.
     pub boxes: Vec<Candidate>,
     /// The index of the view that it is registered with, and the shift from there.
@@ -44,7 +46,8 @@ impl SeenTick {
         let registered: Vec<Option<Registered>> = (self.views.iter())
             .map(|view| view.registration.filter(|(from, _)| *from < cameras.len()))
             .collect();
-        Observation::of((0, tick, time_ns), &found, &registered)
+        let looks = self.views.iter().map(|view| view.looks).collect();
+        Observation::of((0, tick, time_ns), &found, &registered, looks)
     }
 }
 

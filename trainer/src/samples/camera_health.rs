@@ -135,6 +135,7 @@ impl<'a> CameraHealth<'a> {
         // Without a standard deviation the view does not count, or was not moved.
         let sd_px = |view: usize| row(view).and_then(|row| Some(row.motion?.shift_sd_px));
         observed
+            .without_images(|view| usual(view, DVec2::ZERO).is_none())
             .moved(usual)
             .widened(|view| DVec2::splat(sd_px(view).unwrap_or_default()))
     }

@@ -162,6 +162,7 @@ impl Observation {
                 .map(|of_view| of_view.first()?.track)
                 .collect(),
             others: others.and_then(OtherBoxes::unless_empty),
+            looks: self.looks.clone(),
             boxes,
             ..*self
         }
@@ -211,6 +212,7 @@ mod tests {
             tracks: vec![None; 2],
             shifts: vec![None; 2],
             cut_off: 0,
+            looks: vec![true; 2],
             others: OtherBoxes::of(&found, &[None, Some((0, shift))]),
         }
     }

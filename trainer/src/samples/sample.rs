@@ -27,17 +27,20 @@ pub(crate) struct Observation {
     pub shifts: Vec<Option<ViewShift>>,
     /// Views whose only boxes are cut off by the picture's edge, which are not in `boxes`.
     pub cut_off: usize,
+    /// Views whose image was searched, in the same order. A view that looks and has no box sees nothing; one that fails is blind.
+    pub looks: Vec<bool>,
     /// Boxes with lower scores in the same pictures, if there are any.
     pub others: Option<Box<OtherBoxes>>,
 }
 
 impl Observation {
     /// Of a scenario at a tick and a time in nanoseconds. `found`: by view the whole boxes, the highest score first, none of them where
-    /// the picture's edge cuts off all; `registered`: by view.
+    /// the picture's edge cuts off all; `registered`, `looks`: by view.
     pub(crate) fn of(
         (scenario, tick, time_ns): (usize, u32, i64),
         found: &[Option<Vec<Candidate>>],
         registered: &[Option<Registered>],
+        looks: Vec<bool>,
     ) -> Self {
         let best: Vec<_> = found.iter().map(|found| found.as_ref()?.first()).collect();
         let boxes: Vec<_> = best.iter().map(|best| Some((*best)?.pixel_box)).collect();
@@ -57,6 +60,7 @@ impl Observation {
             tracks: best.iter().map(|best| (*best)?.track).collect(),
             others: OtherBoxes::of(found, registered),
             boxes,
+            looks,
         }
     }
 
@@ -72,8 +76,21 @@ impl Observation {
                 .collect(),
             others: OtherBoxes::of_views(self.others.as_deref(), &boxes),
             tracks: self.tracks.clone(),
+            looks: self.looks.clone(),
             boxes,
             ..*self
+        }
+    }
+
+    /// The same tick without the images of some views.
+    pub(crate) fn without_images(&self, is_lost: impl Fn(usize) -> bool) -> Self {
+        let boxes = self.boxes.iter().enumerate();
+        let boxes = boxes.map(|(view, seen)| seen.filter(|_| !is_lost(view)));
+        let looks = self.looks.iter().enumerate();
+        let looks = looks.map(|(view, looks)| *looks && !is_lost(view));
+        Self {
+            looks: looks.collect(),
+            ..self.with_boxes(boxes.collect())
         }
     }
 
@@ -95,6 +112,7 @@ impl Observation {
             shifts: (0..self.shifts.len()).map(shift).collect(),
             tracks: self.tracks.clone(),
             boxes: self.boxes.clone(),
+            looks: self.looks.clone(),
             others: self
                 .others
                 .as_ref()
@@ -191,6 +209,7 @@ impl Sample {
                 time_ns: 0,
                 shifts: vec![None; boxes.len()],
                 tracks: vec![None; boxes.len()],
+                looks: vec![true; boxes.len()],
                 boxes,
                 cut_off: 0,
                 others: None,

@@ -56,6 +56,7 @@ impl Truth {
                 boxes: Vec::new(),
                 shifts: Vec::new(),
                 tracks: Vec::new(),
+                looks: Vec::new(),
                 others: None,
                 cut_off: 0,
             };

@@ -34,6 +34,8 @@ const DISPUTE_S: f64 = 3.0;
 const RIVAL_S: f64 = 3.0;
 /// An object of one view alone counts after this time, seconds: then places tell its speed.
 const APPROACH_S: f64 = 10.0;
+/// A view without an image for this time is blind, seconds.
+const BLIND_S: f64 = 10.0;
 /// Of two boxes that contradict each other, one is an intruder if it is so many times as far from where it is expected, plus this.
 const INTRUDER: f64 = 2.0;
 const INTRUDER_AWAY: f64 = 0.2;
@@ -53,6 +55,8 @@ pub(crate) struct Follower {
     followed: Option<usize>,
     next_number: usize,
     last_s: Option<f64>,
+    /// By view, when it had its last image.
+    looked_s: Vec<Option<f64>>,
 }
 
 /// An object at a tick.
@@ -81,10 +85,16 @@ impl Follower {
                 observed.candidates(view).take(most).collect()
             })
             .collect();
+        self.looked_s.resize(boxes.len(), None);
+        for (looked_s, looks) in self.looked_s.iter_mut().zip(&observed.looks) {
+            *looked_s = if *looks { Some(time_s) } else { *looked_s };
+        }
+        let looks = |looked_s: &Option<f64>| looked_s.is_some_and(|at| time_s - at <= BLIND_S);
         let tick = Tick {
             learned,
             time_s,
             boxes: &boxes,
+            looks: &self.looked_s.iter().map(looks).collect::<Vec<_>>(),
         };
         self.forget(time_s);
         self.continue_all(&tick);
@@ -274,7 +284,7 @@ impl Follower {
     }
 
     /// False if its views contradict each other, or if it was never seen by two views and has not approached at a usual speed, stands
-    /// still, has another size than aircraft have there, or is contradicted by what another view sees.
+    /// still, has another size than aircraft have there, is contradicted by what another view sees, or is not seen by one that looks there.
     fn is_certain(&self, chosen: &Aircraft, tick: &Tick, step_s: f64) -> bool {
         let relations = tick.learned.relations;
         if chosen.disputed_s > 0.0 && chosen.count() > 1 {
@@ -298,6 +308,7 @@ impl Follower {
             // Between ticks that are as far apart as this, waiting for another one would cost more than lamps do.
             || ((chosen.has_approached || step_s >= LONGEST_STEP_S)
                 && tick.learned.is_on_path(chosen, step_s)
+                && !tick.is_missed(chosen)
                 && !self.aircraft.iter().any(|other| is_rival(&other)))
     }
 }
@@ -351,6 +362,8 @@ struct Tick<'a> {
     learned: Learned<'a>,
     time_s: f64,
     boxes: &'a [Vec<Candidate>],
+    /// Views that are not blind.
+    looks: &'a [bool],
 }
 
 impl Tick<'_> {
@@ -401,6 +414,16 @@ impl Tick<'_> {
     fn is_disputed(&self, aircraft: &Aircraft) -> bool {
         let mut seen = self.seen(aircraft);
         seen.any(|of| self.contradictions(aircraft, of) > 0)
+    }
+
+    /// True if a view looks where an aircraft of this place would be, and does not see it.
+    fn is_missed(&self, aircraft: &Aircraft) -> bool {
+        let is_missed_by = |other: usize| self.looks[other] && aircraft.boxes[other].is_none();
+        self.seen(aircraft).any(|of| {
+            let (view, seen) = self.pixel_box(of);
+            let mut relations = self.learned.relations.iter();
+            relations.any(|relation| relation.also_sees(view, seen).is_some_and(is_missed_by))
+        })
     }
 
     /// The view whose box is most likely of something else; `None` if no views contradict each other, or both sides are as likely.

@@ -47,6 +47,9 @@ pub(crate) struct Relation {
     parallax: [f64; 2],
     /// Standard deviation of the logarithm of the width that follows from the columns; `None` if the columns do not depend on it.
     parallax_sd: Option<f64>,
+    /// Least and greatest column in each view at which the other one saw the aircraft as well, pixels. `None` in runs of earlier versions.
+    #[serde(default)]
+    pub(super) common_px: Option<[[f64; 2]; 2]>,
 }
 
 /// Mean of the widths in two views: the geometric one, as sizes are compared by their logarithms.
@@ -88,6 +91,12 @@ impl Relation {
             .collect();
         let ([apart_px, slope], sd) = robust_line(&columns)?;
         let slope = slope / WIDTH_UNIT_PX;
+        let ends = |view: usize| {
+            let columns = pairs.iter().map(|pair| pair[view].cx_px);
+            columns.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], x| {
+                [least.min(x), most.max(x)]
+            })
+        };
         Some(Self {
             views,
             row,
@@ -96,6 +105,7 @@ impl Relation {
             parallax: [apart_px, slope],
             // A slope of one column per pixel of width comes from the shape of the aircraft, not from the distance of the cameras.
             parallax_sd: (slope.abs() > 1.0).then(|| (sd / slope.abs()).max(LEAST_PARALLAX_SD)),
+            common_px: Some([ends(0), ends(1)]),
         })
     }
 
@@ -131,6 +141,15 @@ impl Relation {
         !self.residuals(pair).into_iter().all(is_one)
     }
 
+    /// The view that should see an aircraft as well which another view sees here.
+    pub(super) fn also_sees(&self, view: usize, seen: &PixelBox) -> Option<usize> {
+        let at = self.views.iter().position(|of| *of == view)?;
+        let [least, most] = self.common_px?[at];
+        (least..=most)
+            .contains(&seen.cx_px)
+            .then(|| self.views[1 - at])
+    }
+
     /// All of its numbers.
     pub(super) fn constants(&self) -> impl Iterator<Item = f64> {
         let numbers = [self.row_sd_px].into_iter().chain(self.parallax_sd);
@@ -138,6 +157,7 @@ impl Relation {
             .chain(self.row)
             .chain(self.size)
             .chain(self.parallax)
+            .chain(self.common_px.into_iter().flatten().flatten())
     }
 
     /// True if all standard deviations are positive.

@@ -246,11 +246,7 @@ fn of_three_views_the_one_that_contradicts_the_others_is_left_out() {
 fn a_single_view_counts_while_the_others_are_blind() {
     let (paired, flights) = each_second();
     for view in 0..2 {
-        let blind = |observed: &Observation| {
-            let mut boxes = vec![None; 2];
-            boxes[view] = observed.boxes[view];
-            observed.with_boxes(boxes)
-        };
+        let blind = |observed: &Observation| observed.without_images(|of| of != view);
         let alone: Vec<Observation> = flights[0].iter().map(blind).collect();
         let chosen = paired.of_one_aircraft(&alone);
         let (answered, wrong) = answered_and_false(&chosen, &alone);
@@ -270,12 +266,39 @@ fn what_one_view_alone_sees_counts_only_if_it_is_as_fast_as_an_approach() {
             boxes: vec![shown.boxes[0], None],
             tracks: vec![Some(3), None],
             shifts: vec![None; 2],
+            looks: vec![true, false],
             others: None,
             ..observed.clone()
         });
         let chosen = paired.of_one_aircraft(&alone.collect::<Vec<_>>());
         assert_eq!(seen(&chosen) > 0, counts, "{times_as_fast} times as fast");
     }
+}
+
+#[test]
+fn what_one_view_sees_and_another_one_that_looks_there_does_not_gives_no_answer() {
+    let (paired, flights) = each_second();
+    let flight = tracked(&flights[0]);
+    let one_sees = |observed: &Observation| observed.with_boxes(vec![observed.boxes[0], None]);
+    let unseen: Vec<Observation> = flight.iter().map(one_sees).collect();
+    assert_eq!(seen(&paired.of_one_aircraft(&unseen)), 0);
+    // Where the other one never saw an aircraft, it need not see this one.
+    let mut narrow = paired.clone();
+    narrow.relations[0].common_px = Some([[5_000.0, 6_000.0]; 2]);
+    assert!(seen(&narrow.of_one_aircraft(&unseen)) > seen(&unseen) / 2);
+    // An image that is missing now and then makes no view blind; a failure does.
+    let mut failing = unseen.clone();
+    failing
+        .iter_mut()
+        .step_by(4)
+        .for_each(|observed| observed.looks[1] = false);
+    assert_eq!(seen(&paired.of_one_aircraft(&failing)), 0);
+    failing[60..]
+        .iter_mut()
+        .for_each(|observed| observed.looks[1] = false);
+    let chosen = paired.of_one_aircraft(&failing);
+    assert_eq!(seen(&chosen[..68]), 0);
+    assert!(seen(&chosen[72..]) as f64 > 0.9 * seen(&unseen[72..]) as f64);
 }
 
 /// A box as a detector sees it: with errors that are nearly normal.
@@ -297,6 +320,7 @@ fn alone(
 ) -> Vec<Observation> {
     let image = |(image, pixel_box): (i64, PixelBox)| {
         let mut observed = like.with_boxes(vec![Some(pixel_box), None]);
+        observed.looks = vec![true, false];
         observed.time_ns = step_ns * image;
         observed.tracks = vec![Some(3), None];
         observed
