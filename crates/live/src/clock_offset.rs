@@ -1,9 +1,8 @@
-//! The offset of a clock and its drift, from the lags of one arrival after another.
+//! The offset of a clock and its drift, from one arrival after another.
 //!
-//! A straight line through the lags by time, each weighted by its standard deviation ([`Lag`]). Before there are several, the drift is
-//! expected to be small, as usual clocks have it.
+//! A straight line through lags by time, by least squares, of which each arrival adds its sums ([`LagLine`]). Before they tell more, the
+//! drift is expected to be small, as usual clocks have it.
 
-use dataset::geometry::rays::Lag;
 use serde::{Deserialize, Serialize};
 
 /// Standard deviation of the unmeasured drift of a clock: of a recording, and of a stream, whose clock is followed by arrival times.
@@ -33,17 +32,84 @@ impl Offset {
     }
 }
 
-/// Offset and drift of a clock: sums for a straight line by least squares.
+/// Sums of a straight line through lags by time: of weights, times their times, and squared times; of weighted lags, and times their
+/// times.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sums {
+    pub(crate) weight: f64,
+    pub(crate) time: f64,
+    pub(crate) time_squared: f64,
+    pub(crate) lag: f64,
+    pub(crate) lag_times_time: f64,
+}
+
+impl Sums {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            weight: self.weight + other.weight,
+            time: self.time + other.time,
+            time_squared: self.time_squared + other.time_squared,
+            lag: self.lag + other.lag,
+            lag_times_time: self.lag_times_time + other.lag_times_time,
+        }
+    }
+
+    /// With this part of all weights.
+    pub(crate) fn scaled(self, part: f64) -> Self {
+        Self {
+            weight: part * self.weight,
+            time: part * self.time,
+            time_squared: part * self.time_squared,
+            lag: part * self.lag,
+            lag_times_time: part * self.lag_times_time,
+        }
+    }
+
+    /// With an error that all these lags have in common, of this standard deviation.
+    pub(crate) fn with_common_error(self, sd_s: f64) -> Self {
+        let lost = (sd_s.powi(-2) + self.weight).recip();
+        Self {
+            weight: self.weight - lost * self.weight * self.weight,
+            time: self.time - lost * self.weight * self.time,
+            time_squared: self.time_squared - lost * self.time * self.time,
+            lag: self.lag - lost * self.weight * self.lag,
+            lag_times_time: self.lag_times_time - lost * self.time * self.lag,
+        }
+    }
+
+    /// The same, with times that are larger by this.
+    fn later(self, by_s: f64) -> Self {
+        Self {
+            time: self.time + by_s * self.weight,
+            time_squared: self.time_squared + by_s * (2.0 * self.time + by_s * self.weight),
+            lag_times_time: self.lag_times_time + by_s * self.lag,
+            ..self
+        }
+    }
+}
+
+/// The lag of an arrival and its growth.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LagLine {
+    /// Its times are counted from here.
+    pub(crate) zero_s: f64,
+    pub(crate) sums: Sums,
+}
+
+impl LagLine {
+    /// The time for which the lag is best known; `None` if it is not known at all.
+    pub(crate) fn best_s(&self) -> Option<f64> {
+        let since_s = self.sums.time / self.sums.weight;
+        since_s.is_finite().then(|| self.zero_s + since_s)
+    }
+}
+
+/// Offset and drift of a clock.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ClockOffset {
-    /// The times of the line are counted from here.
+    /// Times are counted from here.
     zero_s: Option<f64>,
-    /// Sums of weights, times their times, and squared times; of weighted lags, and times their times.
-    weight: f64,
-    time: f64,
-    time_squared: f64,
-    lag: f64,
-    lag_times_time: f64,
+    sums: Sums,
 }
 
 impl ClockOffset {
@@ -56,11 +122,13 @@ impl ClockOffset {
         let weight = kept.map_or(0.0, |kept| kept.sd_s.hypot(RESTART_SD_S).powi(-2));
         Self {
             zero_s: None,
-            weight,
-            time: 0.0,
-            time_squared: drift_sd.powi(-2),
-            lag: kept.map_or(0.0, |kept| kept.offset_s * weight),
-            lag_times_time: drift * drift_sd.powi(-2),
+            sums: Sums {
+                weight,
+                time: 0.0,
+                time_squared: drift_sd.powi(-2),
+                lag: kept.map_or(0.0, |kept| kept.offset_s * weight),
+                lag_times_time: drift * drift_sd.powi(-2),
+            },
         }
     }
 
@@ -71,35 +139,35 @@ impl ClockOffset {
     }
 
     /// With the lag of one more arrival.
-    pub(crate) fn with(mut self, lag: Lag) -> Self {
-        let time_s = lag.time_s - *self.zero_s.get_or_insert(lag.time_s);
-        let weight = lag.sd_s.powi(-2);
-        self.weight += weight;
-        self.time += weight * time_s;
-        self.time_squared += weight * time_s * time_s;
-        self.lag += weight * lag.seconds;
-        self.lag_times_time += weight * lag.seconds * time_s;
+    pub(crate) fn with(mut self, line: LagLine) -> Self {
+        let zero_s = *self.zero_s.get_or_insert(line.zero_s);
+        self.sums = self.sums.plus(line.sums.later(line.zero_s - zero_s));
         self
     }
 
     /// The offset at a time; `None` if nothing was measured yet.
     pub(crate) fn at(&self, time_s: f64) -> Option<Offset> {
         let since_s = time_s - self.zero_s.unwrap_or(time_s);
-        let determinant = self.weight * self.time_squared - self.time * self.time;
+        let Sums {
+            weight,
+            time,
+            time_squared,
+            lag,
+            lag_times_time,
+        } = self.sums;
+        let determinant = weight * time_squared - time * time;
         if determinant <= 0.0 {
             return None;
         }
-        let drift = (self.weight * self.lag_times_time - self.time * self.lag) / determinant;
-        let at_zero_s =
-            (self.time_squared * self.lag - self.time * self.lag_times_time) / determinant;
-        let variance = (self.time_squared - 2.0 * since_s * self.time
-            + since_s * since_s * self.weight)
-            / determinant;
+        let drift = (weight * lag_times_time - time * lag) / determinant;
+        let at_zero_s = (time_squared * lag - time * lag_times_time) / determinant;
+        let variance =
+            (time_squared - 2.0 * since_s * time + since_s * since_s * weight) / determinant;
         Some(Offset {
             offset_s: at_zero_s + drift * since_s,
             sd_s: variance.max(0.0).sqrt(),
             drift_ppm: drift * 1e6,
-            drift_sd_ppm: (self.weight / determinant).sqrt() * 1e6,
+            drift_sd_ppm: (weight / determinant).sqrt() * 1e6,
         })
     }
 }
@@ -108,12 +176,47 @@ impl ClockOffset {
 mod tests {
     use super::*;
 
-    fn lag(time_s: f64, seconds: f64) -> Lag {
-        Lag {
-            time_s,
-            seconds,
-            sd_s: 0.007,
+    /// An arrival that tells a lag for one time.
+    fn lag(time_s: f64, seconds: f64) -> LagLine {
+        let weight = 0.007_f64.powi(-2);
+        LagLine {
+            zero_s: time_s,
+            sums: Sums {
+                weight,
+                time: 0.0,
+                time_squared: 0.0,
+                lag: weight * seconds,
+                lag_times_time: 0.0,
+            },
         }
+    }
+
+    #[test]
+    fn a_common_error_is_added_to_the_offset_and_leaves_the_drift() {
+        let sums = Sums {
+            weight: 2e4,
+            time: 1e6,
+            time_squared: 3e8,
+            lag: 1e4,
+            lag_times_time: 6e5,
+        };
+        let at = |sums| {
+            let line = LagLine { zero_s: 70.0, sums };
+            ClockOffset::of(None, RECORDING_DRIFT_SD)
+                .with(line)
+                .at(200.0)
+                .unwrap()
+        };
+        let (alone, common) = (at(sums), at(sums.with_common_error(0.005)));
+        assert!(
+            (common.sd_s - alone.sd_s.hypot(0.005)).abs() < 1e-9,
+            "{common:?}"
+        );
+        assert!(
+            (common.offset_s - alone.offset_s).abs() < 1e-3,
+            "{common:?}"
+        );
+        assert!((common.drift_sd_ppm - alone.drift_sd_ppm).abs() < 1e-6);
     }
 
     #[test]

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use dataset::files::json_file::{read_json, write_json};
-use dataset::geometry::rays::Sighting;
 use serde::{Deserialize, Serialize};
 
 use crate::clock_offset::{Offset, RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
@@ -12,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::free_clocks::{FreeClock, News};
 use crate::options::Options;
 use crate::source::Source;
+use crate::vertical_lag::Sighting;
 
 /// Offsets as they are kept: of one run, and each of two cameras.
 #[derive(Debug, Default, Serialize, Deserialize)]

@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
-use dataset::geometry::rays::Sighting;
 use glam::DVec2;
 use labeller::live::{SeenBox, register_views};
 use trainer::live::{Candidate, OnlineRun, SeenTick, SeenView};
@@ -28,6 +27,7 @@ use crate::pairing::{Joined, Pairing};
 use crate::search::Searched;
 use crate::shared::{Correction, Pace, Shared};
 use crate::track_motion::{TrackMotion, moved_box, moved_shift};
+use crate::vertical_lag::Sighting;
 use crate::view_news::ViewNews;
 use crate::views::{View, Views};
 

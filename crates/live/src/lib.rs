@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! source, place, input, gpu   where images come from; FFmpeg's side of it
-//! clock           the time of each image; clocks, free_clocks, clock_offset: offsets of cameras' clocks, by what both see
+//! clock           the time of each image; clocks, free_clocks, vertical_lag, clock_offset: offsets of cameras' clocks, by what both see
 //! feed            a thread a view: opens, decodes, opens again; hands over the newest image
 //! view_state      whether a view can be measured
 //! search          a thread a view: boxes and camera motion of the newest image
@@ -45,6 +45,7 @@ mod shared;
 mod slot;
 mod source;
 mod track_motion;
+mod vertical_lag;
 mod view_news;
 mod view_state;
 mod views;

@@ -216,7 +216,7 @@ fn sightings<'a>(cameras: [&Camera; 2], seen: &'a [Seen]) -> Vec<(&'a Seen, Sigh
         .map(|seen| (seen.time_s, seen.places_px[1]))
         .collect();
     let sighting = |seen: &'a Seen| {
-        let motion_px_s = motion_at(&places, seen.time_s);
+        let motion_px_s = motion_at(&places, seen.time_s).map(|motion| motion.per_s);
         let motion = motion_px_s.unwrap_or_default();
         let sighting = CommonSighting::of(cameras, seen.places_px, seen.width_px, motion)?;
         let sighted = match motion_px_s {

@@ -39,7 +39,7 @@ pub(crate) fn in_time(
     let moved = |observed: Observation| {
         let motion_px_s = |view: usize| {
             let places = tracks.get(&(view, observed.tracks[view]))?;
-            motion_at(places, seconds(&observed))
+            motion_at(places, seconds(&observed)).map(|motion| motion.per_s)
         };
         let motions: Vec<Option<DVec2>> = (late.iter().enumerate())
             .map(|(view, late)| {

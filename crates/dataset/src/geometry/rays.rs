@@ -1,14 +1,12 @@
 //! Lines of sight, and where they meet.
 
 mod epipolar_line;
-mod vertical_lag;
 
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::geometry::camera::Camera;
 
-pub use epipolar_line::EpipolarLine;
-pub use vertical_lag::{LAG_STEP_S, Lag, Sighting, VerticalLag, across_sd_px};
+pub use epipolar_line::{EpipolarLine, LAG_STEP_S, across_sd_px};
 
 /// A line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]

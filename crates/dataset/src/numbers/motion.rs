@@ -11,20 +11,33 @@ const FEWEST: usize = 5;
 /// ... but none that are farther away than this, seconds.
 const FARTHEST_S: f64 = 15.0;
 
-/// Slope at a time of the cubic that fits the places best, in their unit per second; `None` of too few. `places`: by time, seconds.
-pub fn motion_at(places: &[(f64, DVec2)], at_s: f64) -> Option<DVec2> {
+/// Motion of something at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Change of its place in a second, in the unit of the places.
+    pub per_s: DVec2,
+    /// Standard deviation of each coordinate of that, for places with a standard deviation of 1.
+    pub unit_sd_per_s: f64,
+}
+
+/// Slope at a time of the cubic that fits the places best; `None` of too few. `places`: by time, seconds.
+pub fn motion_at(places: &[(f64, DVec2)], at_s: f64) -> Option<Motion> {
     let near = near(places, at_s)?;
-    let slope = |axis: usize| {
-        let mut normal = NormalEquations::new(4);
-        for (time_s, place) in near {
-            let after_s = time_s - at_s;
-            let powers = [0, 1, 2, 3].map(|power| after_s.powi(power));
-            normal.add(&powers, place[axis], 1.0);
-        }
-        let [_, slope, ..]: [f64; 4] = normal.solve_for()?;
-        Some(slope)
+    let powers = |time_s: f64| [0, 1, 2, 3].map(|power| (time_s - at_s).powi(power));
+    let mut normal = NormalEquations::new(4);
+    for (time_s, _) in near {
+        normal.add(&powers(*time_s), 0.0, 1.0);
+    }
+    let inverse = normal.inverse()?;
+    let slope = &inverse[1];
+    let factor = |time_s: f64| {
+        let terms = slope.iter().zip(powers(time_s));
+        terms.map(|(of_power, power)| of_power * power).sum::<f64>()
     };
-    Some(DVec2::new(slope(0)?, slope(1)?))
+    Some(Motion {
+        per_s: (near.iter().map(|(time_s, place)| factor(*time_s) * *place)).sum(),
+        unit_sd_per_s: slope[1].sqrt(),
+    })
 }
 
 /// The places around a time.
@@ -71,7 +84,7 @@ mod tests {
         };
         let places: Vec<(f64, DVec2)> = (0..40).map(place).collect();
         for (at_s, down) in [(16.0, 0.0), (24.0, 1.0)] {
-            let motion = motion_at(&places, at_s).unwrap();
+            let motion = motion_at(&places, at_s).unwrap().per_s;
             assert!((motion - DVec2::new(3.0, down)).length() < 1e-6, "{motion}");
         }
     }
@@ -81,11 +94,20 @@ mod tests {
         for step_s in [0.1, 1.0, 2.0, 3.3] {
             let places = places(step_s, 20);
             for at_s in [0.0, 7.0 * step_s, 19.0 * step_s] {
-                let motion = motion_at(&places, at_s).unwrap();
+                let motion = motion_at(&places, at_s).unwrap().per_s;
                 let true_motion = DVec2::new(3.0, 0.03 * at_s * at_s - at_s);
                 assert!((motion - true_motion).length() < 1e-6, "{motion}");
             }
         }
+    }
+
+    #[test]
+    fn a_motion_is_known_better_in_the_middle_than_at_the_ends() {
+        let places = places(1.0, 20);
+        let sd = |at_s| motion_at(&places, at_s).unwrap().unit_sd_per_s;
+        // Savitzky and Golay: a cubic through eight places.
+        assert!((sd(9.5) - 0.410).abs() < 1e-3, "{}", sd(9.5));
+        assert!(sd(0.0) > 3.0 * sd(9.5));
     }
 
     #[test]

@@ -7,6 +7,17 @@ use crate::geometry::camera::Camera;
 const NEAR_M: f64 = 2_000.0;
 const FAR_M: f64 = 30_000.0;
 
+/// Seconds between distances from the line that tell a lag: errors of neighbouring images are alike.
+pub const LAG_STEP_S: f64 = 0.95;
+/// Standard deviation of a distance from the line, pixels, and per pixel of the aircraft's width: its parts have other distances.
+const SD_PX: f64 = 0.04;
+const SD_PART: f64 = 0.003;
+
+/// Standard deviation of the distance of registered places of an aircraft from the line, pixels. `width_px`: of the aircraft.
+pub fn across_sd_px(width_px: f64) -> f64 {
+    SD_PX.hypot(SD_PART * width_px)
+}
+
 /// The line of the second view on which is what the first view shows at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EpipolarLine {
