@@ -10,6 +10,7 @@ use crate::view_state::ViewState;
 pub(crate) struct ViewNews {
     told: Option<ViewState>,
     told_clock: Option<ClockSource>,
+    told_why: Option<String>,
     /// Cause of its loss.
     why: Option<String>,
     clock: Option<ClockSource>,
@@ -36,20 +37,24 @@ impl ViewNews {
         self.has_ended
     }
 
-    /// The event about a state, if it or the source of times is another one than before. At the beginning every view is down.
+    /// The event about a state, if it, the cause of a loss or the source of times is another one than before. At the beginning every view
+    /// is down.
     pub(crate) fn of(
         &mut self,
         view: &str,
         state: ViewState,
     ) -> Option<impl FnOnce(f64) -> Event + use<>> {
-        let is_first_fault = self.told.is_none() && self.why.is_some();
+        // A view without images is down before its connection is given up, which tells why.
+        let is_other_cause =
+            state == ViewState::Down && self.why.is_some() && self.told_why != self.why;
         // While a view is down, its clock belongs to images that it has not shown yet.
         let is_other_clock = state != ViewState::Down && self.told_clock != self.clock;
         let is_told = self.told.unwrap_or(ViewState::Down) == state && !is_other_clock;
-        if is_told && !is_first_fault {
+        if is_told && !is_other_cause {
             return None;
         }
         (self.told, self.told_clock) = (Some(state), self.clock);
+        self.told_why = self.why.clone();
         let (why, clock, view) = (self.why_of(view, state), self.clock, view.to_owned());
         Some(move |time_s| Event::View {
             time_s,
@@ -116,5 +121,13 @@ mod tests {
         assert!(format!("{event:?}").contains("dtd refit RUN --view left"));
         let event = news.of("left", ViewState::Down).unwrap()(3.0);
         assert!(format!("{event:?}").contains("no images come"));
+        assert!(news.of("left", ViewState::Down).is_none());
+        for cause in ["no image came for 2000 ms", "nobody answers"] {
+            news.take(Report::Lost(cause.into()));
+            let event = news.of("left", ViewState::Down).unwrap()(4.0);
+            assert!(format!("{event:?}").contains(cause));
+            news.take(Report::Lost(cause.into()));
+            assert!(news.of("left", ViewState::Down).is_none());
+        }
     }
 }
