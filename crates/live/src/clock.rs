@@ -30,19 +30,27 @@ impl ClockSource {
     }
 }
 
-/// This computer's time, which never jumps while it runs.
+/// A smaller change between this computer's two clocks is the time between reading them, seconds: larger errors of UTC are set at once.
+const LEAST_SET_S: f64 = 0.05;
+
+/// This computer's time, which never jumps while it runs, and UTC, which may be set.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RunClock {
     began: Instant,
     began_utc_s: f64,
+    utc: fn() -> SystemTime,
 }
 
 impl RunClock {
     pub(crate) fn start() -> Self {
-        let since = SystemTime::now().duration_since(UNIX_EPOCH);
+        Self::with_utc(SystemTime::now)
+    }
+
+    fn with_utc(utc: fn() -> SystemTime) -> Self {
         Self {
             began: Instant::now(),
-            began_utc_s: since.unwrap_or_default().as_secs_f64(),
+            began_utc_s: utc_s(utc()),
+            utc,
         }
     }
 
@@ -53,14 +61,29 @@ impl RunClock {
 
     /// A UTC time, as seconds since the start.
     pub(crate) fn since_start_s(&self, utc_s: f64) -> f64 {
-        utc_s - self.began_utc_s
+        utc_s - self.began_utc_s()
     }
 
     /// The UTC time of so many seconds since the start.
     pub(crate) fn utc(&self, since_start_s: f64) -> SystemTime {
-        let utc_s = (self.began_utc_s + since_start_s).max(0.0);
+        let utc_s = (self.began_utc_s() + since_start_s).max(0.0);
         UNIX_EPOCH + Duration::from_secs_f64(utc_s)
     }
+
+    /// UTC of the start, as it is known now: a computer without a battery learns the date after programs have started.
+    fn began_utc_s(&self) -> f64 {
+        let began_utc_s = utc_s((self.utc)()) - self.now_s();
+        if (began_utc_s - self.began_utc_s).abs() < LEAST_SET_S {
+            self.began_utc_s
+        } else {
+            began_utc_s
+        }
+    }
+}
+
+fn utc_s(utc: SystemTime) -> f64 {
+    let since = utc.duration_since(UNIX_EPOCH);
+    since.unwrap_or_default().as_secs_f64()
 }
 
 /// A time in seconds since the start of the program, and where it is from.
@@ -126,6 +149,11 @@ impl Stamper {
 const MOST_DRIFT: f64 = 200e-6;
 /// A reading that steps by more than the arrivals do, seconds, is of a clock that jumped. One that steps evenly is late.
 const JUMP_S: f64 = 1.0;
+/// So is one that steps by less than this part of the usual step, and by so much less than the arrivals: a camera's clock was set back by
+/// part of an interval.
+const BACK_PART: f64 = 0.5;
+/// Part by which a new step changes the usual one.
+const LEARNED_PART: f64 = 0.05;
 
 /// The shortest time from a clock's reading to the arrival.
 #[derive(Debug, Default)]
@@ -133,6 +161,7 @@ struct Placement {
     shortest_s: Option<f64>,
     /// Arrival and reading of the image before.
     last_s: Option<[f64; 2]>,
+    usual_step_s: Option<f64>,
 }
 
 impl Placement {
@@ -144,7 +173,15 @@ impl Placement {
             Some([arrival, reading]) => [arrival_s - arrival, reading_s - reading],
             None => [0.0, 0.0],
         };
-        let has_jumped = !(0.0..=JUMP_S + since_s).contains(&step_s);
+        let usual_s = self.usual_step_s.unwrap_or(0.0);
+        let is_set_back =
+            step_s.max(0.0) < BACK_PART * usual_s && since_s - step_s > BACK_PART * usual_s;
+        let has_jumped = is_set_back || !(0.0..=JUMP_S + since_s).contains(&step_s);
+        if last_s.is_some() && !has_jumped {
+            let usual_s = self.usual_step_s.get_or_insert(step_s);
+            // After lost images the old one still holds.
+            *usual_s += LEARNED_PART * (step_s.min(2.0 * *usual_s) - *usual_s);
+        }
         let shortest_s = match self.shortest_s.filter(|_| !has_jumped) {
             Some(shortest_s) => delay_s.min(shortest_s + MOST_DRIFT * since_s.max(0.0)),
             None => delay_s,
@@ -156,6 +193,8 @@ impl Placement {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicU64, Ordering};
+
     use super::*;
 
     const PERIOD_S: f64 = 1.0 / 30.0;
@@ -163,6 +202,23 @@ mod tests {
     /// Delays of a network: 20 ms at least.
     fn delay_s(image: u32) -> f64 {
         0.02 + 0.03 * f64::from(image % 7) / 7.0
+    }
+
+    #[test]
+    fn a_clock_that_is_set_later_is_right_from_then_on() {
+        static SET_S: AtomicU64 = AtomicU64::new(0);
+        let clock = RunClock::with_utc(|| {
+            SystemTime::now() + Duration::from_secs(SET_S.load(Ordering::Relaxed))
+        });
+        let error_s = |set_s: u64| {
+            let expected = SystemTime::now() + Duration::from_secs(set_s);
+            utc_s(clock.utc(clock.now_s())) - utc_s(expected)
+        };
+        assert!(error_s(0).abs() < 1.0);
+        SET_S.store(86_400, Ordering::Relaxed);
+        assert!(error_s(86_400).abs() < 1.0);
+        let sender_s = clock.since_start_s(utc_s(SystemTime::now()) + 86_400.0);
+        assert!((sender_s - clock.now_s()).abs() < 1.0);
     }
 
     #[test]
@@ -227,6 +283,30 @@ mod tests {
         // A steady backlog is not a jump either: its images are old.
         for image in 122..300 {
             assert!(stamp(image, -50.0, 1.5) < 0.05, "{image}");
+        }
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_by_part_of_a_second_is_placed_again_at_once() {
+        for (period_s, back_s) in [(0.2, 0.15), (0.2, 0.3), (PERIOD_S, 0.025), (PERIOD_S, 0.5)] {
+            let mut stamper = Stamper::default();
+            let mut last_s = f64::NEG_INFINITY;
+            for image in 0..200 {
+                let taken_s = f64::from(image) * period_s;
+                let set_s = if image < 100 { 0.0 } else { back_s };
+                let stamp = stamper.stamp(Clues {
+                    arrival_s: taken_s + 0.02 + 0.1 * (delay_s(image) - 0.02),
+                    timestamp_s: Some(taken_s - set_s),
+                    sender_s: None,
+                });
+                let error_s = stamp.time_s - taken_s - 0.02;
+                assert!(
+                    (-1e-9..0.004).contains(&error_s),
+                    "{back_s}: {error_s} at {image}"
+                );
+                assert!(stamp.time_s > last_s, "{back_s}: {image}");
+                last_s = stamp.time_s;
+            }
         }
     }
 
