@@ -17,6 +17,7 @@ use crate::metrics::{Fate, Stage};
 use crate::open_limit::OpenLimit;
 use crate::options::Decoder;
 use crate::place::{OpenFault, Patience};
+use crate::read_limit::ReadLimit;
 use crate::search::Searched;
 use crate::shared::{Pace, Shared, ViewStatus};
 use crate::slot::Slot;
@@ -94,6 +95,7 @@ pub(crate) struct Feed {
     /// Time of the last image, also of a connection before.
     pub(crate) last_time_s: Option<f64>,
     pub(crate) open_limit: OpenLimit,
+    pub(crate) read_limit: ReadLimit,
 }
 
 impl Feed {
@@ -142,12 +144,25 @@ impl Feed {
         self.report(Report::Opened {
             codec: input.codec(),
         });
+        if let Some(interval_s) = input.announced_interval_s() {
+            self.read_limit.announced(interval_s);
+        }
         let mut connection = Connection::default();
         loop {
-            let image = match input.next() {
+            let image = match input.next(self.read_limit.next_ms()) {
                 Ok(image) => image,
-                Err(end) => return Ok(end),
+                Err(end) => {
+                    if matches!(end, End::Silent(_)) {
+                        self.read_limit.given_up(connection.images);
+                    }
+                    return Ok(end);
+                }
             };
+            let arrival_s = image.arrival_s;
+            if let Some(last_s) = connection.arrival_s.replace(arrival_s) {
+                self.read_limit.came(arrival_s - last_s);
+            }
+            connection.images = connection.images.saturating_add(1);
             self.take(image, &mut connection)?;
         }
     }
@@ -289,6 +304,9 @@ struct Connection {
     looks: Looks,
     /// Source of the time of the last image.
     clock: Option<ClockSource>,
+    images: u32,
+    /// Arrival of the last one.
+    arrival_s: Option<f64>,
 }
 
 /// Reports about an end. A single loss is opened again; otherwise the feed is over.
@@ -300,6 +318,9 @@ fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, was_useful: bool) 
         }
         Ok(End::Finished) if is_recorded => vec![Report::Ended],
         Ok(End::Finished) => vec![Report::Lost("the sender ended it".into())],
+        Ok(End::Silent(most_ms)) => {
+            vec![Report::Lost(format!("no image came for {most_ms} ms"))]
+        }
         // It would begin again, and fail at the same place.
         Ok(End::Lost(why) | End::Useless(why)) | Err(OpenFault::Useless(why)) if is_recorded => {
             vec![Report::Lost(why), Report::Ended]

@@ -17,9 +17,8 @@ use crate::gpu::Gpu;
 use crate::options::Decoder;
 use crate::place::{OpenFault, Patience, Place, RecordedTimes};
 use crate::source::Source;
+use crate::undecoded::Undecoded;
 
-/// Milliseconds that a wait for the next packet of the video may take.
-const READ_MS: u64 = 2_000;
 /// Images whose arrival is remembered until they are decoded.
 const MOST_IN_DECODER: usize = 64;
 /// A gap between timestamps of more than so many usual ones is a lost image.
@@ -34,6 +33,8 @@ pub(crate) enum End {
     Finished,
     /// The connection is gone.
     Lost(String),
+    /// No packet came in so many milliseconds.
+    Silent(u64),
     /// No image of it can ever be used.
     Useless(String),
     /// The caller stopped it.
@@ -72,6 +73,7 @@ pub(crate) struct Input {
     is_damaged: bool,
     last_pts: Option<i64>,
     usual_step: Option<f64>,
+    undecoded: Undecoded,
     all_sent: bool,
     recorded: Option<RecordedTimes>,
 }
@@ -135,6 +137,7 @@ impl Input {
             is_damaged: place.is_stream,
             last_pts: None,
             usual_step: None,
+            undecoded: Undecoded::default(),
             all_sent: false,
             recorded: place.recorded,
         })
@@ -145,8 +148,15 @@ impl Input {
         self.decoder.id().name()
     }
 
-    /// The next image.
-    pub(crate) fn next(&mut self) -> Result<InputImage, End> {
+    /// Time between images that the source announces, seconds.
+    pub(crate) fn announced_interval_s(&self) -> Option<f64> {
+        let stream = self.input.stream(self.stream)?;
+        let interval_s = f64::from(stream.avg_frame_rate()).recip();
+        Some(interval_s).filter(|interval_s| interval_s.is_finite() && *interval_s > 0.0)
+    }
+
+    /// The next image; `most_ms`: for each packet.
+    pub(crate) fn next(&mut self, most_ms: u64) -> Result<InputImage, End> {
         loop {
             let mut coded = frame::Video::empty();
             match self.decoder.receive_frame(&mut coded) {
@@ -163,13 +173,16 @@ impl Input {
                 let mut packet = Packet::copy(&unit.data);
                 packet.set_pts(Some(unit.pts));
                 self.send(&packet, sender_s);
+            } else if let Some(fault) = self.undecoded.fault(self.patience.clock.now_s()) {
+                return Err(End::Lost(fault));
             } else {
-                self.read()?;
+                self.read(most_ms)?;
             }
         }
     }
 
     fn image(&mut self, coded: frame::Video) -> Result<InputImage, End> {
+        self.undecoded = Undecoded::default();
         let coded = match &mut self.gpu {
             None => coded,
             Some(gpu) if gpu.has_decoded(&coded) => gpu
@@ -206,8 +219,8 @@ impl Input {
     }
 
     /// Reads a packet.
-    fn read(&mut self) -> Result<(), End> {
-        self.patience.wait(READ_MS);
+    fn read(&mut self, most_ms: u64) -> Result<(), End> {
+        self.patience.wait(most_ms);
         match self.next_packet() {
             Ok(packet) => self.take(&packet),
             Err(_) if self.patience.is_stopped() => return Err(End::Stopped),
@@ -216,9 +229,7 @@ impl Input {
                 // The next `receive_frame` reports its answer.
                 let _ = self.decoder.send_eof();
             }
-            Err(ffmpeg_next::Error::Exit) => {
-                return Err(End::Lost(format!("no image came for {READ_MS} ms")));
-            }
+            Err(ffmpeg_next::Error::Exit) => return Err(End::Silent(most_ms)),
             Err(error) => return Err(End::Lost(error.to_string())),
         }
         Ok(())
@@ -261,9 +272,9 @@ impl Input {
     }
 
     fn send(&mut self, packet: &Packet, sender_s: Option<f64>) {
-        let pts = packet.pts();
-        self.sent
-            .push_back((pts, self.patience.clock.now_s(), sender_s));
+        let (pts, now_s) = (packet.pts(), self.patience.clock.now_s());
+        self.undecoded.sent(now_s);
+        self.sent.push_back((pts, now_s, sender_s));
         if self.sent.len() > MOST_IN_DECODER {
             self.sent.pop_front();
         }

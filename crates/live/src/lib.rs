@@ -6,7 +6,8 @@
 //! ```text
 //! source, place, input, gpu   where images come from; FFmpeg's side of it
 //! clock           the time of each image; clocks, free_clocks, vertical_lag, clock_offset: offsets of cameras' clocks, by what both see
-//! feed            a thread a view: opens, decodes, opens again; hands over the newest image
+//! feed            a thread a view: opens, decodes, opens again; hands over the newest image; open_limit, read_limit, undecoded: when
+//!                 a source is given up
 //! view_state      whether a view can be measured
 //! search          a thread a view: boxes and camera motion of the newest image
 //! pairing         images of several views that belong together
@@ -39,12 +40,14 @@ mod options;
 mod overload;
 mod pairing;
 mod place;
+mod read_limit;
 mod search;
 mod settings;
 mod shared;
 mod slot;
 mod source;
 mod track_motion;
+mod undecoded;
 mod vertical_lag;
 mod view_news;
 mod view_state;

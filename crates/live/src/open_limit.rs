@@ -2,10 +2,12 @@
 //!
 //! A server that has stopped accepts a connection and never answers, and one that is just ending an earlier connection may answer and send
 //! nothing. A long attempt then outlasts the fault. So a source that has been opened before gets twice the longest time that this took,
-//! and the limit is doubled after each attempt that reached it.
+//! and the limit is doubled after each attempt that reached it. Opening waits for an image, so a slow camera takes longer.
 
-/// At first, and at most, milliseconds.
+/// At first, and at most of a source that was opened in less, milliseconds.
 const MOST_MS: u64 = 4_000;
+/// At most of another one, milliseconds.
+const SLOW_MS: u64 = 32_000;
 /// At least, milliseconds: a busy machine is no fault.
 const LEAST_MS: u64 = 1_000;
 
@@ -38,9 +40,13 @@ impl OpenLimit {
         if has_opened {
             // An opening that waits for a key frame takes more or less long by chance.
             self.longest_ms = self.longest_ms.max(took_ms);
-            self.next_ms = (2 * self.longest_ms).clamp(LEAST_MS, MOST_MS);
+            self.next_ms = (2 * self.longest_ms).clamp(LEAST_MS, SLOW_MS);
         } else if took_ms >= self.next_ms {
-            self.next_ms = (2 * self.next_ms).min(MOST_MS);
+            let most_ms = match self.longest_ms {
+                0 => SLOW_MS,
+                longest_ms => (2 * longest_ms).clamp(MOST_MS, SLOW_MS),
+            };
+            self.next_ms = (2 * self.next_ms).min(most_ms);
         }
     }
 }
@@ -67,7 +73,17 @@ mod tests {
         }
         assert_eq!(
             found,
-            [4_000, 4_000, 1_400, 1_400, 2_800, 4_000, 1_400, 4_000]
+            [4_000, 8_000, 1_400, 1_400, 2_800, 4_000, 1_400, 6_000]
         );
+    }
+
+    #[test]
+    fn a_slow_camera_is_given_the_time_until_its_next_image() {
+        let mut limit = OpenLimit::default();
+        while limit.next_ms() < 10_000 {
+            limit.take(false, 1e-3 * limit.next_ms() as f64);
+        }
+        limit.take(true, 9.0);
+        assert_eq!(limit.next_ms(), 18_000);
     }
 }

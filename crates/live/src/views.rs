@@ -14,6 +14,7 @@ use crate::gpu::Gpu;
 use crate::lockstep::Lockstep;
 use crate::open_limit::OpenLimit;
 use crate::options::Options;
+use crate::read_limit::ReadLimit;
 use crate::search::Search;
 use crate::shared::{Shared, ViewStatus};
 use crate::slot::Slot;
@@ -74,6 +75,7 @@ impl Views {
                 shared: shared.clone(),
                 last_time_s: None,
                 open_limit: OpenLimit::default(),
+                read_limit: ReadLimit::default(),
             };
             let thread = format!("feed {name}");
             threads.push(spawn(thread, send.clone(), move || feed.run())?);
