@@ -3,8 +3,8 @@
     live_failures.py DTD RUN CORPUS FOLDER TIMES [RATE]
 
 Serves the scene after the landing of the corpus's first scenario, with noise, at RATE images per second (30), with rtsp_server.py, which
-causes the failures of the first view. Prints JSON: seconds until the program says so, on stdout, and until the view is `up` again. FOLDER
-keeps the feeds. Needs ffmpeg.
+causes the failures of the first view. A frozen camera's encoder goes on: it encodes one noisy image again and again. Prints JSON: seconds
+until the program says so, on stdout, and until the view is `up` again. FOLDER keeps the feeds. Needs ffmpeg.
 """
 
 import json
@@ -19,8 +19,9 @@ from pathlib import Path
 from live_feeds import NOISE, NOISY, join, rate_and_ticks, serve, still
 
 QUIET_S, FAILS_S, MOST_S, PIECE_S = 4.0, 2.5, 8.0, 20
-# x264 compresses more at higher rates: by NOISY's factor, 26, only key frames have noise at 30 images per second.
-WITH_NOISE = NOISY.replace("-crf 26", "-crf 22")
+# x264 compresses more at higher rates: by NOISY's factor, 26, only key frames have noise at 30 images per second, and by 22 others change
+# by 0.026 grey levels, hardly more than a picture that stands still; by 21 they change by 0.1.
+WITH_NOISE = NOISY.replace("-crf 26", "-crf 21")
 
 
 class Program:
@@ -53,15 +54,17 @@ def percentile(numbers, part):
 
 
 def feeds(corpus, folder, rate, lasts_s):
-    """Noisy scenes by view, and a black one."""
+    """Noisy scenes by view, a black one, and one of the first view that stands still."""
     folder.mkdir(parents=True, exist_ok=True)
     scenario = min(path.parent for path in Path(corpus).glob("scenarios/*/DONE.json"))
     own_rate, _ = rate_and_ticks(scenario)
     pieces = {view: f",fps={rate}{NOISE}" for view in json.loads((scenario / "scenario.json").read_text())["views"]}
+    first = next(iter(pieces))
     pieces["black"] = f",fps={rate},drawbox=c=black:t=fill"
+    pieces["still"] = f"{pieces[first]},trim=end_frame=1,loop=loop={rate * PIECE_S - 1}:size=1,setpts=N/{rate}/TB"
     videos = {}
     for name, look in pieces.items():
-        video = next((scenario / "views").glob("*.mp4")) if name == "black" else scenario / "views" / f"{name}.mp4"
+        video = scenario / "views" / f"{first if name in ('black', 'still') else name}.mp4"
         piece, videos[name] = folder / f"{name}-piece.mp4", folder / f"{name}.mp4"
         still(video, own_rate, PIECE_S, WITH_NOISE.replace("-g 60", f"-g {rate}") + f" -r {rate}", piece, look)
         join([(piece, PIECE_S)] * (lasts_s // PIECE_S + 1), videos[name])
@@ -72,9 +75,9 @@ def main():
     dtd, run, corpus, folder, times, *rate = sys.argv[1:]
     lasts_s = int(4 * int(times) * (QUIET_S + FAILS_S + MOST_S))
     videos = feeds(corpus, Path(folder), int(rate[0]) if rate else 30, lasts_s)
-    black = videos.pop("black")
+    others = {name: videos.pop(name) for name in ("black", "still")}
     view = next(iter(videos))
-    server, addresses = serve(videos, f"{view}:black={black}")
+    server, addresses = serve(videos, *(f"{view}:{name}={video}" for name, video in others.items()))
     program = Program([dtd, "estimate", run, *addresses])
     try:
         print(json.dumps(measured(program, server, view, int(times)), indent=1))
@@ -96,7 +99,7 @@ def measured(program, server, view, times):
     failures = {
         "killed": (lambda: command(f"drop {view}"), lambda: command(f"offer {view}"), ["late", "down"]),
         "stopped": (lambda: server.send_signal(signal.SIGSTOP), lambda: server.send_signal(signal.SIGCONT), ["late", "down"]),
-        "frozen": (lambda: command(f"freeze {view}"), lambda: command(f"thaw {view}"), ["frozen"]),
+        "frozen": (lambda: at_next_key_frame(f"switch {view} still"), lambda: at_next_key_frame(f"switch {view}"), ["frozen"]),
         "black": (lambda: at_next_key_frame(f"switch {view} black"), lambda: at_next_key_frame(f"switch {view}"), ["dark"]),
     }
     server.stdout.readline()  # They are playing.

@@ -108,6 +108,8 @@ pub(crate) struct ViewWatch {
     repeats: Option<(f64, usize)>,
     /// One of the repeating images is equal to the one before.
     has_equal: bool,
+    /// Images repeated until the last one that changed, or the one before it, which a key frame may have been.
+    was_frozen: bool,
     dark: Option<(f64, usize)>,
     /// When images came, and by how much they changed, without repeated ones.
     usual: VecDeque<(f64, f64)>,
@@ -152,8 +154,11 @@ impl ViewWatch {
                 self.repeats = count(self.repeats);
                 self.has_equal |= change <= EQUAL_PART * usual;
             }
-            None => (self.repeats, self.has_equal) = (None, false),
+            // A key frame changes a picture that stands still, but not twice in a row.
+            None if self.repeats_long() => (self.repeats, self.was_frozen) = (None, true),
+            None => (self.repeats, self.has_equal, self.was_frozen) = (None, false, false),
         }
+        self.was_frozen &= !self.repeats_long();
         if let Some(change) = change.filter(|_| !is_dark && !self.has_equal) {
             self.usual.push_back((now_s, change));
         }
@@ -173,9 +178,6 @@ impl ViewWatch {
         let Some(last_s) = self.last_s.filter(|_| self.is_connected) else {
             return ViewState::Down;
         };
-        let lasts = |run: Option<(f64, usize)>, least_s: f64| {
-            run.is_some_and(|(since_s, count)| count >= FEWEST && last_s - since_s >= least_s)
-        };
         let silent_s = now_s - last_s;
         let period_s = self.period_s();
         // Of a single image nobody knows when the next is due.
@@ -185,19 +187,30 @@ impl ViewWatch {
         };
         if silent_s > DOWN_S.max(DOWN_PERIODS * period_s.unwrap_or(0.0)) {
             ViewState::Down
-        } else if lasts(self.dark, DARK_S) {
+        } else if self.lasts(self.dark, DARK_S) {
             ViewState::Dark
         } else if self.is_moved {
             ViewState::Moved
         } else if self.is_damaged {
             ViewState::Damaged
-        } else if self.is_frozen || self.has_equal && lasts(self.repeats, FROZEN_S) {
+        } else if self.is_frozen || self.was_frozen || self.repeats_long() {
             ViewState::Frozen
         } else if silent_s.max(self.age_s) > late_s {
             ViewState::Late
         } else {
             ViewState::Up
         }
+    }
+
+    /// True if images have repeated long enough to be frozen.
+    fn repeats_long(&self) -> bool {
+        self.has_equal && self.lasts(self.repeats, FROZEN_S)
+    }
+
+    /// True if a run of images lasts so long, up to the last image.
+    fn lasts(&self, run: Option<(f64, usize)>, least_s: f64) -> bool {
+        let now = run.zip(self.last_s);
+        now.is_some_and(|((since_s, count), last_s)| count >= FEWEST && last_s - since_s >= least_s)
     }
 
     /// The state of the view with its last image, for recordings that are read faster than they were made.
@@ -307,6 +320,42 @@ mod tests {
             assert!(state == expected || image == 52, "{image}: {state:?}");
         }
         assert_eq!(state, ViewState::Frozen);
+    }
+
+    #[test]
+    fn a_picture_that_stands_still_is_frozen_across_key_frames_until_two_images_change() {
+        let mut watch = ViewWatch::default();
+        feed(&mut watch, 0.0, 5.0, 0.34, false);
+        feed(&mut watch, 5.0, 5.5, 0.0, false);
+        for second in 0..20 {
+            // Every second a key frame, as measured.
+            let from_s = 5.5 + f64::from(second);
+            let key = feed(&mut watch, from_s, from_s + PERIOD_S, 0.7, false);
+            assert_eq!(key, ViewState::Frozen, "{second}");
+            let state = feed(&mut watch, from_s + PERIOD_S, from_s + 0.2, 0.0, false);
+            assert_eq!(state, ViewState::Frozen, "{second}");
+            feed(&mut watch, from_s + 0.2, from_s + 1.0, 0.001, false);
+        }
+        let state = feed(&mut watch, 25.5, 25.5 + 2.0 * PERIOD_S, 0.34, false);
+        assert_eq!(state, ViewState::Up);
+    }
+
+    #[test]
+    fn a_camera_that_repeats_each_image_five_times_is_not_frozen() {
+        let mut watch = ViewWatch::default();
+        feed(&mut watch, 0.0, 5.0, 0.34, false);
+        for sixth in 0..60 {
+            let from_s = 5.0 + 6.0 * PERIOD_S * f64::from(sixth);
+            feed(&mut watch, from_s, from_s + PERIOD_S, 0.7, false);
+            let state = feed(
+                &mut watch,
+                from_s + PERIOD_S,
+                from_s + 6.0 * PERIOD_S,
+                0.0,
+                false,
+            );
+            assert_eq!(state, ViewState::Up, "{sixth}");
+        }
     }
 
     #[test]

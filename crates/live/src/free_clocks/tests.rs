@@ -227,7 +227,7 @@ fn four_recorded_arrivals_tell_a_slow_clock_and_its_drift_as_well_as_they_state(
         );
         refined.push((error_s, drift_error_ppm));
     }
-    assert!(refined[0].0.abs() <= 0.020, "{refined:?}");
+    assert!(refined[0].0.abs() <= 0.010, "{refined:?}");
     let (error_s, drift_error_ppm) = refined[3];
     assert!(
         error_s.abs() <= 0.010 && drift_error_ppm.abs() <= 40.0,
