@@ -100,7 +100,7 @@ impl LagLine {
     /// The time for which the lag is best known; `None` if it is not known at all.
     pub(crate) fn best_s(&self) -> Option<f64> {
         let since_s = self.sums.time / self.sums.weight;
-        since_s.is_finite().then(|| self.zero_s + since_s)
+        since_s.is_finite().then_some(self.zero_s + since_s)
     }
 }
 
