@@ -66,8 +66,8 @@ const LATE_PERIODS: f64 = 3.5;
 /// Without images for longer there are none.
 const DOWN_S: f64 = 1.0;
 const DOWN_PERIODS: f64 = 8.0;
-/// Images are frozen or dark if they were so for this long, seconds, or for so many images.
-const FROZEN_S: f64 = 0.3;
+/// Images are frozen or dark if they were so for this long, seconds, and for so many images.
+const FROZEN_S: f64 = 0.4;
 const DARK_S: f64 = 0.2;
 const FEWEST: usize = 3;
 /// A freeze is over if two images in a row, and all for so long, changed, seconds: encoders refine a picture that stands still after each
@@ -84,7 +84,10 @@ const LEAST_PART: f64 = 0.95;
 /// that stands still: by up to 0.4 of the change that noise makes.
 const REPEATED_PART: f64 = 0.5;
 /// One of them changed by less than this part of it. Without one, the images have become quieter: of another encoder, or of the evening.
+const STILL_PART: f64 = 0.3;
+/// So they have if none changes by less than this part for this long, seconds: after its next key frame an encoder has nothing to refine.
 const EQUAL_PART: f64 = 0.1;
+const REFINED_S: f64 = 15.0;
 
 /// An image that was decoded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,8 +113,8 @@ pub(crate) struct ViewWatch {
     is_frozen: bool,
     /// Since when all images repeat, or are dark, and how many.
     repeats: Option<(f64, usize)>,
-    /// One of the repeating images is equal to the one before.
-    has_equal: bool,
+    /// When a repeating image was last equal to the one before, or first changed little enough.
+    equal_s: Option<f64>,
     /// When images were last frozen.
     frozen_s: Option<f64>,
     /// Since when all images change, and how many.
@@ -158,12 +161,20 @@ impl ViewWatch {
         match repeats.filter(|(change, usual)| *change <= REPEATED_PART * usual) {
             Some((change, usual)) => {
                 (self.repeats, self.changes) = (count(self.repeats), None);
-                self.has_equal |= change <= EQUAL_PART * usual;
+                if change <= EQUAL_PART * usual {
+                    self.equal_s = Some(now_s);
+                } else if change <= STILL_PART * usual {
+                    self.equal_s.get_or_insert(now_s);
+                }
             }
             None => {
-                (self.repeats, self.has_equal) = (None, false);
-                self.changes = count(self.changes);
+                (self.repeats, self.changes) = (None, count(self.changes));
+                self.equal_s = self.equal_s.filter(|_| self.frozen_s.is_some());
             }
+        }
+        if self.equal_s.is_some_and(|at_s| now_s > at_s + REFINED_S) {
+            (self.equal_s, self.frozen_s) = (None, None);
+            self.usual.clear();
         }
         if self.repeats_long() && !is_dark {
             self.frozen_s = Some(now_s);
@@ -173,7 +184,7 @@ impl ViewWatch {
             let is_changing = changes.is_some_and(|(since_s, _)| now_s - since_s >= CHANGED_S);
             now_s - frozen_s <= HELD_S && !is_changing
         });
-        let repeats = self.has_equal || self.frozen_s.is_some();
+        let repeats = self.equal_s.is_some() || self.frozen_s.is_some();
         if let Some(change) = change.filter(|_| !is_dark && !repeats) {
             self.usual.push_back((now_s, change));
         }
@@ -219,7 +230,7 @@ impl ViewWatch {
 
     /// True if images have repeated long enough to be frozen.
     fn repeats_long(&self) -> bool {
-        self.has_equal && self.lasts(self.repeats, FROZEN_S)
+        self.equal_s.is_some() && self.lasts(self.repeats, FROZEN_S)
     }
 
     /// True if a run of images lasts so long, up to the last image.
@@ -351,6 +362,34 @@ mod tests {
             assert_eq!(state, ViewState::Frozen, "{image}");
         }
         assert_eq!(feed(&mut watch, 65.5, 65.7, 0.1, false), ViewState::Up);
+    }
+
+    #[test]
+    fn a_picture_that_stands_still_is_frozen_while_its_encoder_begins_anew() {
+        let mut watch = ViewWatch::default();
+        feed(&mut watch, 0.0, 5.0, 0.085, false);
+        // As measured, from the image that the encoder begins with: it has nothing to refine after its next key frame.
+        let settles = [0.01, 0.194, 0.662, 0.245, 0.019, 0.335, 0.028];
+        let images = settles.into_iter().chain([0.02; 24]).chain([0.775]);
+        let mut now_s = 5.0;
+        for change in images.cycle().take(96) {
+            let state = feed(&mut watch, now_s, now_s + PERIOD_S, change, false);
+            now_s += PERIOD_S;
+            assert!(now_s < 5.0 + 1.0 || state == ViewState::Frozen, "{now_s}");
+        }
+    }
+
+    #[test]
+    fn a_scene_of_an_encoder_that_keeps_a_fifth_of_the_noise_is_not_frozen_for_long() {
+        let mut watch = ViewWatch::default();
+        feed(&mut watch, 0.0, 20.0, 1.7, false);
+        feed(&mut watch, 20.0, 20.0 + REFINED_S + 1.0, 0.34, false);
+        let mut now_s = 20.0 + REFINED_S + 1.0;
+        while now_s < 60.0 {
+            let state = feed(&mut watch, now_s, now_s + 0.1, 0.34, false);
+            assert_eq!(state, ViewState::Up, "{now_s}");
+            now_s += 0.1;
+        }
     }
 
     #[test]
