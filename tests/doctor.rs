@@ -126,7 +126,8 @@ fn a_simulator_that_takes_nothing_fails_with_what_to_switch_on_and_skips_the_res
 
 #[test]
 fn a_simulator_without_our_plugin_is_told_how_to_get_it_and_the_rest_of_udp_is_examined() {
-    let simulator = stand_in(&["--state", "no-plugin"]);
+    // One that has been running for more than a minute.
+    let simulator = stand_in(&["--state", "no-plugin", "--clock-rate", "20"]);
     let (code, checks) = examined(simulator.udp());
     assert_eq!(code, Some(1));
     let plugin = checks.iter().find(|check| check["name"] == "plugin");

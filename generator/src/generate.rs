@@ -51,7 +51,7 @@ use dataset::work::memory;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelKind, Screen};
-use xplane_bridge::{LocalUdp, block_bytes, pictures_at_once};
+use xplane_bridge::{LocalUdp, block_bytes};
 
 pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
@@ -262,9 +262,8 @@ fn recording_bytes(picture: Picture, views: u64, may_use_screen: bool) -> u64 {
     let encoders = UNDER_WAY.1 * views;
     let size_px = (picture.width_px, picture.height_px);
     let simulator = if may_use_screen {
-        // While the block of one view is recorded, pictures of the others may wait for their encoders.
-        let waiting = views.saturating_sub(1) * pictures_at_once(size_px) as u64;
-        block_bytes(size_px) + waiting * rgb_bytes
+        // With those that wait for the encoders of all views.
+        block_bytes(size_px)
     } else {
         UNDER_WAY.0 * rgb_bytes
     };
@@ -390,12 +389,9 @@ mod tests {
             PixelChoice::Auto,
             &[SimulatorTarget::StandIn]
         ));
-        // A block of 82 pictures, 22 of the other view, and 12 in each encoder.
+        // 93 pictures in blocks, and 12 in each encoder.
         let rgb_bytes = 1920 * 1280 * 3;
-        assert_eq!(
-            recording_bytes(picture, 2, true),
-            (82 + 22 + 24) * rgb_bytes
-        );
+        assert_eq!(recording_bytes(picture, 2, true), (93 + 24) * rgb_bytes);
         assert_eq!(recording_bytes(picture, 2, false), (8 + 24) * rgb_bytes);
     }
 }

@@ -30,6 +30,6 @@ pub use simulator::doctor;
 pub use simulator::{
     BadWebApiPlace, BlockOfTicks, BlockRecording, BlockReport, BlockTrial, CONNECT_TIMEOUT,
     ConnectOptions, KnownBlocks, LINK_TOKEN_VARIABLE, Simulator, SimulatorDescription,
-    WEB_API_VARIABLE, WebApiPlace, block_bytes, pictures_at_once, somebody_answers,
+    WEB_API_VARIABLE, WebApiPlace, block_bytes, pictures_waiting, somebody_answers,
 };
 pub use udp_socket::{LocalUdp, PortNote};

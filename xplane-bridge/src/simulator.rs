@@ -45,7 +45,7 @@ use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
 pub use block::{
     BlockOfTicks, BlockRecording, BlockReport, BlockTrial, KnownBlocks, block_bytes,
-    pictures_at_once,
+    pictures_waiting,
 };
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
@@ -70,6 +70,8 @@ const WEATHER_SETTLE_S: f32 = 15.0;
 const MOST_GRABS: u32 = 5;
 /// Time reserved for opening the capture link once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
+/// A simulator that has run for a shorter time, by its own clock, may not have started its plugins yet.
+const STARTING: Duration = Duration::from_secs(60);
 
 /// Default number of frames that X-Plane draws with a new pose and camera before the one that counts: what is written in one frame
 /// is drawn in the next, and shadows and effects follow one later.
@@ -174,7 +176,7 @@ impl Simulator {
     /// # Errors
     /// Within `timeout`: [`BridgeError::NobodyAnswers`], [`BridgeError::NoPlugin`] or [`BridgeError::CannotOpenLink`], which say
     /// what to do; [`BridgeError::Link`] if the other side has another version; [`BridgeError::Refused`] if it requires another
-    /// token.
+    /// token. A simulator that has run for less than a minute is given the rest of it to start the plugin.
     pub fn connect_with(
         address: SocketAddr,
         timeout: Duration,
@@ -210,14 +212,23 @@ impl Simulator {
                 datarefs::VERSION,
                 datarefs::CAPTURE_PORT,
                 datarefs::WEATHER_SETTLE_S,
+                datarefs::RUNNING_TIME_S,
             ];
-            let values = udp
-                .read_until(
-                    &names,
-                    Instant::now() + waited,
-                    |values| matches!(values, [Some(_), Some(port), Some(_)] if *port > 0.0),
-                )
-                .await?;
+            let began = Instant::now();
+            let has_plugin = |values: &[Option<f32>]| match values {
+                [Some(_), Some(port), Some(_), _] => *port > 0.0,
+                _ => false,
+            };
+            let mut values = udp.read_until(&names, began + waited, has_plugin).await?;
+            if let (false, Some(running_s)) = (has_plugin(&values), values[3]) {
+                let running = Duration::try_from_secs_f32(running_s).unwrap_or(STARTING);
+                let until = Instant::now() + STARTING.saturating_sub(running);
+                if until > Instant::now() {
+                    tracing::info!(%address, running_s, "no plugin yet: the simulator may be starting it");
+                    values = udp.read_until(&names, until, has_plugin).await?;
+                }
+            }
+            let deadline = deadline.max(Instant::now() + timeout.mul_f64(LINK_SHARE));
             let [version, port, settle_s] = [values[0], values[1], values[2]];
             let version = version.ok_or(BridgeError::NobodyAnswers {
                 address,
@@ -226,7 +237,10 @@ impl Simulator {
             })?;
             let port = match port {
                 Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
-                _ => return Err(BridgeError::NoPlugin { address, waited }),
+                _ => {
+                    let waited = began.elapsed();
+                    return Err(BridgeError::NoPlugin { address, waited });
+                }
             };
             let link_address = SocketAddr::new(address.ip(), port);
             let mut link = LinkClient::open(link_address, deadline).await?;

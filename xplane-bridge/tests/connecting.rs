@@ -5,12 +5,22 @@ use std::time::{Duration, Instant};
 
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, UdpSocket};
-use xplane_bridge::datarefs::{CAPTURE_PORT, VERSION};
+use xplane_bridge::datarefs::{CAPTURE_PORT, RUNNING_TIME_S, VERSION};
 use xplane_bridge::packet::{DatarefValue, DatarefValues, FromSimulator, ToSimulator};
 use xplane_bridge::{BridgeError, Simulator};
 
 /// A simulator that reports its version and the given port of a capture link, and loses the first datagrams.
 async fn simulator_with_port(port: Option<u16>, lost: usize) -> SocketAddr {
+    simulator(1_000.0, lost, move |_| port).await
+}
+
+/// The same after some time of running, with a port that may change with the time since now.
+async fn simulator(
+    running_s: f32,
+    lost: usize,
+    port: impl Fn(Duration) -> Option<u16> + Send + 'static,
+) -> SocketAddr {
+    let began = Instant::now();
     let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     let address = socket.local_addr().unwrap();
     tokio::spawn(async move {
@@ -25,7 +35,8 @@ async fn simulator_with_port(port: Option<u16>, lost: usize) -> SocketAddr {
             };
             let value = match request.path.as_str() {
                 VERSION => Some(120_400.0),
-                CAPTURE_PORT => port.map(f32::from),
+                CAPTURE_PORT => port(began.elapsed()).map(f32::from),
+                RUNNING_TIME_S => Some(running_s),
                 _ => Some(0.0),
             };
             if let Some(value) = value
@@ -85,6 +96,21 @@ async fn x_plane_without_our_plugin_is_told_apart_from_nobody() {
         assert!(matches!(error, BridgeError::NoPlugin { .. }), "{error}");
         assert!(error.to_string().contains("PythonPlugins"), "{error}");
     }
+}
+
+#[tokio::test]
+async fn a_plugin_that_starts_late_is_waited_for_if_the_simulator_has_just_begun_to_run() {
+    let closed = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let port = closed.local_addr().unwrap().port();
+    drop(closed);
+    let late = Duration::from_millis(1_500);
+    let address = simulator(3.0, 0, move |since| (since > late).then_some(port)).await;
+    let error = Simulator::connect(address, Duration::from_secs(1)).await;
+    let error = error.unwrap_err();
+    assert!(
+        matches!(error, BridgeError::CannotOpenLink { .. }),
+        "{error}"
+    );
 }
 
 #[tokio::test]

@@ -10,7 +10,8 @@
 //! scenarios of each weather (25), a seed (0), and a JSON file to which the figures are added, else they are printed.
 //!
 //! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of a picture,
-//! each measured alone. Arguments: width and height (1920 1280). On a larger machine: `taskset -c 0,1` before it.
+//! each measured alone. Arguments: width and height (1920 1280), and a weather (clear and stormy). On a larger machine: `taskset -c 0,1`
+//! before it.
 
 mod alone;
 mod covers;
@@ -49,11 +50,8 @@ const GOAL: f64 = 0.7;
 const MARGIN_PX: u32 = 16;
 /// Name of the corpus of [`Recording::record`].
 const SPEED: &str = "speed";
+const WEATHERS: [&str; 2] = ["clear", "stormy"];
 const CLEAR_AND_STORMY: &str = r#"
-[[recorded]]
-files = "flights/01_calm_ils.csv"
-weathers = ["clear", "stormy"]
-
 [weather.clear]
 visibility_m = 30000
 
@@ -62,6 +60,13 @@ visibility_m = 20000
 rain_ratio = 0.8
 clouds = [{ kind = "cumulonimbus", cover_ratio = 0.9, base_msl_m = 1000, top_msl_m = 9000 }]
 "#;
+
+/// The tables of a recorded flight in these weathers.
+fn recorded_in(weathers: &[&str]) -> String {
+    format!(
+        "\n[[recorded]]\nfiles = \"flights/01_calm_ils.csv\"\nweathers = {weathers:?}\n{CLEAR_AND_STORMY}"
+    )
+}
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {
@@ -76,7 +81,13 @@ async fn main() -> Result<(), Box<dyn Error>> {
             let lags = number(2, 0)? as usize..=number(3, 4)? as usize;
             frames((number(0, 480)?, number(1, 320)?), lags).await
         }
-        "speed" => speed((number(0, 1_920)?, number(1, 1_280)?)).await,
+        "speed" => {
+            let weathers = match arguments.get(3) {
+                Some(weather) => vec![weather.as_str()],
+                None => WEATHERS.to_vec(),
+            };
+            speed((number(0, 1_920)?, number(1, 1_280)?), &weathers).await
+        }
         "covers" => {
             let file = arguments.get(3).map(Path::new);
             covers::covers(number(0, 25)?, number(1, 0)?, file).await
@@ -88,7 +99,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
 async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), Box<dyn Error>> {
     for lag in lags {
         let recording = Recording::start(size_px, Some(FRAMES_PER_S), lag).await?;
-        for recorded in recording.record(0.5).await? {
+        for recorded in recording.record(0.5, &WEATHERS).await? {
             let pictures = recorded.pictures as f64;
             println!(
                 "{}",
@@ -104,9 +115,9 @@ async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), 
     Ok(())
 }
 
-async fn speed(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
+async fn speed(size_px: (u32, u32), weathers: &[&str]) -> Result<(), Box<dyn Error>> {
     let recording = Recording::start(size_px, None, 0).await?;
-    for recorded in recording.record(1.0).await? {
+    for recorded in recording.record(1.0, weathers).await? {
         let stage = Stage {
             xvfb: &recording.xvfb,
             window: recording.window.as_ref(),
@@ -234,15 +245,19 @@ impl Recording {
 
     /// Records two scenarios of each weather from a distance, and returns the second ones: before the first one, a trial compares blocks
     /// with settled pictures.
-    async fn record(&self, dtd_nm: f64) -> Result<Vec<Recorded>, Box<dyn Error>> {
+    async fn record(
+        &self,
+        dtd_nm: f64,
+        weathers: &[&str],
+    ) -> Result<Vec<Recorded>, Box<dyn Error>> {
         let toml = SmallSweep {
             name: "blocks",
             seed: 0,
-            weathers: &["clear", "stormy"],
+            weathers,
             repeats: 2,
             size_px: self.size_px,
             frame_rate: "30/1",
-            tables: &(starting_from(dtd_nm, dtd_nm, 200) + CLEAR_AND_STORMY),
+            tables: &(starting_from(dtd_nm, dtd_nm, 200) + &recorded_in(weathers)),
         }
         .toml();
         let (mut from, mut to) = (0, 0);

@@ -1,13 +1,15 @@
 //! One thread per view that encodes pictures to a video, after its camera's own stream if there is one.
 //!
-//! Channels are bounded: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
+//! Only so many pictures may wait: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
 //! written pictures are reused, unless they belong to a pool.
+
+use std::sync::Arc;
 
 use dataset::corpus::ScenarioFolder;
 use dataset::geometry::imaging::Stream;
 use dataset::plan::Picture;
 use dataset::video::{CameraStream, VideoEncoder, VideoSettings, VideoWriter};
-use tokio::sync::mpsc;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 use tokio::task::{JoinHandle, spawn_blocking};
 use xplane_bridge::link::PictureBytes;
 
@@ -16,22 +18,25 @@ use super::error::ScenarioError;
 /// The encoders of a scenario. If they are dropped without [`Encoders::finish`], they stop and leave unfinished files.
 pub(super) struct Encoders {
     views: Vec<Encoder>,
+    /// For the pictures that wait, of all views together.
+    room: Arc<Semaphore>,
     written: mpsc::UnboundedReceiver<PictureBytes>,
 }
 
 struct Encoder {
     view: String,
-    pictures: mpsc::Sender<Message>,
+    pictures: mpsc::UnboundedSender<Message>,
     thread: JoinHandle<dataset::Result<Vec<i64>>>,
 }
 
 enum Message {
-    Picture(PictureBytes),
+    /// With its place among those that wait.
+    Picture(PictureBytes, OwnedSemaphorePermit),
     Finish,
 }
 
 impl Encoders {
-    /// Starts an encoder for each view and the stream of its camera, for which so many pictures may wait.
+    /// Starts an encoder for each view and the stream of its camera. So many pictures may wait for all of them together.
     pub(super) fn start<'a>(
         folder: &ScenarioFolder,
         views: impl IntoIterator<Item = (&'a str, Option<Stream>)>,
@@ -42,7 +47,7 @@ impl Encoders {
     ) -> Self {
         let (give_back, written) = mpsc::unbounded_channel();
         let start = |(view, stream): (&str, Option<Stream>)| {
-            let (pictures, inbox) = mpsc::channel(waiting_pictures);
+            let (pictures, inbox) = mpsc::unbounded_channel();
             let path = folder.new_video_path(view, settings.codec);
             let settings = settings.clone();
             let give_back = give_back.clone();
@@ -68,6 +73,7 @@ impl Encoders {
         };
         Self {
             views: views.into_iter().map(start).collect(),
+            room: Arc::new(Semaphore::new(waiting_pictures)),
             written,
         }
     }
@@ -82,10 +88,12 @@ impl Encoders {
         rgb: PictureBytes,
     ) -> Result<(), ScenarioError> {
         let encoder = &self.views[view];
-        let sent = encoder.pictures.send(Message::Picture(rgb)).await;
-        sent.map_err(|_| ScenarioError::EncoderEnded {
+        let ended = || ScenarioError::EncoderEnded {
             view: encoder.view.clone(),
-        })
+        };
+        let place = self.room.clone().acquire_owned().await;
+        let picture = Message::Picture(rgb, place.map_err(|_| ended())?);
+        encoder.pictures.send(picture).map_err(|_| ended())
     }
 
     /// The buffer of a picture that has been written.
@@ -98,7 +106,7 @@ impl Encoders {
         let mut all = Vec::new();
         for encoder in &self.views {
             // If the thread has ended, joining it gives the reason.
-            let _ = encoder.pictures.send(Message::Finish).await;
+            let _ = encoder.pictures.send(Message::Finish);
         }
         // All are joined before the first failure is returned: no thread may write into the folder afterwards.
         for encoder in self.views {
@@ -141,14 +149,14 @@ fn joined(
 fn encode(
     mut writer: VideoWriter,
     mut stream: Option<CameraStream>,
-    mut inbox: mpsc::Receiver<Message>,
+    mut inbox: mpsc::UnboundedReceiver<Message>,
     give_back: &mpsc::UnboundedSender<PictureBytes>,
 ) -> dataset::Result<Vec<i64>> {
     let mut pts = Vec::new();
     let mut received = Vec::new();
     while let Some(message) = inbox.blocking_recv() {
         match message {
-            Message::Picture(rgb) => {
+            Message::Picture(rgb, _place) => {
                 let recorded = match &mut stream {
                     None => &rgb[..],
                     Some(stream) => {

@@ -19,7 +19,7 @@ use tokio::task::spawn_blocking;
 use xplane_bridge::fly::FlightStart;
 use xplane_bridge::link::PictureSize;
 use xplane_bridge::profile::RecordedPace;
-use xplane_bridge::{Simulator, pictures_at_once};
+use xplane_bridge::{Simulator, pictures_waiting};
 
 use super::attempt::Attempt;
 use super::blocks::{capture_blocks, may_use_blocks};
@@ -37,7 +37,7 @@ use crate::trajectory::Trajectory;
 /// Position and speed of an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
 const WAITING_SPEED_MPS: f64 = 80.0;
-/// Pictures that may wait for an encoder, unless they come in blocks.
+/// Pictures that may wait for each encoder, unless they come in blocks.
 const WAITING_PICTURES: usize = 2;
 /// The inputs of a scenario and its destination.
 pub(super) struct Work<'a> {
@@ -230,9 +230,9 @@ async fn record_into(
         &common.video,
         work.encoder,
         if uses_blocks {
-            pictures_at_once((picture.width_px, picture.height_px))
+            pictures_waiting((picture.width_px, picture.height_px))
         } else {
-            WAITING_PICTURES
+            WAITING_PICTURES * views.len()
         },
     );
     let (drawn, blocks) = match capture_pictures(

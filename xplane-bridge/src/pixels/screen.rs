@@ -28,7 +28,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::time::{Instant, sleep};
 
 use super::ComingPicture;
-use super::check_pattern::{Sighting, Unreadable, both_colours, covers};
+use super::check_pattern::{Sighting, Unreadable, both_colours, covers, draw};
 use super::{
     Confirmed, CoveredPart, PatternDisplay, PixelError, PixelKind, PixelSource, Rectangle,
     RgbPicture,
@@ -263,14 +263,16 @@ impl ScreenSource {
     /// Looks for what covers the scene: the pattern is drawn under the windows of the simulator, and over them.
     async fn check_covers(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
         let (mut under, mut over) = (None, Hidden::new(self.window));
+        let mut memory = RgbPicture::default();
         for code in both_colours(self.codes.next()) {
             if let Some(shown) = display.show_under_windows(code) {
-                shown.await?;
+                let pattern = self.pattern_when_shown(code, shown).await?;
                 let hidden = under.get_or_insert_with(|| Hidden::new(self.window));
-                self.compare_shown(code, hidden).await?;
+                memory = self.compare_shown(&pattern, hidden, memory).await?;
             }
-            display.show(Some(code)).await?;
-            self.compare_shown(code, &mut over).await?;
+            let shown = display.show(Some(code));
+            let pattern = self.pattern_when_shown(code, shown).await?;
+            memory = self.compare_shown(&pattern, &mut over, memory).await?;
         }
         Ok(over.verdict(under)?)
     }
@@ -281,31 +283,61 @@ impl ScreenSource {
         display: &mut dyn PatternDisplay,
     ) -> Result<Option<Rectangle>, BridgeError> {
         let mut hidden = Hidden::new(self.window);
+        let mut memory = RgbPicture::default();
         for code in both_colours(self.codes.next()) {
-            let is_under = match display.show_under_windows(code) {
-                Some(shown) => shown.await.map(|()| true)?,
-                None => false,
+            let under = match display.show_under_windows(code) {
+                Some(shown) => Some(self.pattern_when_shown(code, shown).await?),
+                None => None,
             };
-            if !is_under {
-                display.show(Some(code)).await?;
-            }
-            self.compare_shown(code, &mut hidden).await?;
+            let pattern = match under {
+                Some(pattern) => pattern,
+                None => {
+                    let shown = display.show(Some(code));
+                    self.pattern_when_shown(code, shown).await?
+                }
+            };
+            memory = self.compare_shown(&pattern, &mut hidden, memory).await?;
         }
         Ok(hidden.largest())
     }
 
-    /// Adds what the window hides of the pattern that was shown last.
-    async fn compare_shown(&self, code: u32, hidden: &mut Hidden) -> Result<(), PixelError> {
+    /// A pattern as it should look, computed while the simulator draws it.
+    async fn pattern_when_shown(
+        &self,
+        code: u32,
+        shown: Confirmed<'_>,
+    ) -> Result<RgbPicture, BridgeError> {
+        let Rectangle {
+            width_px,
+            height_px,
+            ..
+        } = self.window;
+        let (shown, pattern) = tokio::join!(shown, async { draw(code, width_px, height_px) });
+        shown.map(|()| pattern)
+    }
+
+    /// Adds what the window hides of the pattern that was shown last. Returns the memory of the last grab.
+    async fn compare_shown(
+        &self,
+        pattern: &RgbPicture,
+        hidden: &mut Hidden,
+        memory: RgbPicture,
+    ) -> Result<RgbPicture, PixelError> {
         let (began, wait) = (Instant::now(), self.allowed());
-        if !wait.time.is_zero() {
-            sleep(wait.time).await;
+        // A complete pattern needs no waiting: no other one looks like it.
+        let mut picture = self.grabber.grab(memory, 0).await?;
+        let mut found = hidden.in_grab(&picture, pattern);
+        if found.contains(&true) {
+            if !wait.time.is_zero() {
+                sleep(wait.time).await;
+            }
+            picture = self.grabber.grab(picture, wait.grabs).await?;
+            found = hidden.in_grab(&picture, pattern);
         }
-        let mut picture = self.grabber.grab(RgbPicture::default(), wait.grabs).await?;
-        let mut found = hidden.in_grab(&picture, code);
         // A busy machine may show the pattern later than it did when the lag was measured, and in parts. A cover is in two grabs in a row.
         while found.contains(&true) {
             picture = self.grabber.grab(picture, 0).await?;
-            let again = hidden.in_grab(&picture, code);
+            let again = hidden.in_grab(&picture, pattern);
             let is_late = share_of(&again) > LATE_SHARE && began.elapsed() < PATIENCE;
             if is_late {
                 found = again;
@@ -317,7 +349,7 @@ impl ScreenSource {
             break;
         }
         hidden.add(&found);
-        Ok(())
+        Ok(picture)
     }
 
     /// The window in the pictures that are grabbed: all of them.

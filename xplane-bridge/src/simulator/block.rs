@@ -38,7 +38,7 @@ pub use trial::{BlockTrial, KnownBlocks};
 const SEGMENT_BYTES: usize = 160 << 20;
 /// Ticks between two probes: at least and at most.
 const SEGMENT_TICKS: (usize, usize) = (12, 100);
-/// Buffers beyond the ones of three segments (one of which the caller holds): for images under way and grabbed.
+/// Buffers beyond the ones of segments: for images under way and grabbed.
 const MORE_BUFFERS: usize = 16;
 /// A screen without any readable code for this long is covered, or its window is gone.
 const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
@@ -107,12 +107,18 @@ pub fn block_bytes(size_px: (u32, u32)) -> u64 {
 }
 
 fn buffers(size_px: (u32, u32)) -> usize {
-    3 * pictures_at_once(size_px) + MORE_BUFFERS
+    let of_a_segment = pictures_at_once(size_px);
+    pictures_waiting(size_px) + of_a_segment + of_a_segment / 2 + MORE_BUFFERS
 }
 
-/// Images of a block that come at once, when a probe has proven them: a caller that has room for so many, and drops what it has used, is
-/// never waited for.
-pub fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
+/// Images for which the caller should have room: those that come at once, and as many of the block before. The simulator draws on while it
+/// is waited for, which slows down the encoders of a caller on the same computer.
+pub fn pictures_waiting(size_px: (u32, u32)) -> usize {
+    2 * pictures_at_once(size_px)
+}
+
+/// Images of a block that come at once, when a probe has proven them.
+fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
     let picture_bytes = width_px as usize * height_px as usize * 3;
     let (least, most) = SEGMENT_TICKS;
     (SEGMENT_BYTES / picture_bytes.max(1)).clamp(least, most)

@@ -36,7 +36,8 @@ impl Hidden {
     /// Adds what a grab of the window hides of a pattern.
     #[cfg(test)]
     pub(super) fn compare(&mut self, grabbed: &RgbPicture, code: u32) {
-        let hidden = self.in_grab(grabbed, code);
+        let pattern = draw(code, self.window.width_px, self.window.height_px);
+        let hidden = self.in_grab(grabbed, &pattern);
         self.add(&hidden);
     }
 
@@ -47,9 +48,8 @@ impl Hidden {
         }
     }
 
-    /// The cells of a pattern that are hidden in a grab of the window.
-    pub(super) fn in_grab(&self, grabbed: &RgbPicture, code: u32) -> Vec<bool> {
-        let drawn = draw(code, self.window.width_px, self.window.height_px);
+    /// The cells of a pattern, as drawn, that are hidden in a grab of the window.
+    pub(super) fn in_grab(&self, grabbed: &RgbPicture, drawn: &RgbPicture) -> Vec<bool> {
         if grabbed.rgb.len() != drawn.rgb.len() {
             return vec![true; self.cells.len()];
         }
@@ -96,7 +96,7 @@ pub(super) fn cover_on_screen(
         part.pixels_mut(0, window.width_px, y).copy_from_slice(row);
     }
     let mut hidden = Hidden::new(window);
-    let in_grab = hidden.in_grab(&part, code);
+    let in_grab = hidden.in_grab(&part, &draw(code, window.width_px, window.height_px));
     if share_of(&in_grab) > 0.5 {
         // Another pattern, or none.
         return None;

@@ -19,6 +19,8 @@ const MOST_UNSEEN: usize = 6;
 const WIDEN_AFTER: u32 = 32;
 /// Grabs in a row without a change before a scene counts as settled.
 const EQUAL_GRABS: u32 = 3;
+/// The code counts steady frames up to this number.
+const MOST_STEADY: u64 = 7;
 /// A scene that has not settled within so many frames never does: moving water.
 const RESTLESS_GRABS: u32 = 90;
 /// Probes in a row that are unclear, and changes of the lag in a block, before every tick is held.
@@ -230,10 +232,11 @@ impl<P: Scene> Sequence<P> {
             return self.new_probe();
         }
         let under_way = self.sent.len() + self.unseen.len();
-        if under_way >= self.most_unseen {
+        // Something has to follow a probe, and a new tick is better than an old one once more.
+        if under_way >= self.most_unseen && !self.ends_with_probe {
             return None;
         }
-        self.next_tick(self.pictures.len() < 2 * self.segment as usize)
+        self.next_tick(self.pictures.len() < self.most_pictures())
     }
 
     fn next_while_held(&mut self) -> Option<Show> {
@@ -246,6 +249,11 @@ impl<P: Scene> Sequence<P> {
         let tick = self.next_tick(self.pictures.is_empty());
         self.tally.held += u32::from(tick.is_some());
         tick
+    }
+
+    /// Images that are kept: those of a segment, and of the next one while a probe proves the first.
+    fn most_pictures(&self) -> usize {
+        (self.segment + self.segment / 2) as usize
     }
 
     fn next_tick(&mut self, has_room: bool) -> Option<Show> {
@@ -263,10 +271,14 @@ impl<P: Scene> Sequence<P> {
         let confirmed = self.confirmed_up_to;
         let waits = |picture: &Unproven<P>| picture.grab.is_some_and(|grab| grab > confirmed);
         let is_unproven = self.pictures.values().any(waits);
-        let is_waiting = self.sent.is_empty()
-            && self.unseen.is_empty()
-            && self.again.is_empty()
-            && (self.next_tick == self.ticks || self.pictures.len() >= 2 * self.segment as usize);
+        let is_under_way = !self.sent.is_empty() || !self.unseen.is_empty();
+        let are_all_shown = self.next_tick == self.ticks && self.again.is_empty();
+        if is_under_way && are_all_shown {
+            // The last probe follows the last tick at once, if it will be seen.
+            return self.tally.unseen == 0 && (self.probe_place)(self.ticks - 1).is_some();
+        }
+        let has_no_room = self.again.is_empty() && self.pictures.len() >= self.most_pictures();
+        let is_waiting = !is_under_way && (are_all_shown || has_no_room);
         is_unproven && (self.since_probe >= self.segment || is_waiting)
     }
 
@@ -348,9 +360,10 @@ impl<P: Scene> Sequence<P> {
 
     /// By how many frames at least and at most a grab's scene is behind its number.
     fn frames_behind(&self) -> (u64, u64) {
-        match self.phase {
-            Phase::Moving { lag } => (lag, lag),
-            Phase::Settling { .. } | Phase::Probing | Phase::Held => (0, self.settle_frames),
+        match (self.phase, self.known_lag) {
+            (Phase::Moving { lag }, _) => (lag, lag),
+            (Phase::Settling { .. }, Some(lag)) if self.begins_with_known_lag => (lag, lag),
+            _ => (0, self.settle_frames),
         }
     }
 
@@ -359,7 +372,7 @@ impl<P: Scene> Sequence<P> {
         let (least, most) = self.frames_behind();
         let newest = grab.number.checked_sub(least)?;
         let (since, show) = self.shown.range(..=newest).next_back()?;
-        let is_whole = grab.steady >= most.min(7) && *since + most <= grab.number;
+        let is_whole = grab.steady >= most.min(MOST_STEADY) && *since + most <= grab.number;
         is_whole.then_some((*since, *show))
     }
 
@@ -369,8 +382,10 @@ impl<P: Scene> Sequence<P> {
         }
         let number = grab.number;
         match (self.phase, self.content(&grab)) {
-            (Phase::Settling { equal, seen }, Some((_, Show::Tick(_)))) => {
-                self.settle(grab.picture, equal, seen);
+            (Phase::Settling { equal, seen }, Some((since, Show::Tick(_)))) => {
+                let is_time = grab.steady >= self.settle_frames.min(MOST_STEADY)
+                    && since + self.settle_frames <= number;
+                self.settle(grab.picture, is_time, (equal, seen));
             }
             (Phase::Moving { .. } | Phase::Held, Some((since, Show::Tick(tick)))) => {
                 self.keep(number, since, tick, grab.picture);
@@ -382,8 +397,13 @@ impl<P: Scene> Sequence<P> {
             self.probe = None;
             // An aircraft that was seen does not disappear: the scene may be further behind than a probe can measure.
             let is_doubtful = outcome == Outcome::Unseen && self.tally.seen > 0;
+            // The lag holds up to the grab that shows the probe; if none does, it may have fallen meanwhile.
+            let up_to = match (self.phase, outcome) {
+                (Phase::Moving { .. }, Outcome::Behind(lag)) => frame + lag,
+                _ => frame,
+            };
             self.told(
-                frame,
+                up_to,
                 if is_doubtful {
                     Outcome::Unclear
                 } else {
@@ -393,24 +413,24 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    fn settle(&mut self, picture: P, equal: u32, seen: u32) {
+    /// Compares a grab with the one before. A scene has not settled before `is_time`: when the frames to settle have passed.
+    fn settle(&mut self, picture: P, is_time: bool, (equal, seen): (u32, u32)) {
         let is_equal = self
             .last_settling
             .as_ref()
             .is_some_and(|before| picture.is_settled_after(before));
         let equal = if is_equal { equal + 1 } else { 0 };
         self.spent.extend(self.last_settling.replace(picture));
-        self.phase = if equal >= EQUAL_GRABS || seen + 1 >= RESTLESS_GRABS {
+        let seen = seen + u32::from(is_time);
+        let has_settled = is_time && equal >= EQUAL_GRABS;
+        self.phase = if has_settled || seen >= RESTLESS_GRABS {
             self.spent.extend(self.last_settling.take());
             match self.known_lag.filter(|_| self.begins_with_known_lag) {
                 Some(lag) => Phase::Moving { lag },
                 None => Phase::Probing,
             }
         } else {
-            Phase::Settling {
-                equal,
-                seen: seen + 1,
-            }
+            Phase::Settling { equal, seen }
         };
     }
 

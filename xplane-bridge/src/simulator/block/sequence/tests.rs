@@ -37,6 +37,10 @@ struct World {
     aircraft_is_visible: bool,
     /// Ticks at which the aircraft is in the image.
     in_picture: (u32, u32),
+    /// Number of frames until the brightness has come to rest.
+    settles_after: u64,
+    /// Number of frames that settling always takes.
+    settle_frames: u32,
 }
 
 const GOOD: World = World {
@@ -48,6 +52,8 @@ const GOOD: World = World {
     late_answers: 0,
     aircraft_is_visible: true,
     in_picture: (0, u32::MAX),
+    settles_after: 30,
+    settle_frames: 5,
 };
 
 struct Recorded {
@@ -79,7 +85,7 @@ fn record_from(
     let mut sequence = Sequence::<Fake>::new(
         ticks,
         20,
-        5,
+        world.settle_frames,
         known_lag,
         Box::new(move |tick| {
             let (from, to) = world.in_picture;
@@ -126,7 +132,7 @@ fn record_from(
         let picture = Fake {
             show,
             aircraft_is_visible: world.aircraft_is_visible,
-            brightness: (30 - frame.min(30)) as u8,
+            brightness: world.settles_after.saturating_sub(frame) as u8,
         };
         // A client that expects no grabs makes none.
         let rests = !sequence.expects_grabs();
@@ -138,6 +144,7 @@ fn record_from(
         }
         while let Some(taken) = sequence.deliver() {
             assert_eq!(taken.tick, shown.len() as u32, "ticks come in their order");
+            assert_eq!(taken.picture.brightness, 0, "it has settled");
             shown.push(taken.picture.show);
         }
         sequence.spent();
@@ -197,6 +204,47 @@ fn a_block_that_begins_with_the_lag_of_the_last_one_is_shorter_and_no_picture_is
 }
 
 #[test]
+fn a_block_whose_lag_is_known_settles_in_the_frames_that_it_always_takes_and_ends_with_one_probe() {
+    for settles_after in [0, 1, 4, 6, 20] {
+        for lag in 0..=4 {
+            let world = World {
+                lag,
+                settles_after,
+                ..GOOD
+            };
+            let recorded = record_from(20, (Some(lag), true), world, lag);
+            assert!(of_their_ticks(&recorded), "{world:?}");
+            assert_eq!(recorded.tally.seen, 1, "{world:?}");
+            let settled =
+                u64::from(world.settle_frames).max(settles_after.max(lag) + u64::from(EQUAL_GRABS));
+            let ending = 2 + lag;
+            let beside = recorded.frames - 20;
+            assert!(
+                beside >= u64::from(world.settle_frames),
+                "{world:?}: {beside} frames"
+            );
+            assert!(beside <= settled + ending + 1, "{world:?}: {beside} frames");
+        }
+    }
+}
+
+#[test]
+fn a_scene_that_settles_slowly_is_waited_for_as_long_as_it_always_takes() {
+    for lag in 0..=4 {
+        let slow = World {
+            lag,
+            settles_after: 110,
+            settle_frames: 120,
+            ..GOOD
+        };
+        for begins_with_it in [true, false] {
+            let recorded = record_from(20, (Some(lag), begins_with_it), slow, lag);
+            assert!(of_their_ticks(&recorded), "{slow:?}");
+        }
+    }
+}
+
+#[test]
 fn lost_doubled_and_doubtful_frames_never_give_a_picture_of_another_tick() {
     let mut random = ChaCha12Rng::seed_from_u64(7);
     for seed in 0..40 {
@@ -225,6 +273,23 @@ fn a_lag_that_changes_in_mid_block_costs_pictures_but_mixes_none() {
         assert!(of_their_ticks(&recorded), "{world:?}");
         assert_eq!(recorded.tally.changes, 1, "{world:?}");
         assert!(recorded.tally.repeated > 0, "{world:?}");
+    }
+}
+
+#[test]
+fn a_lag_that_changes_in_any_frame_of_a_short_block_gives_no_picture_of_another_tick() {
+    for (lag, after) in (0..25).map(|pair| (pair / 5, pair % 5)) {
+        for from in 0..75 {
+            let world = World {
+                lag,
+                later: Some((from, after)),
+                late_answers: from as usize % 3,
+                settles_after: 0,
+                ..GOOD
+            };
+            let recorded = record_from(45, (Some(lag), true), world, from);
+            assert!(of_their_ticks(&recorded), "{world:?}");
+        }
     }
 }
 
