@@ -72,7 +72,15 @@ impl RunClock {
 
     /// UTC of the start, as it is known now: a computer without a battery learns the date after programs have started.
     fn began_utc_s(&self) -> f64 {
-        let began_utc_s = utc_s((self.utc)()) - self.now_s();
+        // Between two readings of the other clock that are near each other: a busy machine may pause here.
+        let read = || {
+            let before_s = self.now_s();
+            let began_utc_s = utc_s((self.utc)()) - before_s;
+            (self.now_s() - before_s < LEAST_SET_S / 5.0).then_some(began_utc_s)
+        };
+        let Some(began_utc_s) = (0..3).find_map(|_| read()) else {
+            return self.began_utc_s;
+        };
         if (began_utc_s - self.began_utc_s).abs() < LEAST_SET_S {
             self.began_utc_s
         } else {
@@ -177,7 +185,7 @@ impl Placement {
         let is_set_back =
             step_s.max(0.0) < BACK_PART * usual_s && since_s - step_s > BACK_PART * usual_s;
         let has_jumped = is_set_back || !(0.0..=JUMP_S + since_s).contains(&step_s);
-        if last_s.is_some() && !has_jumped {
+        if last_s.is_some() && step_s > 0.0 && !has_jumped {
             let usual_s = self.usual_step_s.get_or_insert(step_s);
             // After lost images the old one still holds.
             *usual_s += LEARNED_PART * (step_s.min(2.0 * *usual_s) - *usual_s);

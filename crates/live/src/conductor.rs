@@ -331,7 +331,11 @@ impl Conductor {
         let Some((time_s, searched)) = &joined.images[view] else {
             return;
         };
-        if joined.images[0].is_none() || !self.shared.runs_free(view) {
+        if !self.shared.runs_free(view) {
+            return;
+        }
+        if joined.images[0].is_none() {
+            views[view].looks &= self.clocks.is_known(view);
             return;
         }
         let is_sighted = !views[0].boxes.is_empty() && !views[view].boxes.is_empty();
@@ -350,8 +354,12 @@ impl Conductor {
             }
         });
         let news = self.clocks.take(view, joined.time_s, sighting);
-        if !self.clocks.is_known(view) && !views[0].boxes.is_empty() {
-            views[view] = SeenView::default();
+        if !self.clocks.is_known(view) {
+            // A view that is left out does not look: what the first one sees counts without it.
+            views[view].looks = false;
+            if !views[0].boxes.is_empty() {
+                views[view] = SeenView::default();
+            }
         }
         match news {
             None => {}

@@ -69,8 +69,8 @@ impl FreeClock {
 
     /// The images come by another connection from now on.
     pub(crate) fn restart(&mut self, time_s: f64) {
+        self.end_arrival();
         self.before = ClockOffset::of(self.before.at(time_s), self.drift_sd).since(time_s);
-        self.with_arrival = None;
     }
 
     /// Takes what both views see at a time.

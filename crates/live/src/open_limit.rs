@@ -4,7 +4,7 @@
 //! nothing. A long attempt then outlasts the fault. So a source that has been opened before gets twice the longest time that this took,
 //! and the limit is doubled after each attempt that reached it. Opening waits for an image, so a slow camera takes longer.
 
-/// At first, and at most of a source that was opened in less, milliseconds.
+/// At first, and at most of a source that was opened in half of it, milliseconds.
 const MOST_MS: u64 = 4_000;
 /// At most of another one, milliseconds.
 const SLOW_MS: u64 = 32_000;

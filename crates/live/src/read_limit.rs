@@ -1,8 +1,8 @@
 //! Time limit for the next image of an open source.
 //!
-//! A server that has stopped keeps its connection, so one without images is given up. A slow camera is given three of its intervals, as it
-//! announces them or as its images came. A camera whose interval is not known yet gets twice the time after each connection that was given
-//! up before it showed two images.
+//! A server that has stopped keeps its connection, so one without images is given up. A slow camera is given three of its intervals, as its
+//! images came or, before that, as it announces them. A camera whose images never came gets twice the time after each connection that was
+//! given up before it showed two.
 
 /// At first, and at most, milliseconds.
 const LEAST_MS: u64 = 2_000;
@@ -17,6 +17,10 @@ const LEARNED_PART: f64 = 0.05;
 pub(crate) struct ReadLimit {
     /// Usual time between images, seconds.
     interval_s: Option<f64>,
+    /// The same, as the source announces it.
+    announced_s: f64,
+    /// The last one.
+    last_s: f64,
     unknown_ms: u64,
 }
 
@@ -24,6 +28,8 @@ impl Default for ReadLimit {
     fn default() -> Self {
         Self {
             interval_s: None,
+            announced_s: 0.0,
+            last_s: 0.0,
             unknown_ms: LEAST_MS,
         }
     }
@@ -32,26 +38,26 @@ impl Default for ReadLimit {
 impl ReadLimit {
     /// Of the next wait, milliseconds.
     pub(crate) fn next_ms(&self) -> u64 {
-        let interval_s = self.interval_s.unwrap_or(0.0);
+        let interval_s = self.interval_s.unwrap_or(self.announced_s).max(self.last_s);
         let known_ms = (1e3 * INTERVALS * interval_s) as u64;
         known_ms.max(self.unknown_ms).min(MOST_MS)
     }
 
     /// The source announces this time between images, seconds.
     pub(crate) fn announced(&mut self, interval_s: f64) {
-        self.interval_s.get_or_insert(interval_s);
+        self.announced_s = interval_s;
     }
 
     /// An image came so long after the one before, seconds.
     pub(crate) fn came(&mut self, after_s: f64) {
-        self.unknown_ms = LEAST_MS;
+        (self.unknown_ms, self.last_s) = (LEAST_MS, after_s);
         let usual_s = self.interval_s.get_or_insert(after_s);
         *usual_s += LEARNED_PART * (after_s - *usual_s);
     }
 
     /// A connection has ended that was given up at the limit, after so many images.
     pub(crate) fn given_up(&mut self, images: u32) {
-        if images < 2 {
+        if images < 2 && self.interval_s.is_none() {
             self.unknown_ms = (2 * self.unknown_ms).min(MOST_MS);
         }
     }
@@ -86,8 +92,20 @@ mod tests {
             limit.given_up(100);
         }
         (0..10).for_each(|_| limit.given_up(0));
-        assert_eq!(limit.next_ms(), MOST_MS);
-        limit.came(0.04);
         assert_eq!(limit.next_ms(), LEAST_MS);
+    }
+
+    #[test]
+    fn a_camera_that_is_slower_than_it_announces_is_waited_for() {
+        let mut limit = ReadLimit::default();
+        limit.announced(0.04);
+        (0..3).for_each(|_| limit.given_up(1));
+        limit.came(10.0);
+        assert_eq!(limit.next_ms(), 30_000);
+        // A camera that slows down at night.
+        let mut limit = ReadLimit::default();
+        (0..100).for_each(|_| limit.came(0.04));
+        limit.came(1.9);
+        assert_eq!(limit.next_ms(), 5_700);
     }
 }

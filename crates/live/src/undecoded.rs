@@ -25,8 +25,7 @@ impl Undecoded {
         let is_hopeless = self.packets >= FEWEST && now_s - self.since_s >= MOST_S;
         is_hopeless.then(|| {
             format!(
-                "{} packets of {MOST_S} s could not be decoded; set the camera to a key frame each second, and check its codec",
-                self.packets
+                "no packet of the last {MOST_S} s gave an image; set the camera to a key frame each second, and check its codec"
             )
         })
     }
@@ -44,7 +43,7 @@ mod tests {
             assert_eq!(undecoded.fault(f64::from(packet) / 5.0), None);
         }
         let fault = undecoded.fault(15.0).unwrap();
-        assert!(fault.contains("75 packets"), "{fault}");
+        assert!(fault.contains("last 15 s"), "{fault}");
         // An image was decoded.
         undecoded = Undecoded::default();
         undecoded.sent(15.0);

@@ -70,10 +70,12 @@ const DOWN_PERIODS: f64 = 8.0;
 const FROZEN_S: f64 = 0.4;
 const DARK_S: f64 = 0.2;
 const FEWEST: usize = 3;
-/// A freeze is over if two images in a row, and all for so long, changed, seconds: encoders refine a picture that stands still after each
-/// key frame. It is also over if images have not been frozen again for so long.
+/// A freeze is over if so many images in a row, and all for so long, changed, seconds: encoders refine a picture that stands still after
+/// each key frame. It is also over if images have not been frozen again for so long, or so many periods.
+const FEWEST_CHANGED: usize = 4;
 const CHANGED_S: f64 = 0.15;
 const HELD_S: f64 = 1.0;
+const HELD_PERIODS: f64 = 6.0;
 /// Seconds of images that tell how much they usually change, and the fewest of them.
 const USUAL_S: f64 = 10.0;
 const FEWEST_USUAL: usize = 20;
@@ -174,15 +176,18 @@ impl ViewWatch {
         }
         if self.equal_s.is_some_and(|at_s| now_s > at_s + REFINED_S) {
             (self.equal_s, self.frozen_s) = (None, None);
-            self.usual.clear();
+            for (_, usual) in &mut self.usual {
+                *usual = change.unwrap_or(*usual);
+            }
         }
         if self.repeats_long() && !is_dark {
             self.frozen_s = Some(now_s);
         }
+        let held_s = HELD_S.max(HELD_PERIODS * self.period_s().unwrap_or(0.0));
         self.frozen_s = self.frozen_s.filter(|frozen_s| {
-            let changes = self.changes.filter(|(_, count)| *count > 1);
+            let changes = self.changes.filter(|(_, count)| *count >= FEWEST_CHANGED);
             let is_changing = changes.is_some_and(|(since_s, _)| now_s - since_s >= CHANGED_S);
-            now_s - frozen_s <= HELD_S && !is_changing
+            now_s - frozen_s <= held_s && !is_changing
         });
         let repeats = self.equal_s.is_some() || self.frozen_s.is_some();
         if let Some(change) = change.filter(|_| !is_dark && !repeats) {
@@ -376,6 +381,30 @@ mod tests {
             let state = feed(&mut watch, now_s, now_s + PERIOD_S, change, false);
             now_s += PERIOD_S;
             assert!(now_s < 5.0 + 1.0 || state == ViewState::Frozen, "{now_s}");
+        }
+    }
+
+    #[test]
+    fn a_slow_camera_that_stands_still_is_frozen_across_key_frames() {
+        let mut watch = ViewWatch::default();
+        for image in 0..200 {
+            // After 100 images a still picture; every five a key frame and its refinement.
+            let still = [0.71, 0.33, 0.0, 0.0, 0.0];
+            let change = if image < 100 { 0.1 } else { still[image % 5] };
+            let now_s = image as f64 / 5.0;
+            let state = watch.take(Seen {
+                now_s,
+                time_s: now_s,
+                is_damaged: false,
+                look: Some(ImageLook {
+                    is_dark: false,
+                    change_levels: Some(change),
+                }),
+            });
+            assert!(
+                image < 105 || state == ViewState::Frozen,
+                "{image}: {state:?}"
+            );
         }
     }
 

@@ -95,6 +95,7 @@ impl Follower {
             time_s,
             boxes: &boxes,
             looks: &self.looked_s.iter().map(looks).collect::<Vec<_>>(),
+            has_cut_off: observed.cut_off > 0,
         };
         self.forget(time_s);
         self.continue_all(&tick);
@@ -364,6 +365,8 @@ struct Tick<'a> {
     boxes: &'a [Vec<Candidate>],
     /// Views that are not blind.
     looks: &'a [bool],
+    /// The edge of an image cuts off all that a view sees.
+    has_cut_off: bool,
 }
 
 impl Tick<'_> {
@@ -418,7 +421,9 @@ impl Tick<'_> {
 
     /// True if a view looks where an aircraft of this place would be, and does not see it.
     fn is_missed(&self, aircraft: &Aircraft) -> bool {
-        let is_missed_by = |other: usize| self.looks[other] && aircraft.boxes[other].is_none();
+        let is_missed_by = |other: usize| {
+            self.looks[other] && !self.has_cut_off && aircraft.boxes[other].is_none()
+        };
         self.seen(aircraft).any(|of| {
             let (view, seen) = self.pixel_box(of);
             let mut relations = self.learned.relations.iter();
