@@ -86,6 +86,7 @@ const LEAST_PART: f64 = 0.95;
 /// that stands still: by up to 0.4 of the change that noise makes.
 const REPEATED_PART: f64 = 0.5;
 /// One of them changed by less than this part of it. Without one, the images have become quieter: of another encoder, or of the evening.
+/// Of a new connection, which may be of another encoder, the smaller part below decides at first.
 const STILL_PART: f64 = 0.3;
 /// So they have if none changes by less than this part for this long, seconds: after its next key frame an encoder has nothing to refine.
 const EQUAL_PART: f64 = 0.1;
@@ -106,6 +107,8 @@ pub(crate) struct Seen {
 #[derive(Debug, Default)]
 pub(crate) struct ViewWatch {
     is_connected: bool,
+    /// Images of this connection.
+    images: usize,
     last_s: Option<f64>,
     /// Age of the last image when it came.
     age_s: f64,
@@ -149,6 +152,7 @@ impl ViewWatch {
     pub(crate) fn take(&mut self, seen: Seen) -> ViewState {
         let Seen { now_s, look, .. } = seen;
         self.is_connected = true;
+        self.images += 1;
         self.last_s = Some(now_s);
         self.age_s = now_s - seen.time_s;
         self.is_damaged = seen.is_damaged;
@@ -165,7 +169,7 @@ impl ViewWatch {
                 (self.repeats, self.changes) = (count(self.repeats), None);
                 if change <= EQUAL_PART * usual {
                     self.equal_s = Some(now_s);
-                } else if change <= STILL_PART * usual {
+                } else if change <= STILL_PART * usual && self.images > FEWEST_USUAL {
                     self.equal_s.get_or_insert(now_s);
                 }
             }
@@ -381,6 +385,18 @@ mod tests {
             let state = feed(&mut watch, now_s, now_s + PERIOD_S, change, false);
             now_s += PERIOD_S;
             assert!(now_s < 5.0 + 1.0 || state == ViewState::Frozen, "{now_s}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_comes_back_with_another_encoder_is_not_frozen() {
+        let mut watch = ViewWatch::default();
+        feed(&mut watch, 0.0, 20.0, 0.5, false);
+        watch.set_connected(false);
+        for tenth in 210..400 {
+            let from_s = f64::from(tenth) / 10.0;
+            let state = feed(&mut watch, from_s, from_s + 0.1, 0.1, false);
+            assert_eq!(state, ViewState::Up, "{from_s} s");
         }
     }
 
