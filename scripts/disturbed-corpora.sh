@@ -2,7 +2,7 @@
 # Records the same eight approaches at an image every two seconds, once as they are, once with each fault of the right camera (0.49, 0.45
 # or 0.2 s late, shaking by 2 px RMS, 4 % of the images frozen, turned by 0.3 degrees in mid flight), and through air that tilts images by
 # 2" and 5" at 10 km, or by the preset tower-camera. The stand-in draws the faults (`dtd mock-xplane --faults`); tables and calibration do
-# not mention them. All corpora are labelled and detected.
+# not mention them. All corpora are labelled and detected. No part of the shake is a multiple of the image rate: it would look like a turn.
 # Usage: scripts/disturbed-corpora.sh OUT [NAME ..]; without names all of them. Run it again to resume. ONLY=ID,.. records these approaches
 # alone.
 set -euo pipefail
@@ -20,7 +20,7 @@ declare -A faults=(
     [late-490ms]="late=1:490"
     [late-450ms]="late=1:450"
     [late-200ms]="late=1:200"
-    [shake-2px]="shake=1:2:1.5"
+    [shake-2px]="shake=1:2:1.7"
     [frozen-4pct]="stick=1:0.04"
     [turned-0.3deg]="turn=1:0.3:120"
     [tilt-2arcsec]="" [tilt-5arcsec]="" [tower-camera]=""
