@@ -67,7 +67,7 @@ const LATE_PERIODS: f64 = 3.5;
 const DOWN_S: f64 = 1.0;
 const DOWN_PERIODS: f64 = 8.0;
 /// Images are frozen or dark if they were so for this long, seconds, and for so many images.
-const FROZEN_S: f64 = 0.4;
+const FROZEN_S: f64 = 0.35;
 const DARK_S: f64 = 0.2;
 const FEWEST: usize = 3;
 /// A freeze is over if so many images in a row, and all for so long, changed, seconds: encoders refine a picture that stands still after
