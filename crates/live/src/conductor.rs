@@ -334,10 +334,6 @@ impl Conductor {
         if !self.shared.runs_free(view) {
             return;
         }
-        if joined.images[0].is_none() {
-            views[view].looks &= self.clocks.is_known(view);
-            return;
-        }
         let is_sighted = !views[0].boxes.is_empty() && !views[view].boxes.is_empty();
         let shift = views[view].registration.filter(|_| is_sighted);
         let sighting = shift.zip(best_of(searched)).map(|((_, shift), best)| {
@@ -353,7 +349,10 @@ impl Conductor {
                 added_s: searched.added_s - later_s,
             }
         });
-        let news = self.clocks.take(view, joined.time_s, sighting);
+        let news = match &joined.images[0] {
+            Some(_) => self.clocks.take(view, joined.time_s, sighting),
+            None => None,
+        };
         if !self.clocks.is_known(view) {
             // A view that is left out does not look: what the first one sees counts without it.
             views[view].looks = false;

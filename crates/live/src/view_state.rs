@@ -187,11 +187,9 @@ impl ViewWatch {
         if self.repeats_long() && !is_dark {
             self.frozen_s = Some(now_s);
         }
-        let held_s = HELD_S.max(HELD_PERIODS * self.period_s().unwrap_or(0.0));
         self.frozen_s = self.frozen_s.filter(|frozen_s| {
-            let changes = self.changes.filter(|(_, count)| *count >= FEWEST_CHANGED);
-            let is_changing = changes.is_some_and(|(since_s, _)| now_s - since_s >= CHANGED_S);
-            now_s - frozen_s <= held_s && !is_changing
+            let held_s = HELD_S.max(HELD_PERIODS * self.period_s().unwrap_or(0.0));
+            now_s - frozen_s <= held_s && !self.lasts(self.changes, FEWEST_CHANGED, CHANGED_S)
         });
         let repeats = self.equal_s.is_some() || self.frozen_s.is_some();
         if let Some(change) = change.filter(|_| !is_dark && !repeats) {
@@ -222,7 +220,7 @@ impl ViewWatch {
         };
         if silent_s > DOWN_S.max(DOWN_PERIODS * period_s.unwrap_or(0.0)) {
             ViewState::Down
-        } else if self.lasts(self.dark, DARK_S) {
+        } else if self.lasts(self.dark, FEWEST, DARK_S) {
             ViewState::Dark
         } else if self.is_moved {
             ViewState::Moved
@@ -239,13 +237,13 @@ impl ViewWatch {
 
     /// True if images have repeated long enough to be frozen.
     fn repeats_long(&self) -> bool {
-        self.equal_s.is_some() && self.lasts(self.repeats, FROZEN_S)
+        self.equal_s.is_some() && self.lasts(self.repeats, FEWEST, FROZEN_S)
     }
 
-    /// True if a run of images lasts so long, up to the last image.
-    fn lasts(&self, run: Option<(f64, usize)>, least_s: f64) -> bool {
+    /// True if a run of at least so many images lasts so long, up to the last image.
+    fn lasts(&self, run: Option<(f64, usize)>, fewest: usize, least_s: f64) -> bool {
         let now = run.zip(self.last_s);
-        now.is_some_and(|((since_s, count), last_s)| count >= FEWEST && last_s - since_s >= least_s)
+        now.is_some_and(|((since_s, count), last_s)| count >= fewest && last_s - since_s >= least_s)
     }
 
     /// The state of the view with its last image, for recordings that are read faster than they were made.
@@ -281,6 +279,19 @@ mod tests {
 
     const PERIOD_S: f64 = 1.0 / 30.0;
 
+    /// Feeds an image with this change; returns the state after it.
+    fn show(watch: &mut ViewWatch, now_s: f64, change: f64, is_dark: bool) -> ViewState {
+        watch.take(Seen {
+            now_s,
+            time_s: now_s - 0.03,
+            is_damaged: false,
+            look: Some(ImageLook {
+                is_dark,
+                change_levels: Some(change),
+            }),
+        })
+    }
+
     /// Feeds seconds of images, each with this change; returns the state after the last.
     fn feed(
         watch: &mut ViewWatch,
@@ -292,15 +303,7 @@ mod tests {
         let mut state = ViewState::Up;
         let mut now_s = from_s;
         while now_s < to_s - 1e-9 {
-            state = watch.take(Seen {
-                now_s,
-                time_s: now_s - 0.03,
-                is_damaged: false,
-                look: Some(ImageLook {
-                    is_dark,
-                    change_levels: Some(change),
-                }),
-            });
+            state = show(watch, now_s, change, is_dark);
             now_s += PERIOD_S;
         }
         state
@@ -337,16 +340,7 @@ mod tests {
         let noisy = [1.75, 1.67, 1.66, 1.64, 1.8].repeat(10);
         let still = [0.0, 0.44, 0.48, 0.68, 0.24, 0.25, 0.42, 0.61];
         for (image, change) in noisy.into_iter().chain(still).enumerate() {
-            let now_s = image as f64 / 5.0;
-            state = watch.take(Seen {
-                now_s,
-                time_s: now_s,
-                is_damaged: false,
-                look: Some(ImageLook {
-                    is_dark: false,
-                    change_levels: Some(change),
-                }),
-            });
+            state = show(&mut watch, image as f64 / 5.0, change, false);
             let expected = if image < 53 {
                 ViewState::Up
             } else {
@@ -407,16 +401,7 @@ mod tests {
             // After 100 images a still picture; every five a key frame and its refinement.
             let still = [0.71, 0.33, 0.0, 0.0, 0.0];
             let change = if image < 100 { 0.1 } else { still[image % 5] };
-            let now_s = image as f64 / 5.0;
-            let state = watch.take(Seen {
-                now_s,
-                time_s: now_s,
-                is_damaged: false,
-                look: Some(ImageLook {
-                    is_dark: false,
-                    change_levels: Some(change),
-                }),
-            });
+            let state = show(&mut watch, image as f64 / 5.0, change, false);
             assert!(
                 image < 105 || state == ViewState::Frozen,
                 "{image}: {state:?}"
@@ -501,16 +486,7 @@ mod tests {
     fn a_slow_camera_is_not_late_between_two_images() {
         let mut watch = ViewWatch::default();
         for second in 0..30 {
-            let now_s = f64::from(second);
-            watch.take(Seen {
-                now_s,
-                time_s: now_s,
-                is_damaged: false,
-                look: Some(ImageLook {
-                    is_dark: false,
-                    change_levels: Some(1.0),
-                }),
-            });
+            show(&mut watch, f64::from(second), 1.0, false);
         }
         assert_eq!(watch.state(29.9), ViewState::Up);
         assert_eq!(watch.state(33.0), ViewState::Late);

@@ -251,7 +251,7 @@ impl<P: Scene> Sequence<P> {
         tick
     }
 
-    /// Images that are kept: those of a segment, and of the next one while a probe proves the first.
+    /// Most images that are kept: a segment, and half of the next one while a probe proves the first.
     fn most_pictures(&self) -> usize {
         (self.segment + self.segment / 2) as usize
     }

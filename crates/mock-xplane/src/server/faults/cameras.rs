@@ -1,7 +1,7 @@
 //! Cameras that do not show what they report: images that are late, repeated, shaken, or taken in another direction.
 //!
-//! Input: the requests for images in their order. Output: for each, what is drawn in its place ([`Drawn`]). Answers still echo what was
-//! asked: a camera with such a fault does not notice it.
+//! Input: the requests for images in their order. Output: for each, the content that takes its place ([`Drawn`]). Answers still echo what
+//! was asked: a camera with such a fault does not notice it.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::f64::consts::TAU;
@@ -53,7 +53,7 @@ pub enum CameraFaultKind {
     },
 }
 
-/// What is drawn in place of a requested image.
+/// The content that takes the place of a requested image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drawn {
     pub(crate) request: CaptureRequest,
@@ -106,7 +106,7 @@ impl FaultyCameras {
         ))
     }
 
-    /// What is drawn in place of the image that was requested.
+    /// The content to draw for a requested image.
     pub(crate) fn drawn_for(&mut self, request: &CaptureRequest) -> Drawn {
         let faults: Vec<CameraFaultKind> = (self.faults.iter())
             .filter(|fault| fault.view == request.view)
