@@ -19,7 +19,7 @@ pub(crate) use frozen::Change;
 use live::LiveHealth;
 
 /// Version of this measurement; health of another one is measured again.
-pub(crate) const METHOD: u32 = 5;
+pub(crate) const METHOD: u32 = 6;
 
 /// Ticks and seconds around a tick that decide about it.
 const AROUND_TICKS: usize = 5;
@@ -30,6 +30,8 @@ const LEAST_OFF_PX: f64 = 0.3;
 const LEAST_OFF_SD: f64 = 6.0;
 /// No standard deviation of a direction is below this, pixels: light and compression.
 const LEAST_SD_PX: f64 = 0.05;
+/// An uncertain usual direction counts up to this, pixels: turns are corrected nevertheless, not left out as badly measured ones are.
+const MOST_USUAL_SD_PX: f64 = 0.25;
 /// Ticks that must be off for a lasting move.
 const FEWEST_MOVED: usize = 3;
 /// A direction belongs to the usual one up to so many times the scatter, and up to this, pixels.
@@ -140,17 +142,21 @@ pub(crate) fn judge(
 #[derive(Debug, Clone, Copy)]
 struct Off {
     turn: Turn,
+    /// Standard deviation of this direction alone.
     sd_px: f64,
+    /// Standard deviation of the usual direction, whose error is the same at each tick.
+    usual_sd_px: f64,
 }
 
 impl Off {
-    fn of(measured: Measured, usual: Turn) -> Self {
+    fn of(measured: Measured, usual: Measured) -> Self {
         Self {
             turn: Turn {
-                shift_px: measured.turn.shift_px - usual.shift_px,
-                roll_rad: measured.turn.roll_rad - usual.roll_rad,
+                shift_px: measured.turn.shift_px - usual.turn.shift_px,
+                roll_rad: measured.turn.roll_rad - usual.turn.roll_rad,
             },
             sd_px: measured.sd_px,
+            usual_sd_px: usual.sd_px,
         }
     }
 
@@ -159,7 +165,7 @@ impl Off {
             shift_x_px: self.turn.shift_px.x,
             shift_y_px: self.turn.shift_px.y,
             roll_deg: self.turn.roll_rad.to_degrees(),
-            shift_sd_px: self.sd_px,
+            shift_sd_px: self.sd_px.hypot(self.usual_sd_px.min(MOST_USUAL_SD_PX)),
         }
     }
 
@@ -186,8 +192,9 @@ fn around(tick: usize, looks: &[Look]) -> std::ops::Range<usize> {
     start.unwrap_or(tick)..end.unwrap_or(tick) + 1
 }
 
-/// The direction in which the flight begins, averaged over all ticks that look there.
-fn usual(looks: &[Look]) -> Option<Turn> {
+/// The direction in which the flight begins, averaged over all ticks that look there. A camera that shakes leaves its mean
+/// uncertain, by its scatter over the root of their number: ticks count as independent, as they are at low image rates.
+fn usual(looks: &[Look]) -> Option<Measured> {
     let turns: Vec<Turn> = looks
         .iter()
         .filter_map(|look| Some(look.turn?.turn))
@@ -227,9 +234,15 @@ fn usual(looks: &[Look]) -> Option<Turn> {
     let is_near = |turn: &&&Turn| turn.shift_px.distance(direction_px) <= 2.0 * tolerated_px;
     let near: Vec<&Turn> = there.iter().filter(is_near).copied().collect();
     let count = near.len().max(1) as f64;
-    Some(Turn {
-        shift_px: near.iter().map(|turn| turn.shift_px).sum::<DVec2>() / count,
-        roll_rad: near.iter().map(|turn| turn.roll_rad).sum::<f64>() / count,
+    let shift_px = near.iter().map(|turn| turn.shift_px).sum::<DVec2>() / count;
+    let off_px = near.iter().map(|turn| turn.shift_px - shift_px);
+    let squares: DVec2 = off_px.map(|off_px| off_px * off_px).sum();
+    Some(Measured {
+        turn: Turn {
+            shift_px,
+            roll_rad: near.iter().map(|turn| turn.roll_rad).sum::<f64>() / count,
+        },
+        sd_px: (squares.max_element() / (count - 1.0).max(1.0) / count).sqrt(),
     })
 }
 

@@ -77,6 +77,11 @@ fn shaking_is_told_at_each_tick_about_the_mean_direction() {
         })
         .sum();
     assert!((sum / 100.0).distance(centre) < 0.2, "{sum}");
+    // A hundredth of the variance of 2.8 sin is left in the mean, which is part of each turn's standard deviation.
+    for (_, turn) in &judged {
+        let sd_px = turn.unwrap().shift_sd_px;
+        assert!((0.19..0.21).contains(&sd_px), "{sd_px}");
+    }
 }
 
 #[test]
