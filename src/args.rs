@@ -862,7 +862,7 @@ pub(crate) struct PaperArgs {
     pub(crate) pretrained_detector: Option<PathBuf>,
     /// TOML file with settings that differ from the defaults
     ///
-    /// Of the trainings, as for `dtd train`.
+    /// Of the trainings, as for `dtd train`. To train with others on the same corpus, move the runs away.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
     #[command(flatten)]

@@ -57,6 +57,13 @@ const WEAKER: &str = "detections of the weaker detector";
 const BY_TRAJECTORY: &str = "training, other flights";
 const BY_SCENARIO: &str = "training, scenarios drawn";
 const EVALUATIONS: &str = "evaluation of estimators";
+/// Stages whose results depend on the settings of the training.
+const OF_TRAINING: [&str; 3] = [BY_TRAJECTORY, BY_SCENARIO, EVALUATIONS];
+/// Trainings, and the folders of their runs.
+const RUNS: [(&str, Place); 2] = [
+    (BY_TRAJECTORY, Place::ByTrajectory),
+    (BY_SCENARIO, Place::ByScenario),
+];
 const RANGE_CORPUS: &str = "corpus for ranges";
 const RANGES: &str = "ranges";
 

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use dataset::corpus::claim::Claim;
-use dataset::corpus::workshop::{CLAIM, lock};
+use dataset::corpus::workshop::{CLAIM, Workshop, lock};
 use dataset::files::json_file::{read_json, write_json};
 use paper_experiment::{Range, StageTime, WeakerDetector};
 use serde::{Deserialize, Serialize};
 use trainer::TrainConfig;
 
-use super::Place;
+use super::{OF_TRAINING, Place, RUNS};
 use crate::failure::Failure;
 
 const FILE: &str = "PAPER.json";
@@ -79,7 +79,8 @@ pub(super) struct Notes {
 }
 
 impl Notes {
-    /// The notes in a folder, which is created if it is missing. A folder of others, or of other settings, is rejected.
+    /// The notes in a folder, which is created if it is missing. A folder of others, or of other settings, is rejected. Other settings of
+    /// the training repeat its stages, unless trainings would be lost.
     pub(super) fn open(folder: &Path, settings: Settings) -> Result<Self, Failure> {
         let claim = lock(folder, folder, Duration::ZERO).map_err(Failure::of_corpus)?;
         let path = folder.join(FILE);
@@ -96,6 +97,12 @@ impl Notes {
             notes.refuse_other(folder, &written.settings)?;
             notes.stages = written.stages;
             notes.found = written.found;
+            if written.settings.training != notes.settings.training {
+                refuse_to_lose_runs(folder)?;
+                notes.train_again()?;
+            } else if notes.lacks_a_run(folder) {
+                notes.train_again()?;
+            }
         } else {
             refuse_others(folder)?;
             notes.write()?;
@@ -113,8 +120,6 @@ impl Notes {
             format!("dtd {}, now it is {}", before.dtd, now.dtd)
         } else if now.model_blake3 != before.model_blake3 {
             "another detector".into()
-        } else if now.training != before.training {
-            "other settings of the training".into()
         } else {
             return Ok(());
         };
@@ -122,6 +127,25 @@ impl Notes {
             "{} was started with {difference}; start the command as before, or name another --out",
             folder.display()
         )))
+    }
+
+    /// True if the run of a training that reached its end is gone.
+    fn lacks_a_run(&self, folder: &Path) -> bool {
+        RUNS.iter().any(|(stage, run)| {
+            self.done_in_s(stage).is_some() && !folder.join(run.name()).exists()
+        })
+    }
+
+    /// Forgets what trainings gave. Stages keep their order.
+    fn train_again(&mut self) -> Result<(), Failure> {
+        let of_training = |stage: &&mut Stage| OF_TRAINING.contains(&stage.name.as_str());
+        for stage in self.stages.iter_mut().filter(of_training) {
+            if stage.is_done {
+                eprintln!("paper: {}: to be repeated", stage.name);
+            }
+            (stage.seconds, stage.is_done) = (0.0, false);
+        }
+        self.write()
     }
 
     /// Time of a stage that reached its end, seconds.
@@ -184,6 +208,26 @@ impl Notes {
     }
 }
 
+/// Rejects a folder with trainings, finished or not, that others would replace.
+fn refuse_to_lose_runs(folder: &Path) -> Result<(), Failure> {
+    let runs = RUNS.iter().flat_map(|(_, run)| {
+        let run = folder.join(run.name());
+        [Workshop::beside(&run), run]
+    });
+    let trained: Vec<String> = (runs.filter(|run| run.exists()))
+        .map(|run| run.display().to_string())
+        .collect();
+    if trained.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::bad_input_message(format!(
+        "{} was started with other settings of the training; start the command as before, or move {} away to train again on the same \
+         corpus",
+        folder.display(),
+        trained.join(" and ")
+    )))
+}
+
 /// Rejects a folder with anything that would be replaced.
 fn refuse_others(folder: &Path) -> Result<(), Failure> {
     let own: BTreeSet<&str> = Place::ALL
@@ -211,6 +255,7 @@ fn refuse_others(folder: &Path) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verbs::paper::CORPUS;
 
     fn settings(scale: &str) -> Settings {
         Settings {
@@ -219,6 +264,13 @@ mod tests {
             model_blake3: "1".into(),
             dtd: "0.1.0".into(),
             training: TrainConfig::demo(),
+        }
+    }
+
+    fn refusal(folder: &Path, settings: Settings) -> String {
+        match Notes::open(folder, settings) {
+            Err(Failure::BadInput(error)) => error.to_string(),
+            _ => panic!("not refused"),
         }
     }
 
@@ -237,13 +289,46 @@ mod tests {
     }
 
     #[test]
+    fn other_settings_of_the_training_keep_the_corpus_once_the_runs_are_moved_away() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut notes = Notes::open(folder.path(), settings("small")).unwrap();
+        for stage in [&[CORPUS][..], &OF_TRAINING].concat() {
+            notes.add(stage, Duration::from_secs(1), true).unwrap();
+        }
+        drop(notes);
+        let other = Settings {
+            training: TrainConfig::default(),
+            ..settings("small")
+        };
+        for name in ["run-other-flights", "run-scenarios-drawn.partial"] {
+            let run = folder.path().join(name);
+            fs::create_dir(&run).unwrap();
+            let said = refusal(folder.path(), other.clone());
+            assert!(said.contains(&format!("move {}", run.display())), "{said}");
+            fs::remove_dir(&run).unwrap();
+        }
+        for again in 0..2 {
+            let mut notes = Notes::open(folder.path(), other.clone()).unwrap();
+            assert_eq!(notes.done_in_s(CORPUS), Some(1.0));
+            for stage in OF_TRAINING {
+                // A training whose run was moved away is repeated as well.
+                assert_eq!(notes.done_in_s(stage), None, "{stage}, {again}");
+                notes.add(stage, Duration::from_secs(2), true).unwrap();
+            }
+        }
+        for (_, run) in RUNS {
+            fs::create_dir(folder.path().join(run.name())).unwrap();
+        }
+        let notes = Notes::open(folder.path(), other).unwrap();
+        let done = OF_TRAINING.map(|stage| notes.done_in_s(stage));
+        assert_eq!(done, [Some(2.0); 3], "their runs are there");
+    }
+
+    #[test]
     fn other_settings_and_folders_of_others_are_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         drop(Notes::open(folder.path(), settings("small")).unwrap());
-        let refused = |folder: &Path, scale| match Notes::open(folder, settings(scale)) {
-            Err(Failure::BadInput(error)) => error.to_string(),
-            _ => panic!("not refused"),
-        };
+        let refused = |folder: &Path, scale| refusal(folder, settings(scale));
         let said = refused(folder.path(), "full");
         assert!(said.contains("--scale small, now it is full"), "{said}");
         let mine = tempfile::tempdir().unwrap();
