@@ -36,7 +36,7 @@ pub fn bundled(airport: &str, runway: &str) -> Option<Runway> {
 }
 
 /// The time zone of a built-in airport.
-pub fn time_zone(airport: &str) -> Option<&'static str> {
+pub(crate) fn time_zone(airport: &str) -> Option<&'static str> {
     BUNDLED.get(airport)?.time_zone.as_deref()
 }
 

@@ -77,7 +77,7 @@ impl Spread {
 
     /// The same spread of higher values.
     #[must_use]
-    pub fn higher_by(&self, more: f64) -> Self {
+    pub(crate) fn higher_by(&self, more: f64) -> Self {
         match self {
             Self::Fixed(value) => Self::Fixed(value + more),
             Self::Uniform { min, max } => Self::Uniform {

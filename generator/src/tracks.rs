@@ -29,7 +29,8 @@ use serde::Serialize;
 
 use arrival::FURTHEST_M;
 pub use arrival::NoArrival;
-pub use axis::{ArrivalAxis, JudgedTracks, arrival_axis};
+pub use axis::ArrivalAxis;
+pub(crate) use axis::{JudgedTracks, arrival_axis};
 pub use formats::TrackFileError;
 
 use crate::recording::{Implausible, Recording, RecordingError};

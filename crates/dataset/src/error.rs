@@ -285,7 +285,7 @@ impl Error {
     }
 
     /// A number in a file that is outside its limits.
-    pub fn out_of_limits(path: &Path, row: Option<usize>, fault: FieldOutOfLimits) -> Self {
+    pub(crate) fn out_of_limits(path: &Path, row: Option<usize>, fault: FieldOutOfLimits) -> Self {
         Self::OutOfLimits {
             path: path.to_owned(),
             row,

@@ -55,7 +55,7 @@ impl ViewState {
     }
 
     /// True if its images show what is there now.
-    pub fn can_be_measured(self) -> bool {
+    pub(crate) fn can_be_measured(self) -> bool {
         matches!(self, Self::Up | Self::Late)
     }
 }

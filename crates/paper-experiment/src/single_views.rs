@@ -60,7 +60,7 @@ impl Share {
     }
 
     /// Share of the ticks that a view sees; `None` without any.
-    pub fn seen_of_all(self) -> Option<f64> {
+    pub(crate) fn seen_of_all(self) -> Option<f64> {
         (self.ticks > 0).then(|| self.seen as f64 / self.ticks as f64)
     }
 

@@ -70,7 +70,7 @@ impl ArrivalAxis {
 
 /// The arrivals in some files: their common line, and the tracks that are no part of it.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct JudgedTracks {
+pub(crate) struct JudgedTracks {
     /// The line; `None` if no track lands on the runway with enough positions on final approach.
     pub axis: Option<ArrivalAxis>,
     /// All other tracks, with the reason.
@@ -81,7 +81,10 @@ pub struct JudgedTracks {
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn arrival_axis(files: &[PathBuf], runway: &Runway) -> Result<JudgedTracks, TrackFileError> {
+pub(crate) fn arrival_axis(
+    files: &[PathBuf],
+    runway: &Runway,
+) -> Result<JudgedTracks, TrackFileError> {
     let mut lines = Vec::new();
     let mut left_out = Vec::new();
     for file in files {

@@ -49,7 +49,7 @@ impl RunFolder {
     pub(crate) const REPORT: &str = "report.html";
     pub(crate) const REPLACES: &str = "replaces.json";
     /// A training that was killed, in `training/` in the folder next to the run.
-    pub const CHECKPOINT: &str = "checkpoint.json";
+    pub(crate) const CHECKPOINT: &str = "checkpoint.json";
 
     /// The files of a training.
     pub(crate) const TRAINED: [&str; 6] = [
