@@ -18,7 +18,6 @@ mod covers;
 
 use std::env;
 use std::error::Error;
-use std::net::SocketAddr;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -36,7 +35,7 @@ use mock_xplane::window::{DisplayWindow, X11Window};
 use serde_json::json;
 use testkit::sweep::{SmallSweep, starting_from};
 use testkit::{processor_time, repository};
-use testkit_simulator::{Xvfb, quiet, serving};
+use testkit_simulator::{Running, Xvfb, quiet};
 use xplane_bridge::LocalUdp;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
@@ -151,12 +150,13 @@ async fn speed(size_px: (u32, u32), weathers: &[&str]) -> Result<(), Box<dyn Err
 /// A simulator with its screen, and a folder for the corpus.
 struct Recording {
     size_px: (u32, u32),
+    /// Aborted before its screen ends.
+    simulator: Running,
     xvfb: Xvfb,
     window: Arc<dyn DisplayWindow>,
     screen: Arc<dyn Screen>,
     frames: FramesDrawn,
     covers: WindowCovers,
-    simulator: SocketAddr,
     folder: tempfile::TempDir,
 }
 
@@ -185,7 +185,7 @@ impl Recording {
         let window = X11Window::open(Some(xvfb.display()), window_px)?;
         let window: Arc<dyn DisplayWindow> = Arc::new(window);
         let (frames, covers) = (FramesDrawn::default(), WindowCovers::default());
-        let simulator = serving(ServerOptions {
+        let simulator = Running::start(ServerOptions {
             generation: Generation::XPlane12,
             link: LinkServer::Plugin(PluginOptions {
                 most_frames_per_s,
@@ -200,12 +200,12 @@ impl Recording {
         .await;
         Ok(Self {
             size_px,
+            simulator,
             screen: Arc::new(FfmpegScreen::of_display(xvfb.display())),
             xvfb,
             window,
             frames,
             covers,
-            simulator,
             folder: tempfile::tempdir()?,
         })
     }
@@ -223,7 +223,7 @@ impl Recording {
             toml,
         )?;
         let options = GenerateOptions {
-            simulators: SimulatorTarget::Address(self.simulator).into(),
+            simulators: SimulatorTarget::Address(self.simulator.addresses.udp).into(),
             local_udp: LocalUdp::default(),
             stand_in_program: PathBuf::from("unused"),
             pixels: PixelChoice::Auto,
