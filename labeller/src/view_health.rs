@@ -108,7 +108,7 @@ pub(crate) fn judge(
     let frozen = frozen::frozen(looks, confirmed);
     let usual = usual(looks);
     let off: Vec<Option<Off>> = (looks.iter())
-        .map(|look| Some(Off::of(look.turn?, usual?)))
+        .map(|look| Some(Off::of(look.turn?, usual?.turn)))
         .collect();
     let states: Vec<Option<HealthState>> = (0..looks.len())
         .map(|tick| direction_at(tick, looks, &off))
@@ -127,7 +127,8 @@ pub(crate) fn judge(
     };
     (0..looks.len())
         .map(|tick| {
-            let turn = off[tick].as_ref().map(Off::turn);
+            let turn = off[tick].zip(usual);
+            let turn = turn.map(|(off, usual)| off.turn(usual.sd_px));
             let state = if frozen[tick] {
                 HealthState::Frozen
             } else {
@@ -144,28 +145,26 @@ struct Off {
     turn: Turn,
     /// Standard deviation of this direction alone.
     sd_px: f64,
-    /// Standard deviation of the usual direction, whose error is the same at each tick.
-    usual_sd_px: f64,
 }
 
 impl Off {
-    fn of(measured: Measured, usual: Measured) -> Self {
+    fn of(measured: Measured, usual: Turn) -> Self {
         Self {
             turn: Turn {
-                shift_px: measured.turn.shift_px - usual.turn.shift_px,
-                roll_rad: measured.turn.roll_rad - usual.turn.roll_rad,
+                shift_px: measured.turn.shift_px - usual.shift_px,
+                roll_rad: measured.turn.roll_rad - usual.roll_rad,
             },
             sd_px: measured.sd_px,
-            usual_sd_px: usual.sd_px,
         }
     }
 
-    fn turn(&self) -> CameraTurn {
+    /// The turn from a usual direction with this standard deviation, whose error is the same at each tick.
+    fn turn(&self, usual_sd_px: f64) -> CameraTurn {
         CameraTurn {
             shift_x_px: self.turn.shift_px.x,
             shift_y_px: self.turn.shift_px.y,
             roll_deg: self.turn.roll_rad.to_degrees(),
-            shift_sd_px: self.sd_px.hypot(self.usual_sd_px.min(MOST_USUAL_SD_PX)),
+            shift_sd_px: self.sd_px.hypot(usual_sd_px.min(MOST_USUAL_SD_PX)),
         }
     }
 

@@ -13,7 +13,7 @@ use glam::DVec2;
 
 use super::frozen::slope;
 use super::{AROUND_S, AROUND_TICKS, Look, Off, direction_at, median};
-use crate::camera_motion::{Measured, Turn};
+use crate::camera_motion::Turn;
 
 /// Images and seconds that decide about the usual direction.
 const FIRST_LOOKS: usize = 11;
@@ -109,7 +109,7 @@ struct Usual {
     first: Vec<Turn>,
     since_s: f64,
     is_final: bool,
-    direction: Option<Measured>,
+    direction: Option<Turn>,
 }
 
 impl Usual {
@@ -123,13 +123,9 @@ impl Usual {
         self.first.push(measured.turn);
         let shift_px = median(self.first.iter().map(|turn| turn.shift_px));
         let rolls = self.first.iter().map(|turn| DVec2::splat(turn.roll_rad));
-        // States do not depend on how well it is known.
-        self.direction = Some(Measured {
-            turn: Turn {
-                shift_px,
-                roll_rad: median(rolls).x,
-            },
-            sd_px: 0.0,
+        self.direction = Some(Turn {
+            shift_px,
+            roll_rad: median(rolls).x,
         });
         if self.first.len() >= FIRST_LOOKS && look.time_s - self.since_s >= FIRST_S {
             self.is_final = true;

@@ -97,10 +97,11 @@ impl Notes {
             notes.refuse_other(folder, &written.settings)?;
             notes.stages = written.stages;
             notes.found = written.found;
-            if written.settings.training != notes.settings.training {
+            let is_otherwise = written.settings.training != notes.settings.training;
+            if is_otherwise {
                 refuse_to_lose_runs(folder)?;
-                notes.train_again()?;
-            } else if notes.lacks_a_run(folder) {
+            }
+            if is_otherwise || notes.lacks_a_run(folder) {
                 notes.train_again()?;
             }
         } else {
