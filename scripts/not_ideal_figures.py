@@ -44,6 +44,7 @@ def of_judged(folder, others=None):
         row[name] = {
             **{key: of[key] for key in ("mape_pct", "median_pct", "p95_pct", "coverage", "coverage_in_sight")},
             "of_either_aircraft_mape_pct": float(error_pct[name][answered].mean()),
+            "mape_pct_by_flight": by_flight(error_pct[name], answered, flights),
             "answered": {str(flight): int(answered[flights == flight].sum()) for flight in np.unique(flights)},
             "largest_pct": float(error_pct[name][answered].max(initial=0)),
             "above_1_pct": int((error_pct[name][answered] > 1).sum()),
@@ -63,11 +64,15 @@ def of_judged(folder, others=None):
     return row
 
 
+def by_flight(values, of, flights):
+    """Mean of some values on each flight that has any."""
+    return {str(flight): round(float(values[of & (flights == flight)].mean()), 4) for flight in np.unique(flights[of])}
+
+
 def intervals(answer_m, ends_m, dtd_m, answered, flights):
     """Shares that hold, and the interval score beside the one that the best factor of all widths would have."""
-    answer_m, ends_m, dtd_m, flights = answer_m[answered], ends_m[:, answered], dtd_m[answered], flights[answered]
-    held = (ends_m[0] <= dtd_m) & (dtd_m <= ends_m[1])
-    of_flights = [float(held[flights == flight].mean()) for flight in np.unique(flights)]
+    of_flights = by_flight((ends_m[0] <= dtd_m) & (dtd_m <= ends_m[1]), answered, flights)
+    answer_m, ends_m, dtd_m = answer_m[answered], ends_m[:, answered], dtd_m[answered]
 
     def score_pct(factor):
         low, high = answer_m + factor * (ends_m - answer_m)
@@ -76,8 +81,8 @@ def intervals(answer_m, ends_m, dtd_m, answered, flights):
 
     scores = [score_pct(factor) for factor in FACTORS]
     return {
-        "held": float(np.mean(of_flights)),
-        "held_by_flight": sorted(round(share, 4) for share in of_flights),
+        "held": float(np.mean(list(of_flights.values()))),
+        "held_by_flight": of_flights,
         "score_pct": score_pct(1.0),
         "best_factor": float(FACTORS[np.argmin(scores)]),
         "score_by_best_factor": score_pct(1.0) / min(scores),
@@ -220,7 +225,7 @@ def beside_untouched(rows):
         judged = [name for name in rows if not name.startswith("trained-")]
         kept = [name for name in judged if "intervals_90" in rows[name].get(estimator, {})]
         shares = [rows[name][estimator]["intervals_90"]["held_by_flight"] for name in kept]
-        flights = np.array([share for of_row in shares for share in of_row])
+        flights = np.array([share for of_row in shares for share in of_row.values()])
         summary[estimator] = {
             "intervals_held_by_row": {name: round(rows[name][estimator]["intervals_90"]["held"], 4) for name in kept},
             "flights": len(flights),
