@@ -160,6 +160,9 @@ pub struct DetectOutcome {
     pub registrations: RegistrationCounts,
     /// Views of these scenarios whose cameras were not always well.
     pub unhealthy: Vec<Unhealthy>,
+    /// Views of these scenarios, as `scenario view`, whose background is hidden in most images: a camera that is turned meanwhile is not
+    /// noticed.
+    pub without_background: Vec<String>,
     /// Total time of the workers, seconds.
     pub worker_seconds: f64,
 }
@@ -258,6 +261,19 @@ impl Unhealthy {
         all.filter(|view| view.ill_ticks() + view.late_ms > 0)
             .collect()
     }
+}
+
+/// Views of a scenario whose direction was not measured in most of their images.
+fn without_background(rows: &[ViewHealth]) -> Vec<&str> {
+    let mut views: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
+    for row in rows {
+        let of_view = views.entry(&row.view).or_default();
+        of_view[usize::from(row.motion.is_none() && row.state != HealthState::Frozen)] += 1;
+    }
+    let hidden = views
+        .into_iter()
+        .filter(|(_, [known, unknown])| unknown > known);
+    hidden.map(|(view, _)| view).collect()
 }
 
 /// The model used for detection.
@@ -381,6 +397,9 @@ fn detect_with(
             .add(registrations.as_deref().unwrap_or_default());
         let health = scenario.health(&outcome.model_hash)?.unwrap_or_default();
         outcome.unhealthy.extend(Unhealthy::of(id, &health));
+        let hidden = without_background(&health).into_iter();
+        let named = hidden.map(|view| format!("{id} {view}"));
+        outcome.without_background.extend(named);
     }
     let by_boxes = |of: &FalseBoxes| Reverse(of.boxes);
     outcome.false_boxes.sort_by_key(by_boxes);

@@ -195,6 +195,9 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
     )))
 }
 
+/// Views that a line names.
+const MOST_NAMED: usize = 5;
+
 fn print_summary(outcome: &DetectOutcome) {
     let registered = match outcome.registered.len() {
         0 => String::new(),
@@ -225,16 +228,38 @@ fn print_summary(outcome: &DetectOutcome) {
         println!("{} false detections", truth.false_detections);
     }
     print_registrations(&outcome.registrations);
+    print_without_background(&outcome.without_background);
     warn_of_cameras(&outcome.unhealthy);
+}
+
+/// Says where the background is hidden, which would show that a camera was turned.
+fn print_without_background(views: &[String]) {
+    if views.is_empty() {
+        return;
+    }
+    let named = views.iter().take(MOST_NAMED).map(String::as_str);
+    println!(
+        "the background is hidden in most images of {}, where a camera that is turned is not noticed: {}{}",
+        count(views.len(), "view"),
+        named.collect::<Vec<_>>().join(", "),
+        more(views.len())
+    );
+}
+
+/// Views beyond those that are named.
+fn more(views: usize) -> String {
+    match views.saturating_sub(MOST_NAMED) {
+        0 => String::new(),
+        more => format!("; and {more} more"),
+    }
 }
 
 /// Warns of cameras that were late, moved, shook, stood still or contradicted the first one, the worst views first.
 fn warn_of_cameras(unhealthy: &[Unhealthy]) {
-    const NAMED: usize = 5;
     let badness = |view: &Unhealthy| (view.late_ms, view.ill_ticks());
     let mut views: Vec<&Unhealthy> = unhealthy.iter().collect();
     views.sort_by_key(|view| Reverse(badness(view)));
-    let named: Vec<String> = (views.iter().take(NAMED))
+    let named: Vec<String> = (views.iter().take(MOST_NAMED))
         .map(|view| {
             let counts = [
                 (view.frozen, "frozen"),
@@ -252,10 +277,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     if named.is_empty() {
         return;
     }
-    let more = match views.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!("; and {more} more"),
-    };
+    let more = more(views.len());
     eprint_warning!(
         "detect: cameras of {} were late, moved, shook, repeated images or contradicted each other (ticks): {}{more}; health/ says when",
         count(views.len(), "view"),
@@ -283,9 +305,6 @@ pub(crate) fn in_sight(truth: &TruthCounts) -> String {
         None => format!("no image with the aircraft in sight{hidden}"),
     }
 }
-
-/// Views that the warning about false boxes names.
-const MOST_NAMED: usize = 5;
 
 /// The lines of the warning that confirmed boxes are not the aircraft; none if all are.
 fn false_boxes_warning(corpus: &Path, false_boxes: &[FalseBoxes]) -> Vec<String> {

@@ -42,6 +42,7 @@ use crate::samples::camera_health::Corrections;
 use crate::samples::leave_out::LeftOut;
 use crate::samples::marked_scenarios;
 use crate::samples::moved_rig::differences_elsewhere;
+use crate::samples::paired_views::Aside;
 use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
@@ -127,6 +128,9 @@ pub fn evaluate(
         watch.say(&line);
     }
     let recorded = || samples.ticks_of_side(Side::Test);
+    let flights = samples.flights_of_side(Side::Test);
+    let flights = flights.map(|flight| flight.iter().map(|sample| &sample.observed).collect());
+    trained.warn_of_aside(flights, samples, watch)?;
     let is_seen = |sample: &Sample| rules.is_there(sample) && sample.detections() > 0;
     if !recorded().any(is_seen) {
         let EvaluationRules {
@@ -261,6 +265,35 @@ impl TrainedRun {
             return usual;
         }
         self.baselines.paired_views.of_one_aircraft(&usual)
+    }
+
+    /// Says which flights are beside the paths of the training, those with a hidden background and the others apart.
+    pub(crate) fn warn_of_aside<'a>(
+        &self,
+        flights: impl Iterator<Item = Vec<&'a Observation>>,
+        samples: &Samples,
+        watch: &dyn Watch,
+    ) -> Result<()> {
+        if self.has_other_cameras(samples) {
+            return Ok(());
+        }
+        let mut found: [Vec<(String, Aside)>; 2] = Default::default();
+        for flight in flights {
+            watch.check()?;
+            let usual: Vec<Observation> = (flight.iter())
+                .map(|observed| self.normalisation.without_outliers(observed, false))
+                .collect();
+            for aside in self.baselines.paired_views.aside_in(&usual) {
+                let scenario = samples.scenarios[flight[0].scenario].id.clone();
+                found[usize::from(aside.is_hidden)].push((scenario, aside));
+            }
+        }
+        for of_kind in &found {
+            if let Some(line) = Aside::line(&samples.views, of_kind) {
+                watch.warn(&line);
+            }
+        }
+        Ok(())
     }
 
     /// True if the cameras of these samples vary and those of the training did not.

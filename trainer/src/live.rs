@@ -29,6 +29,7 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 
+pub use crate::samples::look::Look;
 pub use answer::{Answer, Position, Stated};
 pub(crate) use in_sight::{InSight, Judged};
 pub use phase::Phase;

@@ -13,6 +13,7 @@ pub(crate) mod json_differences;
 pub(crate) mod late_images;
 pub(crate) mod lateral_spread;
 pub(crate) mod leave_out;
+pub(crate) mod look;
 pub(crate) mod marked_scenarios;
 pub(crate) mod moved_rig;
 pub(crate) mod other_boxes;
@@ -50,6 +51,7 @@ use dataset::tables::registrations::Registration;
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::late_images::in_time;
+use crate::samples::look::Look;
 use crate::samples::other_boxes::{Candidate, Registered};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
@@ -415,14 +417,15 @@ impl Samples {
         let cameras = cameras_of(scenario)?;
         let health = scenario.health(&self.detections.hash)?.unwrap_or_default();
         let detections = scenario.detections(&self.detections.hash)?;
-        // In hindsight, [`CameraHealth`] leaves these images out, and corrects others.
-        let ill = match moment {
-            Moment::Hindsight => BTreeSet::new(),
-            Moment::Live => ill_live(&health),
+        let looks = looks(&self.views, &health, moment);
+        let look = |tick: u32, view: &String| {
+            let view = self.views.binary_search(view).ok();
+            let look = view.and_then(|view| looks.get(&(tick, view)));
+            look.copied().unwrap_or(Look::Placed)
         };
         let detections: Vec<_> = match moment {
             Moment::Hindsight => detections.into_confirmed().collect(),
-            Moment::Live => counting_live(detections, &ill)
+            Moment::Live => counting_live(detections, look)
                 .ok_or_else(|| Error::corpus(folder.root(), CorpusFault::NoLiveBoxes))?,
         };
         if let Some(Detection { view, .. }) = detections
@@ -466,7 +469,7 @@ impl Samples {
                 .collect();
             let at = (self.scenarios.len(), row.tick, row.time_ns);
             let views = self.views.iter();
-            let looks = views.map(|view| !ill.contains(&(row.tick, view.clone())));
+            let looks = views.map(|view| look(row.tick, view));
             Observation::of(at, &found, &registered, looks.collect())
         };
         let late = late_views(&health);
@@ -607,18 +610,34 @@ fn farther_from_training(one: Side, other: Side) -> Side {
     }
 }
 
-/// Images, as tick and view, of cameras that were not well by the images up to then.
-fn ill_live(health: &[ViewHealth]) -> BTreeSet<(u32, String)> {
-    let is_ill = |row: &&ViewHealth| row.state_live.is_some_and(|state| !state.is_well());
-    let ill = health.iter().filter(is_ill);
-    ill.map(|row| (row.tick, row.view.clone())).collect()
+/// The images of a scenario as they were judged at that moment. In hindsight none is blind: [`CameraHealth`] leaves images out, and
+/// corrects others.
+fn looks(views: &[String], health: &[ViewHealth], moment: Moment) -> BTreeMap<(u32, usize), Look> {
+    let judged = health.iter().filter_map(|row| {
+        let look = match moment {
+            // Rows that contradict the first view's are no background.
+            Moment::Hindsight
+                if row.motion.is_none()
+                    && matches!(row.state, HealthState::Unknown | HealthState::Inconsistent) =>
+            {
+                Look::Unplaced
+            }
+            Moment::Hindsight => Look::Placed,
+            Moment::Live => Look::of(row.state_live?),
+        };
+        Some(((row.tick, views.binary_search(&row.view).ok()?), look))
+    });
+    judged.collect()
 }
 
-/// Boxes that count at their ticks, but for those of these images; `None` of detections that do not have this.
-fn counting_live(detections: Detections, ill: &BTreeSet<(u32, String)>) -> Option<Vec<Detection>> {
+/// Boxes that count at their ticks, but for those of blind images; `None` of detections that do not have this.
+fn counting_live(
+    detections: Detections,
+    look: impl Fn(u32, &String) -> Look,
+) -> Option<Vec<Detection>> {
     let mut counting = Vec::new();
     for found in detections.boxes {
-        if found.counts_live? && !ill.contains(&(found.tick, found.view.clone())) {
+        if found.counts_live? && look(found.tick, &found.view) != Look::Blind {
             counting.push(found);
         }
     }

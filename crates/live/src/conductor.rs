@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use glam::DVec2;
 use labeller::live::{SeenBox, register_views};
-use trainer::live::{Candidate, OnlineRun, SeenTick, SeenView};
+use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView};
 
 use crate::answers::Answers;
 use crate::clock::RunClock;
@@ -320,7 +320,7 @@ impl Conductor {
             track: Some(found.track),
         });
         SeenView {
-            looks: searched.looked.camera.is_well(),
+            look: Look::of(searched.looked.camera),
             boxes: boxes.collect(),
             registration,
         }
@@ -355,7 +355,7 @@ impl Conductor {
         };
         if !self.clocks.is_known(view) {
             // A view that is left out does not look: what the first one sees counts without it.
-            views[view].looks = false;
+            views[view].look = Look::Blind;
             if !views[0].boxes.is_empty() {
                 views[view] = SeenView::default();
             }

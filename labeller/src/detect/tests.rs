@@ -431,6 +431,7 @@ fn every_picture_has_a_state_and_a_black_ground_an_unknown_one() {
     let corpus = corpus(temporary.path(), &["0001-a"]);
     let outcome = detect(&corpus, &two_workers());
     assert_eq!(outcome.unhealthy, []);
+    assert_eq!(outcome.without_background, ["0001-a left", "0001-a right"]);
     let rows = health(&corpus.scenario("0001-a")).unwrap();
     let pictures: Vec<_> = rows
         .iter()

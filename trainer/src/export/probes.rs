@@ -8,6 +8,7 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::networks::normalisation::Normalisation;
 use crate::samples::Observation;
+use crate::samples::look::Look;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
 
@@ -100,7 +101,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
             tick: tick as u32,
             time_ns: 0,
             tracks: vec![None; boxes.len()],
-            looks: vec![true; boxes.len()],
+            looks: vec![Look::Placed; boxes.len()],
             boxes,
             shifts,
             cut_off: 0,

@@ -4,7 +4,7 @@ use super::phase::{Phase, PhaseJudge};
 use crate::estimators::inverse_range::flight_filter::{Estimate, OnlineFilter};
 use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
-use crate::samples::paired_views::{Follower, OfObject};
+use crate::samples::paired_views::{AsideWatch, Follower, OfObject};
 
 /// In views that cannot be paired, a box after so many seconds without any is of another aircraft.
 const GIVEN_UP_S: f64 = 60.0;
@@ -22,6 +22,8 @@ struct Aircraft {
     number: usize,
     filter: OnlineFilter,
     phase: PhaseJudge,
+    /// Whether its views are on the paths of the training.
+    aside: AsideWatch,
     /// Time of the last tick with a box of it, seconds.
     seen_s: f64,
 }
@@ -76,12 +78,12 @@ impl InSight {
             .retain(|known| objects.iter().any(|of| of.number == known.number));
         objects
             .into_iter()
-            .filter_map(|of| self.judge(run, of))
+            .filter_map(|of| self.judge(run, other_cameras, of))
             .collect()
     }
 
     /// `None` of an object of which no box could be used yet.
-    fn judge(&mut self, run: &TrainedRun, of: OfObject) -> Option<Judged> {
+    fn judge(&mut self, run: &TrainedRun, other_cameras: bool, of: OfObject) -> Option<Judged> {
         let is_seen = of.observed.detections() > 0;
         let known = (self.aircraft.iter()).position(|known| known.number == of.number);
         let index = match known {
@@ -92,6 +94,7 @@ impl InSight {
                     number: of.number,
                     filter: run.baselines.flight_filter.online(),
                     phase: PhaseJudge::default(),
+                    aside: AsideWatch::default(),
                     seen_s: 0.0,
                 });
                 self.aircraft.len() - 1
@@ -103,13 +106,26 @@ impl InSight {
         }
         let baselines = &run.baselines;
         let (filter, fits) = (&baselines.flight_filter, &baselines.inverse_range);
+        let mut observed = of.observed;
+        let aside = if other_cameras {
+            None
+        } else {
+            (baselines.paired_views).aside_at(&mut aircraft.aside, &observed)
+        };
+        if let Some(aside) = aside.filter(|aside| aside.is_hidden) {
+            observed = observed.without_images(|view| aside.views.contains(&view));
+            if observed.detections() == 0 {
+                // What it measured in the last minute was wrong as well.
+                aircraft.filter = filter.online();
+            }
+        }
         Some(Judged {
             number: of.number as u32,
             is_followed: of.is_followed,
-            estimate: filter.next(&mut aircraft.filter, fits, &of.observed),
-            phase: aircraft.phase.take(run, &of.observed),
+            estimate: filter.next(&mut aircraft.filter, fits, &observed),
+            phase: aircraft.phase.take(run, &observed),
             seen_s: aircraft.seen_s,
-            observed: of.observed,
+            observed,
         })
     }
 }

@@ -4,6 +4,7 @@ use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
 
+use crate::samples::look::Look;
 use crate::samples::other_boxes::{self, Registered};
 use crate::samples::{Observation, Scored, whole_of};
 
@@ -19,8 +20,8 @@ pub struct SeenTick {
 /// An image of a view.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SeenView {
-    /// True if there is an image that shows what there is.
-    pub looks: bool,
+    /// Its image.
+    pub look: Look,
     /// Its boxes that count at this moment.
     pub boxes: Vec<Candidate>,
     /// The index of the view that it is registered with, and the shift from there.
@@ -46,7 +47,7 @@ impl SeenTick {
         let registered: Vec<Option<Registered>> = (self.views.iter())
             .map(|view| view.registration.filter(|(from, _)| *from < cameras.len()))
             .collect();
-        let looks = self.views.iter().map(|view| view.looks).collect();
+        let looks = self.views.iter().map(|view| view.look).collect();
         Observation::of((0, tick, time_ns), &found, &registered, looks)
     }
 }

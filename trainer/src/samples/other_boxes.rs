@@ -172,6 +172,7 @@ impl Observation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::samples::look::Look;
 
     fn candidate(cx_px: f64) -> Candidate {
         let pixel_box = PixelBox {
@@ -212,7 +213,7 @@ mod tests {
             tracks: vec![None; 2],
             shifts: vec![None; 2],
             cut_off: 0,
-            looks: vec![true; 2],
+            looks: vec![Look::Placed; 2],
             others: OtherBoxes::of(&found, &[None, Some((0, shift))]),
         }
     }

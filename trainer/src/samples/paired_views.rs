@@ -4,18 +4,23 @@
 //! [`Relation`] of each two views, learned from the training's boxes, says which boxes can be one aircraft, and a [`Follower`] keeps to one
 //! aircraft for a flight. Where views contradict each other, the boxes of the aircraft that was followed before are kept, or none. What one
 //! view sees while the others see nothing counts once it comes along the paths of the training ([`Path`]), until views have agreed on
-//! something else.
+//! something else. Where fog hides the background, a camera may have been turned without a sign: an aircraft that stays beside these paths
+//! gets no answer there ([`aside`]).
 
 mod aircraft;
+mod aside;
 mod follower;
 mod path;
 mod relation;
 mod robust_line;
 
-use dataset::tables::pixel_box::PixelBox;
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{Observation, Sample};
+use aside::Pair;
+pub(crate) use aside::{Aside, AsideWatch};
 pub(crate) use follower::Follower;
 use follower::{InSight, Learned};
 use path::{Path, Sighting};
@@ -54,8 +59,17 @@ impl PairedViews {
         }
     }
 
-    /// A line for users about each two views that stay unrelated. `views`: their names.
+    /// A line for users about each two views that stay unrelated, or whose turns would not be noticed. `views`: their names.
     pub(crate) fn unrelated(&self, views: &[String], true_boxes: &[&Sample]) -> Vec<String> {
+        let unwatched = self.relations.iter().filter(|of| of.columns.is_none());
+        let unwatched = unwatched.map(|relation| {
+            let [one, other] = relation.views.map(|view| &views[view]);
+            format!(
+                "views {one} and {other}: fewer than {} training flights were seen by both for a minute, so a camera that is turned in fog \
+                 will not be noticed",
+                aside::FEWEST_FLIGHTS
+            )
+        });
         let pairs =
             (0..views.len()).flat_map(|one| (one + 1..views.len()).map(move |other| [one, other]));
         pairs
@@ -65,9 +79,10 @@ impl PairedViews {
                 format!(
                     "views {one} and {other} are not compared: both see the aircraft in {} ticks of the training side, expected at least \
                      {LEAST_PAIRS}; the best box of each view counts, also if they are of different objects",
-                    common_boxes(pair, true_boxes).len()
+                    pairs_of(pair, true_boxes).iter().flatten().count()
                 )
             })
+            .chain(unwatched)
             .collect()
     }
 
@@ -111,16 +126,63 @@ impl PairedViews {
         if self.is_empty() {
             return flights.to_vec();
         }
-        let mut chosen = Vec::with_capacity(flights.len());
-        for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
-            let mut follower = Follower::default();
-            chosen.extend(flight.iter().map(|observed| {
-                let in_sight = follower.step(self.learned(), observed);
-                let followed = in_sight.into_iter().find(|of| of.is_followed);
-                self.of_object(observed, followed.as_ref())
-            }));
+        let flights = flights.chunk_by(|a, b| a.scenario == b.scenario);
+        let chosen = flights.flat_map(|flight| {
+            let followed = self.followed(flight);
+            let aside = self.aside(&followed);
+            let placed = followed.into_iter().map(|(number, observed)| {
+                let time_s = observed.time_ns as f64 / 1e9;
+                let aside = number.and_then(|number| aside.get(&number));
+                match aside.filter(|aside| aside.is_hidden && time_s >= aside.since_s) {
+                    Some(aside) => observed.without_images(|view| aside.views.contains(&view)),
+                    None => observed,
+                }
+            });
+            placed.collect::<Vec<_>>()
+        });
+        chosen.collect()
+    }
+
+    /// A flight with the boxes of the object that is followed, and its number.
+    fn followed(&self, flight: &[Observation]) -> Vec<(Option<usize>, Observation)> {
+        let mut follower = Follower::default();
+        let ticks = flight.iter().map(|observed| {
+            let in_sight = follower.step(self.learned(), observed);
+            let followed = in_sight.into_iter().find(|of| of.is_followed);
+            let number = followed.as_ref().map(|of| of.number);
+            (number, self.of_object(observed, followed.as_ref()))
+        });
+        ticks.collect()
+    }
+
+    /// The objects of a flight that were beside the paths of the training to their end: what comes back was seen by cameras that look where
+    /// they did.
+    fn aside(&self, followed: &[(Option<usize>, Observation)]) -> BTreeMap<usize, Aside> {
+        let mut watches: BTreeMap<usize, AsideWatch> = BTreeMap::new();
+        for (number, observed) in followed {
+            if let Some(number) = number {
+                let watch = watches.entry(*number).or_default();
+                watch.next(&self.relations, observed);
+            }
         }
-        chosen
+        let ended = watches.into_iter();
+        ended
+            .filter_map(|(number, watch)| Some((number, watch.last()?)))
+            .collect()
+    }
+
+    /// The same of one flight, in the order of their numbers.
+    pub(crate) fn aside_in(&self, flight: &[Observation]) -> Vec<Aside> {
+        self.aside(&self.followed(flight)).into_values().collect()
+    }
+
+    /// Takes the next tick of an object among views without an end.
+    pub(crate) fn aside_at<'w>(
+        &self,
+        watch: &'w mut AsideWatch,
+        observed: &Observation,
+    ) -> Option<&'w Aside> {
+        watch.next(&self.relations, observed)
     }
 
     /// The next tick of views without an end: the boxes of each object that is remembered, the followed one first.
@@ -186,15 +248,17 @@ fn is_related(relations: &[Relation], view: usize) -> bool {
 }
 
 fn fitted(views: [usize; 2], true_boxes: &[&Sample]) -> Option<Relation> {
-    Relation::fit(views, &common_boxes(views, true_boxes))
+    Relation::fit(views, &pairs_of(views, true_boxes))
 }
 
-fn common_boxes<'a>(views: [usize; 2], true_boxes: &[&'a Sample]) -> Vec<[&'a PixelBox; 2]> {
-    let boxes = true_boxes.iter().filter_map(|sample| {
-        let [one, other] = views.map(|view| sample.boxes[view].as_ref());
-        Some([one?, other?])
+/// The ticks at which two views saw the aircraft, flight by flight.
+fn pairs_of<'a>(views: [usize; 2], true_boxes: &[&'a Sample]) -> Vec<Vec<Pair<'a>>> {
+    let flights = true_boxes.chunk_by(|a, b| a.scenario == b.scenario);
+    let pairs = flights.map(|flight| {
+        let pairs = flight.iter().filter_map(|sample| Pair::of(views, sample));
+        pairs.collect()
     });
-    boxes.collect()
+    pairs.collect()
 }
 
 fn fitted_path(view: usize, true_boxes: &[&Sample]) -> Option<Path> {

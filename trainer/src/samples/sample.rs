@@ -6,6 +6,7 @@ use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
+use crate::samples::look::Look;
 use crate::samples::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
@@ -27,8 +28,8 @@ pub(crate) struct Observation {
     pub shifts: Vec<Option<ViewShift>>,
     /// Views whose only boxes are cut off by the picture's edge, which are not in `boxes`.
     pub cut_off: usize,
-    /// Views whose image was searched, in the same order. A view that looks and has no box sees nothing; one that fails is blind.
-    pub looks: Vec<bool>,
+    /// Image of each view, in the same order. A view that looks and has no box sees nothing; one that fails is blind.
+    pub looks: Vec<Look>,
     /// Boxes with lower scores in the same pictures, if there are any.
     pub others: Option<Box<OtherBoxes>>,
 }
@@ -40,7 +41,7 @@ impl Observation {
         (scenario, tick, time_ns): (usize, u32, i64),
         found: &[Option<Vec<Candidate>>],
         registered: &[Option<Registered>],
-        looks: Vec<bool>,
+        looks: Vec<Look>,
     ) -> Self {
         let best: Vec<_> = found.iter().map(|found| found.as_ref()?.first()).collect();
         let boxes: Vec<_> = best.iter().map(|best| Some((*best)?.pixel_box)).collect();
@@ -87,7 +88,7 @@ impl Observation {
         let boxes = self.boxes.iter().enumerate();
         let boxes = boxes.map(|(view, seen)| seen.filter(|_| !is_lost(view)));
         let looks = self.looks.iter().enumerate();
-        let looks = looks.map(|(view, looks)| *looks && !is_lost(view));
+        let looks = looks.map(|(view, look)| if is_lost(view) { Look::Blind } else { *look });
         Self {
             looks: looks.collect(),
             ..self.with_boxes(boxes.collect())
@@ -209,7 +210,7 @@ impl Sample {
                 time_ns: 0,
                 shifts: vec![None; boxes.len()],
                 tracks: vec![None; boxes.len()],
-                looks: vec![true; boxes.len()],
+                looks: vec![Look::Placed; boxes.len()],
                 boxes,
                 cut_off: 0,
                 others: None,

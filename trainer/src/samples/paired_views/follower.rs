@@ -12,6 +12,7 @@ use super::is_related;
 use super::path::{Path, Sighting};
 use super::relation::Relation;
 use crate::samples::Observation;
+use crate::samples::look::Look;
 use crate::samples::other_boxes::Candidate;
 
 /// Boxes of a view at a tick that are considered, those with the highest scores.
@@ -87,7 +88,11 @@ impl Follower {
             .collect();
         self.looked_s.resize(boxes.len(), None);
         for (looked_s, looks) in self.looked_s.iter_mut().zip(&observed.looks) {
-            *looked_s = if *looks { Some(time_s) } else { *looked_s };
+            *looked_s = if *looks == Look::Blind {
+                *looked_s
+            } else {
+                Some(time_s)
+            };
         }
         let looks = |looked_s: &Option<f64>| looked_s.is_some_and(|at| time_s - at <= BLIND_S);
         let tick = Tick {

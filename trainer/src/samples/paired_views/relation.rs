@@ -8,6 +8,7 @@ use dataset::numbers::spread::{deviation_from_zero, median};
 use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
+use super::aside::{Columns, Pair};
 use super::robust_line::{dot, robust_line};
 
 /// Pairs of boxes below which nothing is learned.
@@ -50,10 +51,13 @@ pub(crate) struct Relation {
     /// Least and greatest column in each view at which the other one saw the aircraft as well, pixels. `None` in runs of earlier versions.
     #[serde(default)]
     pub(super) common_px: Option<[[f64; 2]; 2]>,
+    /// Columns on the paths of the training. `None` of few flights, and in runs of earlier versions.
+    #[serde(default)]
+    pub(super) columns: Option<Columns>,
 }
 
 /// Mean of the widths in two views: the geometric one, as sizes are compared by their logarithms.
-fn width_px(pair: [&PixelBox; 2]) -> f64 {
+pub(super) fn width_px(pair: [&PixelBox; 2]) -> f64 {
     (pair[0].width_px * pair[1].width_px).sqrt()
 }
 
@@ -63,8 +67,9 @@ fn row_terms([first, second]: [&PixelBox; 2]) -> [f64; 4] {
 }
 
 impl Relation {
-    /// Fits the relation to pairs of boxes of one aircraft, robustly; `None` of too few.
-    pub(super) fn fit(views: [usize; 2], pairs: &[[&PixelBox; 2]]) -> Option<Self> {
+    /// Fits the relation to pairs of boxes of one aircraft, flight by flight, robustly; `None` of too few.
+    pub(super) fn fit(views: [usize; 2], flights: &[Vec<Pair>]) -> Option<Self> {
+        let pairs: Vec<_> = flights.iter().flatten().map(|pair| pair.boxes).collect();
         if pairs.len() < LEAST_PAIRS {
             return None;
         }
@@ -106,6 +111,7 @@ impl Relation {
             // A slope of one column per pixel of width comes from the shape of the aircraft, not from the distance of the cameras.
             parallax_sd: (slope.abs() > 1.0).then(|| (sd / slope.abs()).max(LEAST_PARALLAX_SD)),
             common_px: Some([ends(0), ends(1)]),
+            columns: Columns::fit(flights),
         })
     }
 
@@ -141,6 +147,14 @@ impl Relation {
         !self.residuals(pair).into_iter().all(is_one)
     }
 
+    /// True if each box is where the training's were while the other view saw the aircraft as well.
+    pub(super) fn was_common(&self, pair: [&PixelBox; 2]) -> bool {
+        let common_px = self.common_px.iter().flatten();
+        common_px
+            .zip(pair)
+            .all(|([least, most], seen)| (*least..=*most).contains(&seen.cx_px))
+    }
+
     /// The view that should see an aircraft as well which another view sees here.
     pub(super) fn also_sees(&self, view: usize, seen: &PixelBox) -> Option<usize> {
         let at = self.views.iter().position(|of| *of == view)?;
@@ -158,12 +172,14 @@ impl Relation {
             .chain(self.size)
             .chain(self.parallax)
             .chain(self.common_px.into_iter().flatten().flatten())
+            .chain(self.columns.iter().flat_map(Columns::constants))
     }
 
     /// True if all standard deviations are positive.
     pub(super) fn is_possible(&self) -> bool {
         let deviations = [self.row_sd_px, self.size[1]].into_iter();
         deviations.chain(self.parallax_sd).all(|sd| sd > 0.0)
+            && self.columns.as_ref().is_none_or(Columns::is_possible)
     }
 }
 

@@ -8,8 +8,12 @@ use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
+use crate::samples::look::Look;
 use crate::samples::other_boxes::{Candidate, OtherBoxes};
 use crate::samples::{DistanceRange, Samples};
+
+/// The first view alone has an image.
+const ONE_LOOKS: [Look; 2] = [Look::Placed, Look::Blind];
 
 /// Relations of the training side, and the flights of the test side beyond 1 NM.
 fn learned(corpus: &SyntheticCorpus) -> (PairedViews, Vec<Vec<Observation>>) {
@@ -266,7 +270,7 @@ fn what_one_view_alone_sees_counts_only_if_it_is_as_fast_as_an_approach() {
             boxes: vec![shown.boxes[0], None],
             tracks: vec![Some(3), None],
             shifts: vec![None; 2],
-            looks: vec![true, false],
+            looks: ONE_LOOKS.to_vec(),
             others: None,
             ..observed.clone()
         });
@@ -291,14 +295,131 @@ fn what_one_view_sees_and_another_one_that_looks_there_does_not_gives_no_answer(
     failing
         .iter_mut()
         .step_by(4)
-        .for_each(|observed| observed.looks[1] = false);
+        .for_each(|observed| observed.looks[1] = Look::Blind);
     assert_eq!(seen(&paired.of_one_aircraft(&failing)), 0);
     failing[60..]
         .iter_mut()
-        .for_each(|observed| observed.looks[1] = false);
+        .for_each(|observed| observed.looks[1] = Look::Blind);
     let chosen = paired.of_one_aircraft(&failing);
     assert_eq!(seen(&chosen[..68]), 0);
     assert!(seen(&chosen[72..]) as f64 > 0.9 * seen(&unseen[72..]) as f64);
+}
+
+/// What six flights teach that are a pixel or two beside each other, and one of them. Several views: all but the first see the same.
+fn on_one_path(views: usize) -> (PairedViews, Vec<Observation>) {
+    let (_, flights) = each_second();
+    let flight: Vec<Observation> = (flights[0].iter())
+        .map(|observed| {
+            let mut observed = observed.clone();
+            observed.boxes.resize(views, observed.boxes[1]);
+            observed.tracks = vec![None; views];
+            observed.shifts = vec![None; views];
+            observed.looks = vec![Look::Unplaced; views];
+            observed
+        })
+        .collect();
+    let learned_from: Vec<Sample> = (0..6)
+        .flat_map(|scenario| {
+            let flight = turned(&flight, 1, scenario as f64 % 3.0 - 1.0).into_iter();
+            flight.map(move |observed| {
+                let observed = Observation {
+                    scenario,
+                    ..observed
+                };
+                Sample::of_boxes(1.0, Vec::new()).with(observed)
+            })
+        })
+        .collect();
+    let paired = PairedViews::fit(views, &learned_from.iter().collect::<Vec<_>>());
+    (paired, flight)
+}
+
+/// A flight of which a view sees the aircraft farther right.
+fn turned(flight: &[Observation], view: usize, off_px: f64) -> Vec<Observation> {
+    let mut flight = flight.to_vec();
+    for observed in &mut flight {
+        if let Some(seen) = &mut observed.boxes[view] {
+            seen.cx_px += off_px;
+        }
+    }
+    flight
+}
+
+#[test]
+fn a_camera_that_was_turned_sideways_in_fog_gives_no_answers_and_a_line_says_so() {
+    let (paired, flight) = on_one_path(2);
+    let limit_px = paired.relations[0].columns.as_ref().unwrap().limit_px();
+    assert!((5.0..10.0).contains(&limit_px), "{limit_px}");
+    let names = ["left".to_owned(), "right".to_owned()];
+    for off_px in [-57.0, 57.0, 12.0] {
+        let hidden = turned(&flight, 1, off_px);
+        assert_eq!(seen(&paired.of_one_aircraft(&hidden)), 0);
+        let found = paired.aside_in(&hidden);
+        let [aside] = found.as_slice() else {
+            panic!("{found:?}")
+        };
+        assert!(aside.is_hidden);
+        assert_eq!(aside.views, [0, 1]);
+        assert!((aside.off_px - off_px.abs()).abs() < 3.0, "{aside:?}");
+        let line = Aside::line(&names, &[("0001-a".to_owned(), aside.clone())]).unwrap();
+        assert!(line.starts_with("0001-a: for at least a minute"), "{line}");
+        assert!(
+            line.contains("in views left and right; the background"),
+            "{line}"
+        );
+        // A background that is visible shows turns, so that this is another path.
+        let mut placed = hidden.clone();
+        (placed.iter_mut()).for_each(|observed| observed.looks.fill(Look::Placed));
+        assert_eq!(paired.of_one_aircraft(&placed), placed);
+        assert!(!paired.aside_in(&placed)[0].is_hidden);
+    }
+    for off_px in [0.0, 3.0] {
+        let usual = turned(&flight, 1, off_px);
+        assert_eq!(paired.of_one_aircraft(&usual), usual);
+    }
+}
+
+#[test]
+fn a_flight_that_comes_back_to_the_paths_in_fog_keeps_its_answers() {
+    let (paired, flight) = on_one_path(2);
+    let mut intercepts = turned(&flight[..90], 1, 57.0);
+    intercepts.extend_from_slice(&flight[90..]);
+    assert_eq!(paired.aside_in(&intercepts), []);
+    let leaves = turned(&flight[90..], 1, 57.0);
+    let leaves: Vec<Observation> = flight[..90].iter().cloned().chain(leaves).collect();
+    let chosen = paired.of_one_aircraft(&leaves);
+    assert_eq!(chosen[..85], leaves[..85]);
+    assert_eq!(seen(&chosen[95..]), 0);
+}
+
+#[test]
+fn of_three_views_the_one_that_was_turned_does_not_count() {
+    let (paired, flight) = on_one_path(3);
+    assert_eq!(paired.relations.len(), 3);
+    let hidden = turned(&flight, 0, -57.0);
+    let found = paired.aside_in(&hidden);
+    assert_eq!(found.len(), 1);
+    assert_eq!(found[0].views, [0]);
+    for (observed, chosen) in hidden.iter().zip(paired.of_one_aircraft(&hidden)) {
+        assert_eq!(chosen.boxes[0], None);
+        assert_eq!(chosen.boxes[1], observed.boxes[1]);
+    }
+}
+
+#[test]
+fn too_few_training_flights_show_no_paths_and_a_line_says_so() {
+    let (_, flights) = each_second();
+    let learned_from: Vec<Sample> = (flights[0].iter())
+        .map(|observed| Sample::of_boxes(1.0, Vec::new()).with(observed.clone()))
+        .collect();
+    let learned_from: Vec<&Sample> = learned_from.iter().collect();
+    let paired = PairedViews::fit(2, &learned_from);
+    assert_eq!(paired.relations[0].columns, None);
+    let lines = paired.unrelated(&["left".to_owned(), "right".to_owned()], &learned_from);
+    assert!(
+        lines[0].contains("turned in fog will not be noticed"),
+        "{lines:?}"
+    );
 }
 
 /// A box as a detector sees it: with errors that are nearly normal.
@@ -320,7 +441,7 @@ fn alone(
 ) -> Vec<Observation> {
     let image = |(image, pixel_box): (i64, PixelBox)| {
         let mut observed = like.with_boxes(vec![Some(pixel_box), None]);
-        observed.looks = vec![true, false];
+        observed.looks = ONE_LOOKS.to_vec();
         observed.time_ns = step_ns * image;
         observed.tracks = vec![Some(3), None];
         observed
