@@ -30,7 +30,7 @@ use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 
 pub use crate::samples::look::Look;
-pub use answer::{Answer, Position, Stated};
+pub use answer::{Answer, Position, Stated, Withheld};
 pub(crate) use in_sight::{InSight, Judged};
 pub use phase::Phase;
 pub use seen_tick::{Candidate, SeenTick, SeenView};

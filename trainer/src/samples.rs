@@ -8,6 +8,7 @@
 
 pub(crate) mod camera_adjustment;
 pub(crate) mod camera_health;
+pub(crate) mod common_error;
 pub(crate) mod flight_parts;
 pub(crate) mod json_differences;
 pub(crate) mod late_images;
@@ -45,12 +46,13 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::{HealthState, Late, ViewHealth, late_views};
+use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::{CameraHealth, Corrections};
-use crate::samples::late_images::in_time;
+use crate::samples::common_error::times_larger;
+use crate::samples::late_images::{in_time, lateness};
 use crate::samples::look::Look;
 use crate::samples::other_boxes::{Candidate, Registered};
 use crate::samples::rig::Rig;
@@ -472,9 +474,9 @@ impl Samples {
             let looks = views.map(|view| look(row.tick, view));
             Observation::of(at, &found, &registered, looks.collect())
         };
-        let late = late_views(&health);
-        let late = self.views.iter().map(|view| late.get(view.as_str()));
-        let late: Vec<Late> = late.map(|of| of.copied().unwrap_or_default()).collect();
+        let times_s = frames.rows.iter().map(|row| row.time_ns as f64 / 1e9);
+        let times_larger = times_larger(times_s);
+        let late = lateness(&self.views, &health, times_larger);
         if moment == Moment::Live {
             let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
             let boxes = observations
@@ -485,7 +487,7 @@ impl Samples {
             summary.corrections = corrections;
             return Ok((summary, frames, observations));
         }
-        let health = CameraHealth::of(&self.views, &summary.cameras, health);
+        let health = CameraHealth::of(&self.views, &summary.cameras, health, times_larger);
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))
             .collect();

@@ -159,6 +159,7 @@ mod tests {
             ground_speed_mps: stated(70.0),
             time_to_touchdown_s: stated(130.0),
             position: None,
+            withheld: None,
         }
     }
 

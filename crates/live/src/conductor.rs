@@ -30,6 +30,7 @@ use crate::track_motion::{TrackMotion, moved_box, moved_shift};
 use crate::vertical_lag::Sighting;
 use crate::view_news::ViewNews;
 use crate::views::{View, Views};
+use crate::withheld_news::WithheldNews;
 
 /// Longest wait for a message: views are judged this often without one.
 const WAIT: Duration = Duration::from_millis(20);
@@ -94,6 +95,7 @@ pub fn estimate(
         received_s: 0.0,
         predicted_s: 0.0,
         overload: Overload::of(count),
+        withheld: WithheldNews::default(),
         serves_metrics: address.is_some(),
         views,
         lines,
@@ -146,6 +148,7 @@ struct Conductor {
     /// When aircraft were predicted without images, seconds since the start.
     predicted_s: f64,
     overload: Overload,
+    withheld: WithheldNews,
     serves_metrics: bool,
 }
 
@@ -419,6 +422,9 @@ impl Conductor {
         let is_of_cameras = self.shared.pace == Pace::Cameras;
         let utc = || self.shared.clock.utc(self.shared.since_start_s(time_s));
         let utc = is_of_cameras.then(utc);
+        for event in self.withheld.next(&found, self.run.views()) {
+            self.event(event);
+        }
         for answer in self
             .answers
             .of(found, time_s, utc, (now_s - taken_s).max(0.0))

@@ -52,6 +52,7 @@ mod vertical_lag;
 mod view_news;
 mod view_state;
 mod views;
+mod withheld_news;
 
 pub use check::{Found, check};
 pub use clock::ClockSource;

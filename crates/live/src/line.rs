@@ -108,6 +108,17 @@ pub enum Event {
         /// Standard deviation of that.
         drift_sd_ppm: Option<f64>,
     },
+    /// Views that see an aircraft are not used for it from now on.
+    Withheld {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Its number in the answers.
+        track: u32,
+        /// Names of the views.
+        views: Vec<String>,
+        /// The cause, and what to do about it.
+        why: String,
+    },
     /// The estimation ended.
     End {
         /// Time, as of answers.

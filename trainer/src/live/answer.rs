@@ -24,6 +24,20 @@ pub struct Answer {
     pub time_to_touchdown_s: Option<Stated>,
     /// Its place; `None` unless two views saw it whose cameras were fitted.
     pub position: Option<Position>,
+    /// Why views that see it are not used.
+    pub withheld: Option<Withheld>,
+}
+
+/// Views whose cameras may have been turned without a sign: in fog they have seen the aircraft to the side of the training's paths for a
+/// minute.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Withheld {
+    /// Their indices.
+    pub views: Vec<usize>,
+    /// How far to the side, pixels.
+    pub off_px: f64,
+    /// What counts as on the paths, pixels.
+    pub limit_px: f64,
 }
 
 /// Place of the point of an aircraft that its boxes are centred on.
@@ -108,6 +122,7 @@ impl Answer {
             ground_speed_mps: None,
             time_to_touchdown_s: None,
             position: None,
+            withheld: judged.withheld.clone(),
         }
     }
 }

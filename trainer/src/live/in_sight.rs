@@ -1,5 +1,6 @@
 //! The aircraft in sight, each with its own filter.
 
+use super::answer::Withheld;
 use super::phase::{Phase, PhaseJudge};
 use crate::estimators::inverse_range::flight_filter::{Estimate, OnlineFilter};
 use crate::run::trained::TrainedRun;
@@ -49,6 +50,8 @@ pub(crate) struct Judged {
     pub phase: Phase,
     /// Time of the last tick with a box of it, seconds.
     pub seen_s: f64,
+    /// Why views that see it are not used.
+    pub withheld: Option<Withheld>,
 }
 
 impl Judged {
@@ -112,7 +115,8 @@ impl InSight {
         } else {
             (baselines.paired_views).aside_at(&mut aircraft.aside, &observed)
         };
-        if let Some(aside) = aside.filter(|aside| aside.is_hidden) {
+        let aside = aside.filter(|aside| aside.is_hidden);
+        if let Some(aside) = aside {
             observed = observed.without_images(|view| aside.views.contains(&view));
             if observed.detections() == 0 {
                 // What it measured in the last minute was wrong as well.
@@ -125,6 +129,11 @@ impl InSight {
             estimate: filter.next(&mut aircraft.filter, fits, &observed),
             phase: aircraft.phase.take(run, &observed),
             seen_s: aircraft.seen_s,
+            withheld: aside.map(|aside| Withheld {
+                views: aside.views.clone(),
+                off_px: aside.off_px,
+                limit_px: aside.limit_px,
+            }),
             observed,
         })
     }

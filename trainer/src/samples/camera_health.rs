@@ -25,6 +25,8 @@ pub(crate) struct CameraHealth<'a> {
     views: &'a [String],
     cameras: &'a [Camera],
     rows: BTreeMap<(u32, usize), ViewHealth>,
+    /// Factor of deviations that ticks have in common ([`crate::samples::common_error`]).
+    times_larger: f64,
 }
 
 /// What became of boxes of cameras that were not well.
@@ -95,7 +97,12 @@ impl fmt::Display for Corrections {
 
 impl<'a> CameraHealth<'a> {
     /// `cameras` in the order of `views`.
-    pub(crate) fn of(views: &'a [String], cameras: &'a [Camera], rows: Vec<ViewHealth>) -> Self {
+    pub(crate) fn of(
+        views: &'a [String],
+        cameras: &'a [Camera],
+        rows: Vec<ViewHealth>,
+        times_larger: f64,
+    ) -> Self {
         let rows = rows.into_iter().filter(|row| !row.state.is_well());
         let placed = rows.filter_map(|row| {
             let view = views.iter().position(|view| *view == row.view)?;
@@ -105,6 +112,7 @@ impl<'a> CameraHealth<'a> {
             views,
             cameras,
             rows: placed.collect(),
+            times_larger,
         }
     }
 
@@ -133,7 +141,13 @@ impl<'a> CameraHealth<'a> {
             }
         }
         // Without a standard deviation the view does not count, or was not moved.
-        let sd_px = |view: usize| row(view).and_then(|row| Some(row.motion?.shift_sd_px));
+        let sd_px = |view: usize| {
+            let row = row(view)?;
+            // The turn of a camera that stays turned is measured with the same error again and again.
+            let is_common = row.state == HealthState::Moved;
+            let factor = if is_common { self.times_larger } else { 1.0 };
+            Some(factor * row.motion?.shift_sd_px)
+        };
         observed
             .without_images(|view| usual(view, DVec2::ZERO).is_none())
             .moved(usual)

@@ -2,17 +2,52 @@
 //!
 //! `dtd detect` measures by how much the images of a view are late ([`dataset::tables::health::late_views`]). What such a view shows at a
 //! tick is where the aircraft was before, so its box and its shift are moved on by the motion in this view during the lag. Where that
-//! motion is unknown, the view does not count. The uncertainty of the lag adds to the shift's.
+//! motion is unknown, the view does not count. The uncertainty of the lag adds to the shift's. A lag that is likely but not certain is not
+//! corrected: it is such an uncertainty as a whole.
 
 use std::collections::BTreeMap;
 
 use dataset::numbers::motion::motion_at;
-use dataset::tables::health::Late;
+use dataset::tables::health::{Late, ViewHealth, late_views};
 use glam::DVec2;
 
 use crate::samples::Observation;
 use crate::samples::camera_health::Corrections;
 use crate::samples::trusted_boxes::centre_and_size;
+
+/// A lag of so many standard deviations, and at least so large, is likely, seconds.
+const LIKELY: f64 = 2.5;
+const LEAST_LIKELY_S: f64 = 0.1;
+/// A lag is the slope of distances over motions, and errors of the motions make it look smaller: by a few per cent where it is known to
+/// 0.025 s, by a third in fog, where it is known to 0.06 s. The part that may be missing grows with the square of that.
+const ATTENUATING_SD_S: f64 = 0.12;
+
+/// By how much the images of each view are late. `times_larger`: factor of errors that ticks have in common
+/// ([`crate::samples::common_error`]).
+pub(crate) fn lateness(views: &[String], health: &[ViewHealth], times_larger: f64) -> Vec<Late> {
+    let sure = late_views(health);
+    let of_view = |view: &String| match sure.get(view.as_str()) {
+        Some(late) => {
+            let missing_s = late.seconds * (late.sd_s / ATTENUATING_SD_S).powi(2);
+            Late {
+                sd_s: late.sd_s.hypot(times_larger * missing_s),
+                ..*late
+            }
+        }
+        None => Late {
+            seconds: 0.0,
+            sd_s: times_larger * likely_s(health, view).unwrap_or_default(),
+        },
+    };
+    views.iter().map(of_view).collect()
+}
+
+/// The lag that a view may have, and its uncertainty, seconds.
+fn likely_s(health: &[ViewHealth], view: &str) -> Option<f64> {
+    let lag = health.iter().find(|row| row.view == view)?.lag?;
+    let [lag_s, sd_s] = [lag.lag_ms.abs() / 1e3, lag.lag_sd_ms / 1e3];
+    (lag_s >= LEAST_LIKELY_S.max(LIKELY * sd_s)).then(|| lag_s.hypot(sd_s))
+}
 
 /// Places of the boxes of each view and track, by time in seconds.
 type Tracks = BTreeMap<(usize, Option<u32>), Vec<(f64, DVec2)>>;
@@ -23,7 +58,7 @@ pub(crate) fn in_time(
     late: &[Late],
     counts: &mut Corrections,
 ) -> Vec<Observation> {
-    if late.iter().all(|late| late.seconds == 0.0) {
+    if late.iter().all(|late| *late == Late::default()) {
         return observations;
     }
     let mut tracks = Tracks::new();
@@ -42,12 +77,9 @@ pub(crate) fn in_time(
             motion_at(places, seconds(&observed)).map(|motion| motion.per_s)
         };
         let motions: Vec<Option<DVec2>> = (late.iter().enumerate())
-            .map(|(view, late)| {
-                if late.seconds == 0.0 {
-                    Some(DVec2::ZERO)
-                } else {
-                    motion_px_s(view)
-                }
+            .map(|(view, late)| match motion_px_s(view) {
+                None if late.seconds == 0.0 => Some(DVec2::ZERO),
+                motion => motion,
             })
             .collect();
         for (view, seen) in observed.boxes.iter().enumerate() {
@@ -72,6 +104,7 @@ fn seconds(observed: &Observation) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use dataset::tables::health::{HealthState, ViewLag};
     use dataset::tables::pixel_box::PixelBox;
     use dataset::tables::registrations::Shift;
 
@@ -141,6 +174,46 @@ mod tests {
         assert_eq!((counts.late, counts.late_withheld), (20, 0));
         let none = [Late::default(); 2];
         assert_eq!(in_time(flight(0.0), &none, &mut counts), flight(0.0));
+    }
+
+    #[test]
+    fn a_lag_that_is_likely_widens_shifts_and_a_certain_one_has_the_part_that_errors_of_motions_hide()
+     {
+        let views = ["left".to_owned(), "right".to_owned()];
+        let late = |lag_ms: f64, lag_sd_ms: f64| {
+            let row = |view: &String, lag: Option<ViewLag>| ViewHealth {
+                tick: 0,
+                view: view.clone(),
+                state: HealthState::Unknown,
+                motion: None,
+                state_live: None,
+                lag,
+                vertical_px: None,
+            };
+            let lag = ViewLag { lag_ms, lag_sd_ms };
+            let [left, right] = &views;
+            lateness(&views, &[row(left, None), row(right, Some(lag))], 1.0)
+        };
+        let none = Late::default();
+        assert_eq!(late(35.0, 50.0), [none; 2]);
+        assert_eq!(late(110.0, 50.0), [none; 2]);
+        let likely = late(-200.0, 60.0);
+        assert_eq!((likely[0], likely[1].seconds), (none, 0.0));
+        assert!((likely[1].sd_s - 0.2_f64.hypot(0.06)).abs() < 1e-9);
+        for (sd_ms, least_s, most_s) in [(25.0, 0.025, 0.035), (60.0, 0.12, 0.14)] {
+            let sure = late(490.0, sd_ms)[1];
+            assert_eq!(sure.seconds, 0.49);
+            assert!((least_s..most_s).contains(&sure.sd_s), "{sure:?}");
+        }
+        let mut counts = Corrections::default();
+        let widened = in_time(flight(0.0), &likely, &mut counts);
+        assert_eq!((counts.late, counts.late_withheld), (0, 0));
+        for (widened, usual) in widened.iter().zip(flight(0.0)) {
+            assert_eq!(widened.boxes, usual.boxes);
+            let sd_px = widened.shifts[1].unwrap().sd_px;
+            let expected_px = 0.03_f64.hypot(20.0 * likely[1].sd_s);
+            assert!((sd_px.x - expected_px).abs() < 1e-6, "{sd_px}");
+        }
     }
 
     #[test]

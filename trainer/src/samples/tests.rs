@@ -504,7 +504,8 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
                         one.shift_px.distance(other.shift_px) < 0.02,
                         "{one:?} {other:?}"
                     );
-                    let turned_px = [0.0, 0.02, 0.1, 0.02 * 2.0_f64.sqrt()][tick as usize % 4];
+                    let moved_px = 0.02 * (8.0 / registered().frame_rate.period_s()).sqrt();
+                    let turned_px = [0.0, moved_px, 0.1, moved_px.hypot(0.02)][tick as usize % 4];
                     let sd_px = one.sd_px.to_array().map(|sd_px| sd_px.hypot(turned_px));
                     assert!(other.sd_px.distance(sd_px.into()) < 1e-9, "{other:?}");
                 }

@@ -100,7 +100,12 @@ impl Columns {
             amounts_px.extend(judged.filter_map(|(_, flight)| {
                 let mut kept = Kept::default();
                 let minutes = flight.iter().filter_map(|pair| {
-                    kept.take(pair.time_s, off_px(&column, pair.boxes), false);
+                    let offset = Offset {
+                        time_s: pair.time_s,
+                        off_px: off_px(&column, pair.boxes),
+                        is_hidden: false,
+                    };
+                    kept.take(offset, f64::INFINITY);
                     Some(kept.minute?.off_px)
                 });
                 minutes.reduce(f64::max)
@@ -160,17 +165,15 @@ struct Kept {
 }
 
 impl Kept {
-    fn take(&mut self, time_s: f64, off_px: f64, is_hidden: bool) {
+    /// Takes the next one. A minute that is over the limit is followed by a new one: to be on the paths again takes a whole minute as well.
+    fn take(&mut self, next: Offset, limit_px: f64) {
+        let time_s = next.time_s;
         let last_s = self.recent.back().map_or(time_s, |last| last.time_s);
         if time_s - last_s > LONGEST_GAP_S {
             self.recent.clear();
         }
         if self.recent.is_empty() || time_s - last_s >= STEP_S {
-            self.recent.push_back(Offset {
-                time_s,
-                off_px,
-                is_hidden,
-            });
+            self.recent.push_back(next);
         }
         // The oldest one is a minute ago, or longer if ticks are rare.
         let is_over = |second: &Offset| time_s - second.time_s >= KEPT_S;
@@ -180,11 +183,15 @@ impl Kept {
         let since_s = self.recent.front().map_or(time_s, |oldest| oldest.time_s);
         if time_s - since_s >= KEPT_S && self.recent.len() >= FEWEST_PAIRS {
             let hidden = self.recent.iter().filter(|of| of.is_hidden).count();
+            let off_px = self.off_px();
             self.minute = Some(Minute {
                 since_s,
-                off_px: self.off_px(),
+                off_px,
                 is_hidden: 2 * hidden > self.recent.len(),
             });
+            if off_px > limit_px {
+                self.recent.clear();
+            }
         }
     }
 
@@ -267,7 +274,12 @@ impl AsideWatch {
             if let Some(pair) = pair.filter(|pair| relation.was_common(pair.boxes)) {
                 let is_unplaced = |view: usize| observed.looks[view] == Look::Unplaced;
                 let is_hidden = relation.views.into_iter().any(is_unplaced);
-                kept.take(pair.time_s, off_px(&columns.column, pair.boxes), is_hidden);
+                let offset = Offset {
+                    time_s: pair.time_s,
+                    off_px: off_px(&columns.column, pair.boxes),
+                    is_hidden,
+                };
+                kept.take(offset, columns.limit_px());
             }
             match kept.minute {
                 Some(minute) if minute.off_px > columns.limit_px() => {
@@ -315,7 +327,14 @@ mod tests {
 
     fn kept_px(times_s: impl Iterator<Item = f64>, off_px: impl Fn(f64) -> f64) -> Option<f64> {
         let mut kept = Kept::default();
-        times_s.for_each(|time_s| kept.take(time_s, off_px(time_s), false));
+        times_s.for_each(|time_s| {
+            let offset = Offset {
+                time_s,
+                off_px: off_px(time_s),
+                is_hidden: false,
+            };
+            kept.take(offset, f64::INFINITY);
+        });
         Some(kept.minute?.off_px)
     }
 

@@ -393,6 +393,32 @@ fn a_flight_that_comes_back_to_the_paths_in_fog_keeps_its_answers() {
 }
 
 #[test]
+fn live_views_stay_unused_while_one_of_them_sees_nothing_and_until_a_minute_on_the_paths() {
+    let (paired, flight) = on_one_path(2);
+    let mut watch = AsideWatch::default();
+    let mut is_unused = |observed: &Observation| {
+        let aside = paired.aside_at(&mut watch, observed);
+        aside.is_some_and(|aside| aside.is_hidden)
+    };
+    let both = flight.iter().position(|of| of.detections() == 2).unwrap();
+    let hidden = turned(&flight[both..], 1, 57.0);
+    let begins = hidden.iter().position(&mut is_unused).unwrap();
+    assert!((60..120).contains(&begins), "{begins}");
+    for observed in &hidden[begins + 1..begins + 20] {
+        assert!(is_unused(
+            &observed.with_boxes(vec![observed.boxes[0], None])
+        ));
+    }
+    let back = both + begins + 20..both + begins + 90;
+    let back: Vec<bool> = flight[back].iter().map(is_unused).collect();
+    let answers_again = back.iter().position(|unused| !unused);
+    assert!(
+        (58..65).contains(&answers_again.unwrap()),
+        "{answers_again:?}"
+    );
+}
+
+#[test]
 fn of_three_views_the_one_that_was_turned_does_not_count() {
     let (paired, flight) = on_one_path(3);
     assert_eq!(paired.relations.len(), 3);

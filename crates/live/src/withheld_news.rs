@@ -1,0 +1,102 @@
+//! When it is news that views are not used for an aircraft, and what is said about it.
+
+use std::collections::BTreeSet;
+
+use trainer::live::{Answer, Withheld};
+
+use crate::line::Event;
+
+/// The aircraft of which an event said so.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct WithheldNews {
+    said: BTreeSet<u32>,
+}
+
+impl WithheldNews {
+    /// The events about what is in sight now, one for each aircraft. `views`: the names of all views.
+    pub(crate) fn next(
+        &mut self,
+        found: &[Answer],
+        views: &[String],
+    ) -> Vec<impl FnOnce(f64) -> Event + use<>> {
+        let is_in_sight = |track: &u32| found.iter().any(|of| of.aircraft == *track);
+        self.said.retain(is_in_sight);
+        let withheld = found.iter().filter_map(|of| {
+            let withheld = of.withheld.as_ref()?;
+            self.said
+                .insert(of.aircraft)
+                .then_some((of.aircraft, withheld))
+        });
+        let events = withheld.map(|(track, withheld)| {
+            let names = withheld.views.iter().map(|view| views[*view].clone());
+            let (views, why) = (names.collect(), why(withheld));
+            move |time_s| Event::Withheld {
+                time_s,
+                track,
+                views,
+                why,
+            }
+        });
+        events.collect()
+    }
+}
+
+fn why(withheld: &Withheld) -> String {
+    let Withheld {
+        off_px, limit_px, ..
+    } = withheld;
+    format!(
+        "for a minute they have seen it {off_px:.0} px to the side of the training's paths (limit {limit_px:.0} px), and the background is \
+         hidden: a camera may have been turned; compare its images with earlier ones"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use trainer::live::Phase;
+
+    use super::*;
+
+    fn seen(aircraft: u32, off_px: Option<f64>) -> Answer {
+        Answer {
+            aircraft,
+            phase: Phase::Arrival,
+            views: Vec::new(),
+            seen_s: 0.0,
+            dtd_m: None,
+            ground_speed_mps: None,
+            time_to_touchdown_s: None,
+            position: None,
+            withheld: off_px.map(|off_px| Withheld {
+                views: vec![1],
+                off_px,
+                limit_px: 9.0,
+            }),
+        }
+    }
+
+    #[test]
+    fn each_aircraft_is_said_once_to_be_withheld_and_another_one_again() {
+        let views = ["left".to_owned(), "right".to_owned()];
+        let mut news = WithheldNews::default();
+        assert_eq!(news.next(&[seen(3, None)], &views).len(), 0);
+        let mut events = news.next(&[seen(3, Some(57.0)), seen(4, None)], &views);
+        let event = events.pop().unwrap()(12.0);
+        assert!(events.is_empty());
+        let Event::Withheld {
+            time_s,
+            track,
+            views: named,
+            why,
+        } = event
+        else {
+            panic!("{event:?}")
+        };
+        assert_eq!((time_s, track, named), (12.0, 3, vec!["right".to_owned()]));
+        assert!(why.contains("57 px") && why.contains("limit 9 px"), "{why}");
+        assert_eq!(news.next(&[seen(3, Some(58.0))], &views).len(), 0);
+        assert_eq!(news.next(&[seen(5, Some(58.0))], &views).len(), 1);
+        // Out of sight and back under the same number.
+        assert_eq!(news.next(&[seen(3, Some(58.0))], &views).len(), 1);
+    }
+}
