@@ -160,8 +160,7 @@ pub struct DetectOutcome {
     pub registrations: RegistrationCounts,
     /// Views of these scenarios whose cameras were not always well.
     pub unhealthy: Vec<Unhealthy>,
-    /// Views of these scenarios, as `scenario view`, whose background is hidden in most images: a camera that is turned meanwhile is not
-    /// noticed.
+    /// Views of these scenarios, as `scenario view`, of which most images show too little background to notice that the camera is turned.
     pub without_background: Vec<String>,
     /// Total time of the workers, seconds.
     pub worker_seconds: f64,

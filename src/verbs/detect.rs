@@ -232,14 +232,14 @@ fn print_summary(outcome: &DetectOutcome) {
     warn_of_cameras(&outcome.unhealthy);
 }
 
-/// Says where the background is hidden, which would show that a camera was turned.
+/// Says where too little background is visible to notice that a camera is turned.
 fn print_without_background(views: &[String]) {
     if views.is_empty() {
         return;
     }
     let named = views.iter().take(MOST_NAMED).map(String::as_str);
     println!(
-        "the background is hidden in most images of {}, where a camera that is turned is not noticed: {}{}",
+        "most images of {} show too little background to notice that a camera is turned: {}{}",
         count(views.len(), "view"),
         named.collect::<Vec<_>>().join(", "),
         more(views.len())

@@ -46,8 +46,8 @@ fn why(withheld: &Withheld) -> String {
         off_px, limit_px, ..
     } = withheld;
     format!(
-        "for a minute they have seen it {off_px:.0} px to the side of the training's paths (limit {limit_px:.0} px), and the background is \
-         hidden: a camera may have been turned; compare its images with earlier ones"
+        "for a minute they have seen it {off_px:.0} px to the side of the training's paths (limit {limit_px:.0} px), and too little \
+         background is visible to exclude that a camera was turned: compare its images with earlier ones"
     )
 }
 

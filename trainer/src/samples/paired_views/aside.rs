@@ -235,7 +235,7 @@ impl Aside {
         let plural = if named.len() == 1 { "" } else { "s" };
         let (off_px, limit_px) = (worst.off_px, worst.limit_px);
         let consequence = if worst.is_hidden {
-            "the background is hidden, so a camera may have been turned: from there on they give no distances"
+            "too little background is visible to exclude that a camera was turned: from there on they give no distances"
         } else {
             "if a camera was turned after the training, distances are wrong: compare its images, and see `dtd refit`"
         };

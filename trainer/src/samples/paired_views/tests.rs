@@ -364,7 +364,7 @@ fn a_camera_that_was_turned_sideways_in_fog_gives_no_answers_and_a_line_says_so(
         let line = Aside::line(&names, &[("0001-a".to_owned(), aside.clone())]).unwrap();
         assert!(line.starts_with("0001-a: for at least a minute"), "{line}");
         assert!(
-            line.contains("in views left and right; the background"),
+            line.contains("in views left and right; too little background"),
             "{line}"
         );
         // A background that is visible shows turns, so that this is another path.
