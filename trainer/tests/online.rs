@@ -9,7 +9,7 @@ use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::tables::columns::Table;
 use dataset::work::watch::Silent;
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus, model};
-use trainer::live::{Answer, Candidate, OnlineRun, SeenTick, SeenView};
+use trainer::live::{Answer, Candidate, Look, OnlineRun, SeenTick, SeenView};
 use trainer::{Moment, RunFolder, predict, train};
 
 mod hardly_trained;
@@ -37,7 +37,7 @@ fn ticks(corpus: &Corpus, scenario: &str, views: &[String]) -> Vec<SeenTick> {
             time_ns: row.time_ns,
             views: vec![
                 SeenView {
-                    looks: true,
+                    look: Look::Placed,
                     ..SeenView::default()
                 };
                 views.len()
