@@ -632,7 +632,7 @@ fn looks(views: &[String], health: &[ViewHealth], moment: Moment) -> BTreeMap<(u
     judged.collect()
 }
 
-/// Boxes that count at their ticks, but for those of blind images; `None` of detections that do not have this.
+/// Boxes that counted at their ticks, without those of blind images; `None` if the detections do not say which counted.
 fn counting_live(
     detections: Detections,
     look: impl Fn(u32, &String) -> Look,

@@ -1,4 +1,4 @@
-//! When it is news that views are not used for an aircraft, and what is said about it.
+//! Events about views that are not used for an aircraft, one for each aircraft.
 
 use std::collections::BTreeSet;
 

@@ -24,7 +24,7 @@ pub struct Answer {
     pub time_to_touchdown_s: Option<Stated>,
     /// Its place; `None` unless two views saw it whose cameras were fitted.
     pub position: Option<Position>,
-    /// Why views that see it are not used.
+    /// Views that see it and are not used, with the cause.
     pub withheld: Option<Withheld>,
 }
 
@@ -34,9 +34,9 @@ pub struct Answer {
 pub struct Withheld {
     /// Their indices.
     pub views: Vec<usize>,
-    /// How far to the side, pixels.
+    /// Distance from the paths to the side, pixels.
     pub off_px: f64,
-    /// What counts as on the paths, pixels.
+    /// Largest distance that counts as on the paths, pixels.
     pub limit_px: f64,
 }
 

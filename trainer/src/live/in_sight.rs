@@ -23,7 +23,7 @@ struct Aircraft {
     number: usize,
     filter: OnlineFilter,
     phase: PhaseJudge,
-    /// Whether its views are on the paths of the training.
+    /// Its views beside the paths of the training.
     aside: AsideWatch,
     /// Time of the last tick with a box of it, seconds.
     seen_s: f64,
@@ -50,7 +50,7 @@ pub(crate) struct Judged {
     pub phase: Phase,
     /// Time of the last tick with a box of it, seconds.
     pub seen_s: f64,
-    /// Why views that see it are not used.
+    /// Views that see it and are not used, with the cause.
     pub withheld: Option<Withheld>,
 }
 

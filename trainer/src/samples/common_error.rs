@@ -1,4 +1,4 @@
-//! Errors that all ticks of a flight have in common, such as that of a lag or of a camera's turn.
+//! Errors that all ticks of a flight share, such as the error of a lag or of a camera's turn.
 //!
 //! The filter takes the errors of ticks as independent and averages them, which leaves a common one as it is. So its standard deviation is
 //! stated to the filter as many times larger as the average of independent ones is smaller.

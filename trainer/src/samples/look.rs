@@ -1,4 +1,4 @@
-//! Which images of a tick can be used, and which of them show where their camera looks.
+//! The images of a tick: usable or not, with a background that shows where the camera looks or without one.
 
 use dataset::tables::health::HealthState;
 

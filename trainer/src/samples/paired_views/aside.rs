@@ -1,7 +1,7 @@
 //! Views that together see an aircraft beside the paths of the training for a long time.
 //!
 //! Rows show whether two boxes are of one aircraft, and columns how far away it is. A camera that is turned sideways shifts its columns
-//! alone: the views still agree, on a distance that is wrong by per cents, and motion and size are those of an approach. The background
+//! alone: the views still agree, on a distance that is wrong by several per cent, and motion and size are those of an approach. The background
 //! shows a turn within a flight; in fog the paths of the training are the only evidence. Gusts and intercepts lead away from these paths
 //! and back within some seconds. A turned camera is off by the same number of columns as long as it stays turned.
 
@@ -25,7 +25,7 @@ const PARTS: usize = 4;
 pub(super) const FEWEST_FLIGHTS: usize = 4;
 /// An offset that lasts for this time counts, seconds.
 const KEPT_S: f64 = 60.0;
-/// After a longer time without a pair of boxes the minute begins anew, seconds.
+/// A longer gap without a pair of boxes restarts the minute, seconds.
 const LONGEST_GAP_S: f64 = 30.0;
 /// Pairs are compared once in this time, seconds, and a minute has at least so many of them.
 const STEP_S: f64 = 1.0;
@@ -136,7 +136,7 @@ impl Columns {
     }
 }
 
-/// What two views had in common all through a minute.
+/// A minute of two views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Minute {
     /// Its begin, seconds.
@@ -315,7 +315,7 @@ impl AsideWatch {
         self.aside.as_ref()
     }
 
-    /// What it was at the last tick.
+    /// The result at the last tick.
     pub(super) fn last(self) -> Option<Aside> {
         self.aside
     }
