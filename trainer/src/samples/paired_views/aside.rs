@@ -1,9 +1,9 @@
 //! Views that together see an aircraft beside the paths of the training for a long time.
 //!
 //! Rows show whether two boxes are of one aircraft, and columns how far away it is. A camera that is turned sideways shifts its columns
-//! alone: the views still agree, on a distance that is wrong by several per cent, and motion and size are those of an approach. The background
-//! shows a turn within a flight; in fog the paths of the training are the only evidence. Gusts and intercepts lead away from these paths
-//! and back within some seconds. A turned camera is off by the same number of columns as long as it stays turned.
+//! alone: the views still agree, on a distance that is wrong by several per cent, and motion and size are those of an approach. The
+//! background shows a turn within a flight; in fog the paths of the training are the only evidence. Gusts and intercepts lead away from
+//! these paths and back within some seconds. A turned camera is off by the same number of columns as long as it stays turned.
 
 use std::collections::VecDeque;
 
