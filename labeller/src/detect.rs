@@ -267,7 +267,7 @@ fn without_background(rows: &[ViewHealth]) -> Vec<&str> {
     let mut views: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
     for row in rows {
         let of_view = views.entry(&row.view).or_default();
-        of_view[usize::from(row.motion.is_none() && row.state != HealthState::Frozen)] += 1;
+        of_view[usize::from(row.hides_direction())] += 1;
     }
     let hidden = views
         .into_iter()

@@ -8,7 +8,6 @@
 
 pub(crate) mod camera_adjustment;
 pub(crate) mod camera_health;
-pub(crate) mod common_error;
 pub(crate) mod flight_parts;
 pub(crate) mod json_differences;
 pub(crate) mod late_images;
@@ -51,7 +50,6 @@ use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::{CameraHealth, Corrections};
-use crate::samples::common_error::times_larger;
 use crate::samples::late_images::{in_time, lateness};
 use crate::samples::look::Look;
 use crate::samples::other_boxes::{Candidate, Registered};
@@ -59,7 +57,7 @@ use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
 use crate::samples::view_shift::ViewShift;
 
-pub(crate) use sample::{Observation, Sample};
+pub(crate) use sample::{CommonError, Observation, Sample};
 
 /// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
 pub(crate) const FARTHEST_NM: f64 = 10_800.0;
@@ -474,9 +472,7 @@ impl Samples {
             let looks = views.map(|view| look(row.tick, view));
             Observation::of(at, &found, &registered, looks.collect())
         };
-        let times_s = frames.rows.iter().map(|row| row.time_ns as f64 / 1e9);
-        let times_larger = times_larger(times_s);
-        let late = lateness(&self.views, &health, times_larger);
+        let late = lateness(&self.views, &health);
         if moment == Moment::Live {
             let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
             let boxes = observations
@@ -487,7 +483,7 @@ impl Samples {
             summary.corrections = corrections;
             return Ok((summary, frames, observations));
         }
-        let health = CameraHealth::of(&self.views, &summary.cameras, health, times_larger);
+        let health = CameraHealth::of(&self.views, &summary.cameras, health);
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))
             .collect();
@@ -501,6 +497,11 @@ impl Samples {
         self.ticks_of_side(side)
             .filter(|sample| sample.detections() > 0)
             .collect()
+    }
+
+    /// The same for a training ([`Sample::own_common_errors`]).
+    pub(crate) fn own_common_errors(&mut self) {
+        self.samples.iter_mut().for_each(Sample::own_common_errors);
     }
 
     /// Puts all scenarios on the test side.
@@ -545,6 +546,11 @@ impl Samples {
             hash.update(&sample.tick.to_le_bytes());
             hash.update(&sample.dtd_m.to_le_bytes());
             hash.update(&sample.cut_off.to_le_bytes());
+            for CommonError { view, sd_px } in &sample.common_errors {
+                for number in [*view as f64, sd_px.x, sd_px.y] {
+                    hash.update(&number.to_le_bytes());
+                }
+            }
             for (view, (seen, shift)) in sample.boxes.iter().zip(&sample.shifts).enumerate() {
                 let seen = seen.map(|b| [b.cx_px, b.cy_px, b.width_px, b.height_px]);
                 let shift = shift.map(|shift| {
@@ -617,13 +623,7 @@ fn farther_from_training(one: Side, other: Side) -> Side {
 fn looks(views: &[String], health: &[ViewHealth], moment: Moment) -> BTreeMap<(u32, usize), Look> {
     let judged = health.iter().filter_map(|row| {
         let look = match moment {
-            // Rows that contradict the first view's are no background.
-            Moment::Hindsight
-                if row.motion.is_none()
-                    && matches!(row.state, HealthState::Unknown | HealthState::Inconsistent) =>
-            {
-                Look::Unplaced
-            }
+            Moment::Hindsight if row.hides_direction() => Look::Unplaced,
             Moment::Hindsight => Look::Placed,
             Moment::Live => Look::of(row.state_live?),
         };

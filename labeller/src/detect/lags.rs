@@ -7,7 +7,7 @@ use dataset::corpus::detections::{Detection, Detections};
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::LAG_STEP_S;
 use dataset::numbers::motion::motion_at;
-use dataset::tables::health::{HealthState, ViewHealth, ViewLag};
+use dataset::tables::health::{HealthState, LEAST_LAG_SD_MS, ViewHealth, ViewLag};
 use dataset::tables::registrations::Registration;
 use glam::DVec2;
 
@@ -16,9 +16,6 @@ use crate::view_lag::{CommonSighting, ViewRelation};
 
 /// A direction that is less certain is not corrected, pixels.
 const MOST_TURN_SD_PX: f64 = 0.3;
-/// Standard deviation of what all sightings of a flight have in common, milliseconds: views from two sides see other parts of a near
-/// aircraft, and wrong directions of cameras resemble a lag.
-const COMMON_SD_MS: f64 = 20.0;
 /// A larger lag, or a less certain one, was not measured: motion changes too much during it, milliseconds.
 const MOST_MS: f64 = 10_000.0;
 /// Two views do not show the same aircraft if rows contradict by so many pixels and standard deviations of the flight.
@@ -131,7 +128,7 @@ impl Flight<'_> {
         let relation = ViewRelation::robust(&kept)?;
         let lag = ViewLag {
             lag_ms: -1e3 * relation.offset.seconds,
-            lag_sd_ms: (1e3 * relation.offset.sd_s).hypot(COMMON_SD_MS),
+            lag_sd_ms: (1e3 * relation.offset.sd_s).hypot(LEAST_LAG_SD_MS),
         };
         if lag.lag_ms.abs().max(lag.lag_sd_ms) > MOST_MS {
             return None;

@@ -104,6 +104,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
             looks: vec![Look::Placed; boxes.len()],
             boxes,
             shifts,
+            common_errors: Vec::new(),
             cut_off: 0,
             others: None,
         };

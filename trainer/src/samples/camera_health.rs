@@ -1,9 +1,9 @@
 //! What was seen by cameras that moved, shook or repeated images, as the flight's usual directions would have seen it.
 //!
 //! `dtd detect` measures each camera's direction from the ground in its images ([`dataset::tables::health`]). Where a camera is off, its
-//! boxes and registered shifts are moved to where the usual direction would have seen them, and the shifts are as much less certain as
-//! that direction is. A view does not count at a tick whose image repeats an earlier one, or whose direction is off by an amount that is
-//! not known well. Other ticks stay as they are, bit by bit.
+//! boxes and registered shifts are moved to where the usual direction would have seen them. What several measured directions are off by
+//! alike is an error that their ticks share; by the rest, shifts are less certain. A view does not count at a tick whose image repeats an
+//! earlier one, or whose direction is off by an amount that is not known well. Other ticks stay as they are, bit by bit.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -13,8 +13,8 @@ use dataset::geometry::camera::Camera;
 use dataset::tables::health::{HealthState, ViewHealth};
 use glam::DVec2;
 
-use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::{CommonError, Observation};
 
 /// A direction that is off with a larger standard deviation is not corrected, pixels: at ten nautical miles such an error is 0.1 % of the
 /// distance with masts 600 m apart.
@@ -25,8 +25,8 @@ pub(crate) struct CameraHealth<'a> {
     views: &'a [String],
     cameras: &'a [Camera],
     rows: BTreeMap<(u32, usize), ViewHealth>,
-    /// Factor of deviations that ticks have in common ([`crate::samples::common_error`]).
-    times_larger: f64,
+    /// Standard deviation of the usual direction of a camera that shakes, by view, pixels: the least that its directions have.
+    usual_sd_px: Vec<f64>,
 }
 
 /// What became of boxes of cameras that were not well.
@@ -97,29 +97,44 @@ impl fmt::Display for Corrections {
 
 impl<'a> CameraHealth<'a> {
     /// `cameras` in the order of `views`.
-    pub(crate) fn of(
-        views: &'a [String],
-        cameras: &'a [Camera],
-        rows: Vec<ViewHealth>,
-        times_larger: f64,
-    ) -> Self {
+    pub(crate) fn of(views: &'a [String], cameras: &'a [Camera], rows: Vec<ViewHealth>) -> Self {
         let rows = rows.into_iter().filter(|row| !row.state.is_well());
         let placed = rows.filter_map(|row| {
             let view = views.iter().position(|view| *view == row.view)?;
             Some(((row.tick, view), row))
         });
+        let rows: BTreeMap<(u32, usize), ViewHealth> = placed.collect();
+        let mut usual_sd_px = vec![f64::INFINITY; views.len()];
+        for ((_, view), row) in &rows {
+            if let (HealthState::Shaking, Some(turn)) = (row.state, row.motion) {
+                usual_sd_px[*view] = turn.shift_sd_px.min(usual_sd_px[*view]);
+            }
+        }
         Self {
             views,
             cameras,
-            rows: placed.collect(),
-            times_larger,
+            rows,
+            usual_sd_px,
         }
+    }
+
+    /// Standard deviations of the direction of a view in a row, pixels: of what it shares with other ticks, and of the rest.
+    fn sds_px(&self, view: usize, row: &ViewHealth) -> [f64; 2] {
+        let whole_px = row.motion.map_or(0.0, |turn| turn.shift_sd_px);
+        let common_px = match row.state {
+            HealthState::Shaking => whole_px.min(self.usual_sd_px[view]),
+            // The turn of a camera that stays turned is measured with the same error again and again.
+            _ => whole_px,
+        };
+        let own_px = (whole_px.powi(2) - common_px.powi(2)).max(0.0).sqrt();
+        [common_px, own_px]
     }
 
     /// The same tick as usual cameras would have seen it. Counts what changes.
     pub(crate) fn corrected(&self, observed: Observation, counts: &mut Corrections) -> Observation {
         let row = |view: usize| self.rows.get(&(observed.tick, view));
-        if (0..self.views.len()).all(|view| row(view).is_none()) {
+        let views = 0..self.views.len();
+        if views.clone().all(|view| row(view).is_none()) {
             return observed;
         }
         // `None`: the view does not count.
@@ -140,17 +155,25 @@ impl<'a> CameraHealth<'a> {
                 None => counts.withheld += 1,
             }
         }
-        // Without a standard deviation the view does not count, or was not moved.
-        let sd_px = |view: usize| {
-            let row = row(view)?;
-            // The turn of a camera that stays turned is measured with the same error again and again.
-            let is_common = row.state == HealthState::Moved;
-            let factor = if is_common { self.times_larger } else { 1.0 };
-            Some(factor * row.motion?.shift_sd_px)
+        let is_kept = |view: usize| usual(view, DVec2::ZERO).is_some();
+        let sds_px = |view: usize| match row(view).filter(|_| is_kept(view)) {
+            Some(row) => self.sds_px(view, row),
+            None => [0.0; 2],
         };
+        let sds_px: Vec<[f64; 2]> = views.map(sds_px).collect();
+        let common = sds_px
+            .iter()
+            .enumerate()
+            .flat_map(|(view, [common_px, _])| {
+                [DVec2::X, DVec2::Y].map(|axis| CommonError {
+                    view,
+                    sd_px: *common_px * axis,
+                })
+            });
         observed
-            .without_images(|view| usual(view, DVec2::ZERO).is_none())
+            .without_images(|view| !is_kept(view))
             .moved(usual)
-            .widened(|view| DVec2::splat(sd_px(view).unwrap_or_default()))
+            .widened(|view| DVec2::splat(sds_px[view][1]))
+            .with_common(common)
     }
 }

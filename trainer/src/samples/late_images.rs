@@ -2,49 +2,55 @@
 //!
 //! `dtd detect` measures by how much the images of a view are late ([`dataset::tables::health::late_views`]). What such a view shows at a
 //! tick is where the aircraft was before, so its box and its shift are moved on by the motion in this view during the lag. Where that
-//! motion is unknown, the view does not count. The uncertainty of the lag adds to the shift's. A lag that is likely but not certain is not
-//! corrected: it is such an uncertainty as a whole.
+//! motion is unknown, the view does not count. The uncertainty of the motion adds to the shift's; that of the lag is an error that all
+//! ticks of the flight share. A lag that is likely but not certain is not corrected: it is such an uncertainty as a whole.
 
 use std::collections::BTreeMap;
 
-use dataset::numbers::motion::motion_at;
-use dataset::tables::health::{Late, ViewHealth, late_views};
+use dataset::numbers::motion::{Motion, motion_at};
+use dataset::numbers::spread::deviation_from_zero;
+use dataset::tables::health::{LEAST_LAG_SD_MS, Late, ViewHealth, late_views};
 use glam::DVec2;
 
-use crate::samples::Observation;
 use crate::samples::camera_health::Corrections;
 use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::{CommonError, Observation};
 
 /// A lag of so many standard deviations, and at least so large, is likely, seconds.
 const LIKELY: f64 = 2.5;
 const LEAST_LIKELY_S: f64 = 0.1;
-/// A lag is the slope of distances over motions, and errors of the motions make it look smaller: by a few per cent where it is known to
-/// 0.025 s, by a third in fog, where it is known to 0.06 s. The part that may be missing grows with the square of that.
-const ATTENUATING_SD_S: f64 = 0.12;
+/// A lag is the slope of distances over motions, and errors of the motions make it look smaller: by a quarter where the sightings leave
+/// 0.05 s, in fog, and not at all where they leave 0.015 s. The part that may be missing grows with the square of that.
+const ATTENUATING_SD_S: f64 = 0.1;
+/// A place counts in the scatter if this share of its variance remains beside the cubic; at the ends cubics follow places too closely.
+const LEAST_FREE: f64 = 0.05;
 
-/// By how much the images of each view are late. `times_larger`: factor of errors that ticks have in common
-/// ([`crate::samples::common_error`]).
-pub(crate) fn lateness(views: &[String], health: &[ViewHealth], times_larger: f64) -> Vec<Late> {
+/// By how much the images of each view are late.
+pub(crate) fn lateness(views: &[String], health: &[ViewHealth]) -> Vec<Late> {
     let sure = late_views(health);
     let of_view = |view: &String| match sure.get(view.as_str()) {
         Some(late) => {
-            let missing_s = late.seconds * (late.sd_s / ATTENUATING_SD_S).powi(2);
+            let of_sightings = (late.sd_s.powi(2) - (LEAST_LAG_SD_MS / 1e3).powi(2)).max(0.0);
+            let missing_s = late.seconds * of_sightings / ATTENUATING_SD_S.powi(2);
             Late {
-                sd_s: late.sd_s.hypot(times_larger * missing_s),
+                sd_s: late.sd_s.hypot(missing_s),
                 ..*late
             }
         }
         None => Late {
             seconds: 0.0,
-            sd_s: times_larger * likely_s(health, view).unwrap_or_default(),
+            sd_s: likely_s(health, view).unwrap_or_default(),
         },
     };
     views.iter().map(of_view).collect()
 }
 
-/// The lag that a view may have, and its uncertainty, seconds.
+/// The lag that a view may have, and its uncertainty, seconds; `None` if it is certain, for then the later view is corrected.
 fn likely_s(health: &[ViewHealth], view: &str) -> Option<f64> {
     let lag = health.iter().find(|row| row.view == view)?.lag?;
+    if lag.is_sure() {
+        return None;
+    }
     let [lag_s, sd_s] = [lag.lag_ms.abs() / 1e3, lag.lag_sd_ms / 1e3];
     (lag_s >= LEAST_LIKELY_S.max(LIKELY * sd_s)).then(|| lag_s.hypot(sd_s))
 }
@@ -71,15 +77,20 @@ pub(crate) fn in_time(
             }
         }
     }
+    let scatter_px: BTreeMap<_, DVec2> = (tracks.iter())
+        .map(|(track, places)| (*track, scatter(places)))
+        .collect();
     let moved = |observed: Observation| {
         let motion_px_s = |view: usize| {
-            let places = tracks.get(&(view, observed.tracks[view]))?;
-            motion_at(places, seconds(&observed)).map(|motion| motion.per_s)
+            let track = (view, observed.tracks[view]);
+            let motion = motion_at(tracks.get(&track)?, seconds(&observed))?;
+            Some((motion.per_s, motion.unit_sd_per_s * scatter_px[&track]))
         };
-        let motions: Vec<Option<DVec2>> = (late.iter().enumerate())
+        // The motion in each view, and its standard deviation.
+        let motions: Vec<Option<[DVec2; 2]>> = (late.iter().enumerate())
             .map(|(view, late)| match motion_px_s(view) {
-                None if late.seconds == 0.0 => Some(DVec2::ZERO),
-                motion => motion,
+                None if late.seconds == 0.0 => Some([DVec2::ZERO; 2]),
+                motion => motion.map(<[DVec2; 2]>::from),
             })
             .collect();
         for (view, seen) in observed.boxes.iter().enumerate() {
@@ -92,10 +103,30 @@ pub(crate) fn in_time(
             }
         }
         observed
-            .moved(|view, place_px| Some(place_px + late[view].seconds * motions[view]?))
-            .widened(|view| late[view].sd_s * motions[view].unwrap_or_default())
+            .moved(|view, place_px| Some(place_px + late[view].seconds * motions[view]?[0]))
+            .widened(|view| late[view].seconds * motions[view].unwrap_or_default()[1])
+            .with_common((0..late.len()).map(|view| CommonError {
+                view,
+                sd_px: late[view].sd_s * motions[view].unwrap_or_default()[0],
+            }))
     };
     observations.into_iter().map(moved).collect()
+}
+
+/// Standard deviation of the places of a track from the cubics through those around them, right and down.
+fn scatter(places: &[(f64, DVec2)]) -> DVec2 {
+    let off = places.iter().filter_map(|(time_s, place)| {
+        let Motion {
+            place: expected,
+            unit_variance,
+            ..
+        } = motion_at(places, *time_s)?;
+        let expected_square = 1.0 - unit_variance;
+        (expected_square > LEAST_FREE).then(|| (*place - expected) / expected_square.sqrt())
+    });
+    let off: Vec<DVec2> = off.collect();
+    let along = |axis: DVec2| deviation_from_zero(off.iter().map(|off| off.dot(axis)));
+    DVec2::new(along(DVec2::X), along(DVec2::Y))
 }
 
 fn seconds(observed: &Observation) -> f64 {
@@ -165,10 +196,13 @@ mod tests {
             assert!((at(moved) - at(&expected)).abs() < 1e-6);
             let shift = |observed: &Observation| observed.shifts[1].unwrap().shift_px;
             assert!((shift(moved) - shift(&expected)).length() < 1e-6);
+            // Its motion is known exactly: 20 pixels a second to the right.
             let sd_px = moved.shifts[1].unwrap().sd_px;
-            // It moves by 20 pixels a second to the right.
-            assert!((sd_px.x - 0.03_f64.hypot(0.6)).abs() < 1e-6, "{sd_px}");
-            assert!((sd_px.y - 0.04).abs() < 1e-6, "{sd_px}");
+            assert!((sd_px - DVec2::new(0.03, 0.04)).length() < 1e-6, "{sd_px}");
+            let [CommonError { view: 1, sd_px }] = moved.common_errors[..] else {
+                panic!("{:?}", moved.common_errors);
+            };
+            assert!((sd_px - DVec2::new(0.6, 0.0)).length() < 1e-6, "{sd_px}");
             assert_eq!(moved.boxes[0], expected.boxes[0]);
         }
         assert_eq!((counts.late, counts.late_withheld), (20, 0));
@@ -177,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lag_that_is_likely_widens_shifts_and_a_certain_one_has_the_part_that_errors_of_motions_hide()
+    fn a_lag_that_is_likely_is_a_common_error_and_a_certain_one_has_the_part_that_errors_of_motions_hide()
      {
         let views = ["left".to_owned(), "right".to_owned()];
         let late = |lag_ms: f64, lag_sd_ms: f64| {
@@ -192,15 +226,18 @@ mod tests {
             };
             let lag = ViewLag { lag_ms, lag_sd_ms };
             let [left, right] = &views;
-            lateness(&views, &[row(left, None), row(right, Some(lag))], 1.0)
+            lateness(&views, &[row(left, None), row(right, Some(lag))])
         };
         let none = Late::default();
         assert_eq!(late(35.0, 50.0), [none; 2]);
+        // It is the first view that shows an earlier aircraft.
+        let of_views = late(-490.0, 25.0);
+        assert_eq!((of_views[0].seconds, of_views[1]), (0.49, none));
         assert_eq!(late(110.0, 50.0), [none; 2]);
         let likely = late(-200.0, 60.0);
         assert_eq!((likely[0], likely[1].seconds), (none, 0.0));
         assert!((likely[1].sd_s - 0.2_f64.hypot(0.06)).abs() < 1e-9);
-        for (sd_ms, least_s, most_s) in [(25.0, 0.025, 0.035), (60.0, 0.12, 0.14)] {
+        for (sd_ms, least_s, most_s) in [(25.0, 0.025, 0.03), (60.0, 0.15, 0.18)] {
             let sure = late(490.0, sd_ms)[1];
             assert_eq!(sure.seconds, 0.49);
             assert!((least_s..most_s).contains(&sure.sd_s), "{sure:?}");
@@ -210,10 +247,35 @@ mod tests {
         assert_eq!((counts.late, counts.late_withheld), (0, 0));
         for (widened, usual) in widened.iter().zip(flight(0.0)) {
             assert_eq!(widened.boxes, usual.boxes);
-            let sd_px = widened.shifts[1].unwrap().sd_px;
-            let expected_px = 0.03_f64.hypot(20.0 * likely[1].sd_s);
-            assert!((sd_px.x - expected_px).abs() < 1e-6, "{sd_px}");
+            assert_eq!(widened.shifts, usual.shifts);
+            let common_px = widened.common_errors[0].sd_px.x;
+            assert!(
+                (common_px - 20.0 * likely[1].sd_s).abs() < 1e-6,
+                "{common_px}"
+            );
         }
+    }
+
+    #[test]
+    fn the_motion_is_as_uncertain_as_the_places_scatter() {
+        const NOISE_PX: f64 = 0.5;
+        let mut noisy = flight(LATE_S);
+        for (number, observed) in noisy.iter_mut().enumerate() {
+            // Alternating, so that no cubic follows it.
+            let off_px = if number % 2 == 0 { NOISE_PX } else { -NOISE_PX };
+            observed.boxes[1].as_mut().unwrap().cx_px += off_px;
+        }
+        let mut counts = Corrections::default();
+        let widened = in_time(noisy, &LATE, &mut counts);
+        // A cubic through eight places a second apart knows its slope to 0.41 of their deviation in the middle.
+        let expected_px = 0.03_f64.hypot(LATE_S * 0.41 * NOISE_PX);
+        let sd_px = widened[10].shifts[1].unwrap().sd_px;
+        // A median takes errors of one size for larger ones than they are.
+        assert!((1.0..1.8).contains(&(sd_px.x / expected_px)), "{sd_px}");
+        assert!(
+            sd_px.x > 2.0 * 0.03 && (sd_px.y - 0.04).abs() < 1e-6,
+            "{sd_px}"
+        );
     }
 
     #[test]

@@ -163,6 +163,7 @@ impl Observation {
                 .collect(),
             others: others.and_then(OtherBoxes::unless_empty),
             looks: self.looks.clone(),
+            common_errors: self.common_errors.clone(),
             boxes,
             ..*self
         }
@@ -214,6 +215,7 @@ mod tests {
             shifts: vec![None; 2],
             cut_off: 0,
             looks: vec![Look::Placed; 2],
+            common_errors: Vec::new(),
             others: OtherBoxes::of(&found, &[None, Some((0, shift))]),
         }
     }

@@ -11,6 +11,15 @@ use crate::samples::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
 
+/// An error of the places in a view that all ticks of a flight share, such as the error of a lag or of a camera's turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CommonError {
+    /// Index of the view.
+    pub view: usize,
+    /// Displacement of places by one standard deviation, right and down, pixels.
+    pub sd_px: DVec2,
+}
+
 /// Observation at one tick: the only input of an estimator.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Observation {
@@ -30,6 +39,8 @@ pub(crate) struct Observation {
     pub cut_off: usize,
     /// Image of each view, in the same order. A view that looks and has no box sees nothing; one that fails is blind.
     pub looks: Vec<Look>,
+    /// Errors of the places in views that all ticks of the flight share, independent of each other.
+    pub common_errors: Vec<CommonError>,
     /// Boxes with lower scores in the same pictures, if there are any.
     pub others: Option<Box<OtherBoxes>>,
 }
@@ -62,6 +73,7 @@ impl Observation {
             others: OtherBoxes::of(found, registered),
             boxes,
             looks,
+            common_errors: Vec::new(),
         }
     }
 
@@ -78,6 +90,7 @@ impl Observation {
             others: OtherBoxes::of_views(self.others.as_deref(), &boxes),
             tracks: self.tracks.clone(),
             looks: self.looks.clone(),
+            common_errors: self.common_errors.clone(),
             boxes,
             ..*self
         }
@@ -114,6 +127,7 @@ impl Observation {
             tracks: self.tracks.clone(),
             boxes: self.boxes.clone(),
             looks: self.looks.clone(),
+            common_errors: self.common_errors.clone(),
             others: self
                 .others
                 .as_ref()
@@ -144,6 +158,24 @@ impl Observation {
             }
         }
         self
+    }
+
+    /// The same tick with more errors that it shares with others.
+    pub(crate) fn with_common(mut self, errors: impl IntoIterator<Item = CommonError>) -> Self {
+        let errors = errors.into_iter();
+        self.common_errors
+            .extend(errors.filter(|error| error.sd_px != DVec2::ZERO));
+        self
+    }
+
+    /// The same tick whose common errors are its own.
+    fn with_own_errors_alone(mut self) -> Self {
+        let common = std::mem::take(&mut self.common_errors);
+        self.widened(|view| {
+            let of_view = common.iter().filter(|error| error.view == view);
+            let squares: DVec2 = of_view.map(|error| error.sd_px * error.sd_px).sum();
+            DVec2::new(squares.x.sqrt(), squares.y.sqrt())
+        })
     }
 
     /// Number of views that saw the aircraft.
@@ -193,6 +225,13 @@ impl Deref for Sample {
 }
 
 impl Sample {
+    /// Makes the errors that the flight's ticks share its own, for a training: among many flights those of one are errors like others.
+    pub(crate) fn own_common_errors(&mut self) {
+        if !self.observed.common_errors.is_empty() {
+            self.observed = self.observed.clone().with_own_errors_alone();
+        }
+    }
+
     /// The same tick with other observations.
     pub(crate) fn with(&self, observed: Observation) -> Self {
         Self { observed, ..*self }
@@ -212,6 +251,7 @@ impl Sample {
                 tracks: vec![None; boxes.len()],
                 looks: vec![Look::Placed; boxes.len()],
                 boxes,
+                common_errors: Vec::new(),
                 cut_off: 0,
                 others: None,
             },

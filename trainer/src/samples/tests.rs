@@ -504,8 +504,8 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
                         one.shift_px.distance(other.shift_px) < 0.02,
                         "{one:?} {other:?}"
                     );
-                    let moved_px = 0.02 * (8.0 / registered().frame_rate.period_s()).sqrt();
-                    let turned_px = [0.0, moved_px, 0.1, moved_px.hypot(0.02)][tick as usize % 4];
+                    let own_px2 = 0.1_f64.powi(2) - 0.02_f64.powi(2);
+                    let turned_px = if tick % 4 == 2 { own_px2.sqrt() } else { 0.0 };
                     let sd_px = one.sd_px.to_array().map(|sd_px| sd_px.hypot(turned_px));
                     assert!(other.sd_px.distance(sd_px.into()) < 1e-9, "{other:?}");
                 }
@@ -514,6 +514,21 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
         }
         if one.tick % 4 == 0 {
             assert_eq!(one, other, "steady ticks stay as they are");
+        }
+        // Ticks share the error of a turn that stays, and of the usual direction of a camera that shakes.
+        let views: &[usize] = [&[] as &[usize], &[0], &[1], &[0, 1]][tick as usize % 4];
+        let right_and_down = [DVec2::new(0.02, 0.0), DVec2::new(0.0, 0.02)];
+        let expected = views
+            .iter()
+            .flat_map(|&view| right_and_down.map(|sd_px| CommonError { view, sd_px }));
+        assert_eq!(other.common_errors, expected.collect::<Vec<_>>());
+        let mut trained = other.clone();
+        trained.own_common_errors();
+        assert_eq!(trained.common_errors, []);
+        let common_px = 0.02 * (views.len() as f64).sqrt();
+        if let (Some(usual), Some(widened)) = (other.shifts[1], trained.shifts[1]) {
+            let expected_px = usual.sd_px.to_array().map(|sd_px| sd_px.hypot(common_px));
+            assert!(widened.sd_px.distance(expected_px.into()) < 1e-9);
         }
     }
     assert!(compared > 100, "{compared}");

@@ -57,6 +57,7 @@ impl Truth {
                 shifts: Vec::new(),
                 tracks: Vec::new(),
                 looks: Vec::new(),
+                common_errors: Vec::new(),
                 others: None,
                 cut_off: 0,
             };

@@ -18,9 +18,13 @@ pub struct Motion {
     pub per_s: DVec2,
     /// Standard deviation of each coordinate of that, for places with a standard deviation of 1.
     pub unit_sd_per_s: f64,
+    /// Place at that time by the fitted cubic.
+    pub place: DVec2,
+    /// Variance of each coordinate of that, for places with a variance of 1.
+    pub unit_variance: f64,
 }
 
-/// Slope at a time of the cubic that fits the places best; `None` of too few. `places`: by time, seconds.
+/// Place and slope at a time of the cubic that fits the places best; `None` of too few. `places`: by time, seconds.
 pub fn motion_at(places: &[(f64, DVec2)], at_s: f64) -> Option<Motion> {
     let near = near(places, at_s)?;
     let powers = |time_s: f64| [0, 1, 2, 3].map(|power| (time_s - at_s).powi(power));
@@ -29,14 +33,18 @@ pub fn motion_at(places: &[(f64, DVec2)], at_s: f64) -> Option<Motion> {
         normal.add(&powers(*time_s), 0.0, 1.0);
     }
     let inverse = normal.inverse()?;
-    let slope = &inverse[1];
-    let factor = |time_s: f64| {
-        let terms = slope.iter().zip(powers(time_s));
-        terms.map(|(of_power, power)| of_power * power).sum::<f64>()
+    let coefficient = |number: usize| -> DVec2 {
+        let factor = |time_s: f64| -> f64 {
+            let terms = inverse[number].iter().zip(powers(time_s));
+            terms.map(|(of_power, power)| of_power * power).sum()
+        };
+        (near.iter().map(|(time_s, place)| factor(*time_s) * *place)).sum()
     };
     Some(Motion {
-        per_s: (near.iter().map(|(time_s, place)| factor(*time_s) * *place)).sum(),
-        unit_sd_per_s: slope[1].sqrt(),
+        per_s: coefficient(1),
+        unit_sd_per_s: inverse[1][1].sqrt(),
+        place: coefficient(0),
+        unit_variance: inverse[0][0],
     })
 }
 
@@ -108,6 +116,10 @@ mod tests {
         // Savitzky and Golay: a cubic through eight places.
         assert!((sd(9.5) - 0.410).abs() < 1e-3, "{}", sd(9.5));
         assert!(sd(0.0) > 3.0 * sd(9.5));
+        // Of four places before it, itself, and three after it.
+        let middle = motion_at(&places, 9.0).unwrap();
+        assert!((middle.unit_variance - 145.0 / 462.0).abs() < 1e-9);
+        assert!(middle.place.distance(places[9].1) < 1e-9);
     }
 
     #[test]

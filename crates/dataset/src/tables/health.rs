@@ -37,6 +37,14 @@ pub struct ViewHealth {
     pub vertical_px: Option<f64>,
 }
 
+impl ViewHealth {
+    /// True if the direction of the camera could not be measured in this image. An image that repeats an earlier one does not count.
+    pub fn hides_direction(&self) -> bool {
+        let is_known = matches!(self.state, HealthState::Steady | HealthState::Frozen);
+        self.motion.is_none() && !is_known
+    }
+}
+
 /// Lag of a view's images behind the first view's.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct ViewLag {
@@ -54,6 +62,9 @@ impl ViewLag {
     }
 }
 
+/// Lower limit of a lag's standard deviation, milliseconds. More sightings do not reduce it: views from two sides see other parts of a near
+/// aircraft, and wrong directions of cameras resemble a lag.
+pub const LEAST_LAG_SD_MS: f64 = 20.0;
 /// A lag below this does not matter, milliseconds: 0.04 % of the distance at ten kilometres, with masts 600 m apart.
 const LEAST_LAG_MS: f64 = 100.0;
 /// Standard deviations of a lag that is no chance.

@@ -15,6 +15,7 @@
 //! The measurements are distances, because the formula of a fit inverts exactly: the filter is linear.
 
 mod backward;
+mod common_error;
 mod correlated_error;
 mod estimate;
 mod forward;
@@ -32,15 +33,16 @@ use std::borrow::Borrow;
 use dataset::numbers::spread::Spread;
 use serde::{Deserialize, Serialize};
 
-use crate::estimators::inverse_range::{CrossFitted, InverseRange, Measurement, scale_m};
+use crate::estimators::inverse_range::{CrossFitted, InverseRange, Measurement};
 use crate::networks::normalisation::Normalisation;
 use crate::samples::flight_parts::MOST_PARTS;
 use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;
+use common_error::{LastCommonError, common_errors};
 use correlated_error::CorrelatedError;
-use estimate::HalfWidths;
 pub(crate) use estimate::{Estimate, Estimated};
+use estimate::{HalfWidths, Widening};
 use forward::{Filter, Tick, filter};
 use hypothesis::Model;
 use labelled_flight::LabelledFlight;
@@ -69,6 +71,7 @@ pub(crate) struct FlightFilter {
 pub(crate) struct OnlineFilter {
     filter: Filter,
     misfit: RecentMisfit,
+    common: LastCommonError,
 }
 
 /// Ticks that an estimate may use.
@@ -185,6 +188,7 @@ impl FlightFilter {
         OnlineFilter {
             filter: Filter::new(self.model(), fits),
             misfit: RecentMisfit::default(),
+            common: LastCommonError::default(),
         }
     }
 
@@ -197,21 +201,21 @@ impl FlightFilter {
     ) -> Option<Estimate> {
         let tick = Tick::of(fits, observed);
         let scale = online.misfit.scale_after(self.row_misfit_px, &tick);
+        let common_sd_per_m = online.common.after(&tick);
         let known = online.filter.take(self.model(), &tick)?;
-        self.filtered.estimate(&self.motion, &known, scale)
+        let widening = Widening {
+            scale,
+            common_sd_per_m,
+        };
+        self.filtered.estimate(&self.motion, &known, widening)
     }
 
     /// Standard deviation of a measurement, metres: of its part that changes slowly, with the time in which half of that is forgotten,
     /// seconds, and of the part that is new at each tick.
     pub(crate) fn deviations_m(&self, measurement: &Measurement) -> (f64, f64, f64) {
         let error = &self.errors[measurement.fit];
-        let distance_m = measurement.distance_m;
-        let sd_m = error.deviation_at(distance_m) * scale_m(distance_m) / measurement.precision;
-        (
-            sd_m * (1.0 - error.new_share).sqrt(),
-            error.half_time_s,
-            sd_m * error.new_share.sqrt(),
-        )
+        let [smooth_m, new_m] = error.parts_m(measurement, measurement.distance_m);
+        (smooth_m, error.half_time_s, new_m)
     }
 
     fn model(&self) -> Model<'_> {
@@ -230,9 +234,14 @@ impl FlightFilter {
             Knowing::All => (&self.smoothed, smooth(model, ticks, &filtered.decisions)),
         };
         let scales = scales(self.row_misfit_px, ticks, knowing);
-        let estimates = known.iter().zip(scales).map(|(known, scale)| {
-            let known = known.as_ref()?;
-            widths.estimate(&self.motion, known, scale)
+        let widenings = scales.into_iter().zip(common_errors(ticks, knowing));
+        let estimates = known.iter().zip(widenings);
+        let estimates = estimates.map(|(known, (scale, common_sd_per_m))| {
+            let widening = Widening {
+                scale,
+                common_sd_per_m,
+            };
+            widths.estimate(&self.motion, known.as_ref()?, widening)
         });
         estimates.collect()
     }

@@ -4,7 +4,11 @@ use super::Fit;
 use super::InverseRange;
 use super::robust_fit::{NEAREST_M, precision};
 use super::row_misfit::RowRelation;
-use crate::samples::{Observation, Sample};
+use crate::samples::view_shift::Places;
+use crate::samples::{CommonError, Observation, Sample};
+
+/// Step by which the sensitivity to a place is measured, pixels.
+const STEP_PX: f64 = 0.01;
 
 /// The distance that one fit reads from the places at a tick. The formula of the inverse range is inverted exactly, so that no filter has
 /// to linearise it.
@@ -17,7 +21,10 @@ pub(crate) struct Measurement {
     /// Distance to touchdown, metres.
     pub distance_m: f64,
     /// Precision of the places, relative to the best ones, and of the formula there: its error is as many times larger as this is smaller.
+    /// It does not include the common errors.
     pub precision: f64,
+    /// Standard deviation of the part of its error that all ticks share, metres.
+    pub common_sd_m: f64,
 }
 
 impl Measurement {
@@ -58,6 +65,7 @@ impl InverseRange {
             of_one_view: fit.set.views.len() == 1,
             distance_m,
             precision: best / (1.0 + best * best * leverage).sqrt(),
+            common_sd_m: fit.common_sd_m(&places, distance_m, &observed.common_errors),
         })
     }
 
@@ -78,5 +86,24 @@ impl InverseRange {
             fits: self.fits.iter().map(refitted).collect(),
             rows: views.map_or(Vec::new(), |last| RowRelation::all(last + 1, training)),
         }
+    }
+}
+
+impl Fit {
+    /// Standard deviation of the distance due to common errors of the places, metres. Infinite where no step from the places is one that
+    /// the formula has a distance for.
+    fn common_sd_m(&self, places: &Places, distance_m: f64, errors: &[CommonError]) -> f64 {
+        let variance_m2 = |error: &CommonError| {
+            let number = self.set.views.iter().position(|&view| view == error.view)?;
+            let steps = error.sd_px.length() / STEP_PX;
+            let moved_m = [1.0, -1.0].into_iter().find_map(|direction| {
+                let mut moved = places.clone();
+                moved.centres_px[number] += direction * error.sd_px / steps;
+                self.distance_m(&self.terms(&moved))
+            });
+            let slope_m = moved_m.map_or(f64::INFINITY, |moved_m| moved_m - distance_m);
+            Some((steps * slope_m).powi(2))
+        };
+        errors.iter().filter_map(variance_m2).sum::<f64>().sqrt()
     }
 }

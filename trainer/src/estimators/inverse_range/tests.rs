@@ -1,11 +1,12 @@
 //! Fits to boxes from geometry.
 
 use dataset::corpus::splits::Side;
+use glam::DVec2;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
 use crate::samples::flight_parts::FlightParts;
-use crate::samples::{DistanceRange, Samples};
+use crate::samples::{CommonError, DistanceRange, Samples};
 
 fn read(corpus: &SyntheticCorpus) -> Samples {
     let folder = tempfile::tempdir().unwrap();
@@ -82,6 +83,39 @@ fn registered_shifts_give_several_times_the_precision_of_boxes_and_both_beat_one
     assert!(shifts < 0.03 && worst < 0.2, "{shifts} {worst}");
     assert!(boxes > 2.0 * shifts && boxes < 0.15, "{boxes}");
     assert!(one_view > 2.0 * boxes && one_view < 5.0, "{one_view}");
+}
+
+#[test]
+fn an_error_that_all_ticks_share_moves_the_distance_as_far_as_it_is_stated_to() {
+    const OFF: CommonError = CommonError {
+        view: 1,
+        sd_px: DVec2::new(0.1, 0.02),
+    };
+    let samples = read(&registered());
+    let fitted = fit(&samples, &samples.of_side(Side::Train));
+    let both = |sample: &&Sample| sample.detections() == 2;
+    let mut test = samples.of_side(Side::Test).into_iter().filter(both);
+    let (far, near) = (test.next().unwrap(), test.next_back().unwrap());
+    for sample in [far, near] {
+        let measured = |observed: &Observation| fitted.measurements(observed)[0];
+        let usual = measured(sample);
+        let moved = measured(&sample.moved(|view, place_px| {
+            let is_off = view == OFF.view;
+            Some(place_px + if is_off { OFF.sd_px } else { DVec2::ZERO })
+        }));
+        let stated = measured(&sample.observed.clone().with_common([OFF]));
+        let off_m = (moved.distance_m - usual.distance_m).abs();
+        assert!(
+            off_m > 0.05 && (stated.common_sd_m / off_m - 1.0).abs() < 0.02,
+            "{off_m} m, stated as {} m",
+            stated.common_sd_m
+        );
+        let expected = Measurement {
+            common_sd_m: stated.common_sd_m,
+            ..usual
+        };
+        assert_eq!(stated, expected);
+    }
 }
 
 #[test]

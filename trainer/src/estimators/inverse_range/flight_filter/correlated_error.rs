@@ -8,6 +8,7 @@ use dataset::numbers::spread::deviation_from_zero;
 use serde::{Deserialize, Serialize};
 
 use super::gaussian::{Block, Gaussian, Step, log_likelihood};
+use crate::estimators::inverse_range::{Measurement, scale_m};
 
 /// Ticks by which a deviation is measured, and most distances at which one is.
 const TICKS_PER_DISTANCE: usize = 40;
@@ -137,6 +138,23 @@ impl CorrelatedError {
             }
             (near, far) => near.or(far).unwrap_or(LEAST_DEVIATION),
         }
+    }
+
+    /// Standard deviations of the error of a measurement at a distance, metres: of its smooth part, and of what is new at each tick.
+    pub(super) fn parts_m(&self, measurement: &Measurement, distance_m: f64) -> [f64; 2] {
+        let least_m = self.deviation_at(distance_m) * scale_m(distance_m);
+        let whole_m = least_m / measurement.precision;
+        // Where shifts are less certain, errors are new at each tick. A formula of one view that is far from its training stays wrong.
+        let with_smooth_m = if measurement.of_one_view {
+            whole_m
+        } else {
+            least_m
+        };
+        let smooth_m = with_smooth_m * (1.0 - self.new_share).sqrt();
+        [
+            smooth_m,
+            (whole_m.powi(2) - smooth_m.powi(2)).max(0.0).sqrt(),
+        ]
     }
 
     /// Initial variances of the smooth part and its rate.

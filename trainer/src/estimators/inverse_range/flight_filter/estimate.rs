@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::gaussian::{Gaussian, Step};
 use super::motion::Motion;
+use crate::estimators::inverse_range::scale_m;
 
 /// A relative standard deviation of the distance above which there is no answer.
 const LARGEST_DEVIATION: f64 = 0.2;
@@ -48,6 +49,15 @@ impl Estimate {
     }
 }
 
+/// What makes an answer less certain than the filter knows it to be.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Widening {
+    /// Factor of the standard deviation of the distance.
+    pub(super) scale: f64,
+    /// Standard deviation of the inverse range by an error that all ticks share, which the filter cannot reduce, 1/m.
+    pub(super) common_sd_per_m: f64,
+}
+
 /// Half widths of the 90 % intervals, in standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HalfWidths {
@@ -68,29 +78,32 @@ impl HalfWidths {
         [self.distance, self.ground_speed, self.time_to_touchdown]
     }
 
-    /// The answer that follows from what is known of the motion; `scale`: factor of the standard deviation of the distance. `None` if it is
-    /// too vague, or no distance.
+    /// The answer that follows from what is known of the motion. `None` if it is too vague, or no distance.
     pub(super) fn estimate(
         &self,
         motion: &Motion,
         known: &Gaussian,
-        scale: f64,
+        widening: Widening,
     ) -> Option<Estimate> {
         let sd = |unknown: usize| known.covariance[(unknown, unknown)].sqrt();
         let distance_m = known.mean[0];
+        let speed_mps = motion.mean_speed_mps + known.mean[1];
+        let common_sd_m = widening.common_sd_per_m * scale_m(distance_m).powi(2);
+        // Of the square of the distance, which is what a common error grows with.
+        let common_sd_mps = 2.0 * common_sd_m / scale_m(distance_m) * speed_mps;
         let estimate = Estimate {
-            distance_m: estimated(distance_m, scale * sd(0), self.distance),
-            ground_speed_mps: estimated(
-                motion.mean_speed_mps + known.mean[1],
-                sd(1),
-                self.ground_speed,
+            distance_m: estimated(
+                distance_m,
+                (widening.scale * sd(0)).hypot(common_sd_m),
+                self.distance,
             ),
-            time_to_touchdown_s: time_to_touchdown_s(motion, known)
+            ground_speed_mps: estimated(speed_mps, sd(1).hypot(common_sd_mps), self.ground_speed),
+            time_to_touchdown_s: time_to_touchdown_s(motion, known, common_sd_m)
                 .map(|(time_s, sd_s)| estimated(time_s, sd_s, self.time_to_touchdown)),
         };
         // NaN is not below.
         let is_answer = distance_m > 0.0
-            && sd(0) <= LARGEST_DEVIATION * distance_m
+            && sd(0).hypot(common_sd_m) <= LARGEST_DEVIATION * distance_m
             && sd(1).is_finite()
             && estimate.ground_speed_mps.value.is_finite();
         is_answer.then_some(estimate)
@@ -106,7 +119,7 @@ fn estimated(value: f64, sd: f64, half_width: f64) -> Estimated {
 }
 
 /// Expected time until the distance is 0, and its standard deviation: the deviation of the position at that time, over the speed.
-fn time_to_touchdown_s(motion: &Motion, known: &Gaussian) -> Option<(f64, f64)> {
+fn time_to_touchdown_s(motion: &Motion, known: &Gaussian, common_sd_m: f64) -> Option<(f64, f64)> {
     let mut moving = known.clone();
     let after = |seconds: f64| {
         let step = Step::of_block(&motion.step(seconds));
@@ -129,6 +142,6 @@ fn time_to_touchdown_s(motion: &Motion, known: &Gaussian) -> Option<(f64, f64)> 
     for _ in 0..steps as usize {
         moving = moving.advanced(&step);
     }
-    let sd_s = moving.covariance[(0, 0)].sqrt() / speed_mps;
+    let sd_s = moving.covariance[(0, 0)].sqrt().hypot(common_sd_m) / speed_mps;
     sd_s.is_finite().then_some((time_s, sd_s))
 }

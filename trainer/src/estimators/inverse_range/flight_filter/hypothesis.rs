@@ -107,8 +107,7 @@ impl Hypothesis {
         let error = &model.errors[measurement.fit];
         let place = place(number);
         let distance_m = self.known.mean[0];
-        let sd_m = error.deviation_at(distance_m) * scale_m(distance_m) / measurement.precision;
-        let of_smooth_m = sd_m * (1.0 - error.new_share).sqrt();
+        let [of_smooth_m, new_m] = error.parts_m(measurement, distance_m);
         let reading = Reading {
             parts: [(0, 1.0), (place, of_smooth_m)],
             misfit: measurement.distance_m - distance_m - of_smooth_m * self.known.mean[place],
@@ -116,7 +115,7 @@ impl Hypothesis {
         };
         Some(Levelled {
             of_state: self.known.variance_of(&reading),
-            usual: sd_m.powi(2) * error.new_share,
+            usual: new_m.powi(2),
             reading,
             distance_m: scale_m(measurement.distance_m),
         })

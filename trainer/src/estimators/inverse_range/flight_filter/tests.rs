@@ -111,6 +111,7 @@ fn fly_as(severity: f64, more_mps: f64, seed: u64, tick_s: f64) -> Flown {
                 of_one_view: fit != BOTH,
                 distance_m: distance_m + severity * error * e.deviations[0] * scale_m(distance_m),
                 precision: 1.0,
+                common_sd_m: 0.0,
             }
         });
         flown.labelled.ticks.push(Tick {
@@ -270,6 +271,68 @@ fn pictures_at_a_higher_rate_than_in_the_training_do_not_make_the_filter_too_sur
         assert!(held > 0.87, "{held}");
         assert!(squares < 0.6 * unaware_squares, "{unaware_squares}");
         assert!(error_pct < unaware_pct, "{error_pct} {unaware_pct}");
+    }
+}
+
+#[test]
+fn an_error_that_all_ticks_share_widens_intervals_and_moves_no_answer() {
+    const COMMON_SD_M: f64 = 6.0;
+    let mut flown = fly(3, 2.0);
+    let usual = flown.labelled.ticks.clone();
+    for tick in &mut flown.labelled.ticks {
+        for measurement in &mut tick.measurements {
+            measurement.common_sd_m = COMMON_SD_M;
+        }
+    }
+    let filter = truth();
+    for knowing in [Knowing::Past, Knowing::All] {
+        let [before, after] =
+            [&usual, &flown.labelled.ticks].map(|ticks| filter.of_ticks(ticks, knowing));
+        for (before, after) in before.iter().zip(&after) {
+            let [before, after] = [before, after].map(|answer| answer.as_ref().unwrap());
+            assert_eq!(before.distance_m.value, after.distance_m.value);
+            let expected_m = before.distance_m.sd.hypot(COMMON_SD_M);
+            // The smoother takes the largest of both directions, at other distances.
+            let part = after.distance_m.sd / expected_m;
+            assert!((0.95..1.25).contains(&part), "{part}");
+            assert!(after.ground_speed_mps.sd > before.ground_speed_mps.sd);
+            let time_sd_s = |answer: &Estimate| answer.time_to_touchdown_s.unwrap().sd;
+            assert!(time_sd_s(after) > time_sd_s(before));
+        }
+    }
+    // Without the view that is off, and without any, the last ticks count: the state is off like them.
+    let mut ticks = flown.labelled.ticks;
+    ticks[20].measurements.retain(|m| m.fit == ALONE[0]);
+    ticks[20].measurements[0].common_sd_m = 0.0;
+    ticks[40].measurements.clear();
+    let answers = filter.of_ticks(&ticks, Knowing::Past);
+    for tick in [20, 40] {
+        assert!(answers[tick].unwrap().distance_m.sd > 0.8 * COMMON_SD_M);
+    }
+}
+
+#[test]
+fn a_less_certain_shift_adds_new_errors_and_a_formula_far_from_its_training_smooth_ones() {
+    const DISTANCE_M: f64 = 10_000.0;
+    let measurement = |precision: f64, of_one_view: bool| Measurement {
+        fit: BOTH,
+        of_one_view,
+        distance_m: DISTANCE_M,
+        precision,
+        common_sd_m: 0.0,
+    };
+    let error = error(2e-4, 0.5, 30.0);
+    let of =
+        |precision, of_one_view| error.parts_m(&measurement(precision, of_one_view), DISTANCE_M);
+    let half_m = 2.0 * 0.5_f64.sqrt();
+    for (parts, expected) in [
+        (of(1.0, false), [half_m; 2]),
+        (of(0.5, false), [half_m, 14.0_f64.sqrt()]),
+        (of(0.5, true), [2.0 * half_m; 2]),
+    ] {
+        for (part, expected) in parts.into_iter().zip(expected) {
+            assert!((part - expected).abs() < 1e-9, "{parts:?}");
+        }
     }
 }
 
