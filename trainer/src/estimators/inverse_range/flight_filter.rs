@@ -39,7 +39,7 @@ use crate::samples::flight_parts::MOST_PARTS;
 use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;
-use common_error::{LastCommonError, common_errors};
+use common_error::LastCommonError;
 use correlated_error::CorrelatedError;
 pub(crate) use estimate::{Estimate, Estimated};
 use estimate::{HalfWidths, Widening};
@@ -234,7 +234,11 @@ impl FlightFilter {
             Knowing::All => (&self.smoothed, smooth(model, ticks, &filtered.decisions)),
         };
         let scales = scales(self.row_misfit_px, ticks, knowing);
-        let widenings = scales.into_iter().zip(common_errors(ticks, knowing));
+        let common = match knowing {
+            Knowing::Past => common_error::by_past(ticks),
+            Knowing::All => common_error::by_all(ticks),
+        };
+        let widenings = scales.into_iter().zip(common);
         let estimates = known.iter().zip(widenings);
         let estimates = estimates.map(|(known, (scale, common_sd_per_m))| {
             let widening = Widening {

@@ -4,7 +4,6 @@
 //! not count in the weights of the measurements, and add to the uncertainty of the answer. A tick that happens to be without such an error,
 //! because a view is missing, does not undo what others did to the state.
 
-use super::Knowing;
 use super::forward::Tick;
 use crate::estimators::inverse_range::scale_m;
 
@@ -35,15 +34,18 @@ impl LastCommonError {
     }
 }
 
-/// Standard deviations of the common errors of a flight, tick by tick, 1/m.
-pub(super) fn common_errors(ticks: &[Tick], knowing: Knowing) -> Vec<f64> {
+/// Standard deviations of the common errors of a flight by the ticks so far, tick by tick, 1/m.
+pub(super) fn by_past(ticks: &[Tick]) -> Vec<f64> {
     let mut past = LastCommonError::default();
-    let mut sds: Vec<f64> = ticks.iter().map(|tick| past.after(tick)).collect();
-    if knowing == Knowing::All {
-        let mut future = LastCommonError::default();
-        for (sd_per_m, tick) in sds.iter_mut().zip(ticks).rev() {
-            *sd_per_m = sd_per_m.max(future.after(tick));
-        }
+    ticks.iter().map(|tick| past.after(tick)).collect()
+}
+
+/// The same by all ticks.
+pub(super) fn by_all(ticks: &[Tick]) -> Vec<f64> {
+    let mut sds = by_past(ticks);
+    let mut future = LastCommonError::default();
+    for (sd_per_m, tick) in sds.iter_mut().zip(ticks).rev() {
+        *sd_per_m = sd_per_m.max(future.after(tick));
     }
     sds
 }
