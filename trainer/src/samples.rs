@@ -499,9 +499,11 @@ impl Samples {
             .collect()
     }
 
-    /// The same for a training ([`Sample::own_common_errors`]).
-    pub(crate) fn own_common_errors(&mut self) {
-        self.samples.iter_mut().for_each(Sample::own_common_errors);
+    /// Makes the common errors of all samples part of their shifts' deviations, for a training ([`Sample::move_common_to_shifts`]).
+    pub(crate) fn move_common_to_shifts(&mut self) {
+        self.samples
+            .iter_mut()
+            .for_each(Sample::move_common_to_shifts);
     }
 
     /// Puts all scenarios on the test side.

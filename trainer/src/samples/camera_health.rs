@@ -1,9 +1,9 @@
 //! What was seen by cameras that moved, shook or repeated images, as the flight's usual directions would have seen it.
 //!
 //! `dtd detect` measures each camera's direction from the ground in its images ([`dataset::tables::health`]). Where a camera is off, its
-//! boxes and registered shifts are moved to where the usual direction would have seen them. What several measured directions are off by
-//! alike is an error that their ticks share; by the rest, shifts are less certain. A view does not count at a tick whose image repeats an
-//! earlier one, or whose direction is off by an amount that is not known well. Other ticks stay as they are, bit by bit.
+//! boxes and registered shifts are moved to where the usual direction would have seen them. An error that several measured directions have
+//! in common is common to their ticks; the remaining errors make each shift less certain. A view does not count at a tick whose image
+//! repeats an earlier one, or whose direction is off by an amount that is not known well. Other ticks stay as they are, bit by bit.
 
 use std::collections::BTreeMap;
 use std::fmt;

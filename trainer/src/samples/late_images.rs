@@ -2,8 +2,8 @@
 //!
 //! `dtd detect` measures by how much the images of a view are late ([`dataset::tables::health::late_views`]). What such a view shows at a
 //! tick is where the aircraft was before, so its box and its shift are moved on by the motion in this view during the lag. Where that
-//! motion is unknown, the view does not count. The uncertainty of the motion adds to the shift's; that of the lag is an error that all
-//! ticks of the flight share. A lag that is likely but not certain is not corrected: it is such an uncertainty as a whole.
+//! motion is unknown, the view does not count. Errors of the motion make each shift less certain. An error of the lag is common to all
+//! ticks of the flight. A lag that is likely but not certain is not corrected: all of it is such a common error.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,8 @@ use crate::samples::{CommonError, Observation};
 const LIKELY: f64 = 2.5;
 const LEAST_LIKELY_S: f64 = 0.1;
 /// A lag is the slope of distances over motions, and errors of the motions make it look smaller: by a quarter where the sightings leave
-/// 0.05 s, in fog, and not at all where they leave 0.015 s. The part that may be missing grows with the square of that.
+/// 0.05 s, in fog, and not at all where they leave 0.015 s (health tables of scripts/disturbed-corpora.sh). The part that may be missing
+/// grows with the square of that.
 const ATTENUATING_SD_S: f64 = 0.1;
 /// A place counts in the scatter if this share of its variance remains beside the cubic; at the ends cubics follow places too closely.
 const LEAST_FREE: f64 = 0.05;
@@ -70,7 +71,9 @@ pub(crate) fn in_time(
     let mut tracks = Tracks::new();
     for observed in &observations {
         for (view, seen) in observed.boxes.iter().enumerate() {
-            if let Some(seen) = seen {
+            if let Some(seen) = seen
+                && late[view] != Late::default()
+            {
                 let track = (view, observed.tracks[view]);
                 let at = (seconds(observed), centre_and_size(seen).0);
                 tracks.entry(track).or_default().push(at);
@@ -84,13 +87,13 @@ pub(crate) fn in_time(
         let motion_px_s = |view: usize| {
             let track = (view, observed.tracks[view]);
             let motion = motion_at(tracks.get(&track)?, seconds(&observed))?;
-            Some((motion.per_s, motion.unit_sd_per_s * scatter_px[&track]))
+            Some([motion.per_s, motion.unit_sd_per_s * scatter_px[&track]])
         };
         // The motion in each view, and its standard deviation.
         let motions: Vec<Option<[DVec2; 2]>> = (late.iter().enumerate())
             .map(|(view, late)| match motion_px_s(view) {
                 None if late.seconds == 0.0 => Some([DVec2::ZERO; 2]),
-                motion => motion.map(<[DVec2; 2]>::from),
+                motion => motion,
             })
             .collect();
         for (view, seen) in observed.boxes.iter().enumerate() {

@@ -141,9 +141,7 @@ impl Observation {
     /// have.
     pub(crate) fn widened(mut self, sd_px: impl Fn(usize) -> DVec2) -> Self {
         let added = |own_px: DVec2, views: [usize; 2]| {
-            let squares = [own_px, sd_px(views[0]), sd_px(views[1])].map(|of| of * of);
-            let sum: DVec2 = squares.into_iter().sum();
-            DVec2::new(sum.x.sqrt(), sum.y.sqrt())
+            in_quadrature([own_px, sd_px(views[0]), sd_px(views[1])])
         };
         for (view, shift) in self.shifts.iter_mut().enumerate() {
             if let Some(shift) = shift {
@@ -168,13 +166,12 @@ impl Observation {
         self
     }
 
-    /// The same tick whose common errors are its own.
-    fn with_own_errors_alone(mut self) -> Self {
+    /// The same tick with its common errors as part of the deviations of its shifts.
+    fn with_common_in_shifts(mut self) -> Self {
         let common = std::mem::take(&mut self.common_errors);
         self.widened(|view| {
             let of_view = common.iter().filter(|error| error.view == view);
-            let squares: DVec2 = of_view.map(|error| error.sd_px * error.sd_px).sum();
-            DVec2::new(squares.x.sqrt(), squares.y.sqrt())
+            in_quadrature(of_view.map(|error| error.sd_px))
         })
     }
 
@@ -182,6 +179,12 @@ impl Observation {
     pub(crate) fn detections(&self) -> usize {
         self.boxes.iter().flatten().count()
     }
+}
+
+/// Standard deviations of the sum of independent errors.
+fn in_quadrature(sds: impl IntoIterator<Item = DVec2>) -> DVec2 {
+    let squares: DVec2 = sds.into_iter().map(|sd| sd * sd).sum();
+    DVec2::new(squares.x.sqrt(), squares.y.sqrt())
 }
 
 /// A box of a view, moved like its centre; `None` if that has no place.
@@ -225,10 +228,11 @@ impl Deref for Sample {
 }
 
 impl Sample {
-    /// Makes the errors that the flight's ticks share its own, for a training: among many flights those of one are errors like others.
-    pub(crate) fn own_common_errors(&mut self) {
+    /// Makes its common errors part of the deviations of its shifts, for a training. It learns from many flights, which do not have the
+    /// same common errors.
+    pub(crate) fn move_common_to_shifts(&mut self) {
         if !self.observed.common_errors.is_empty() {
-            self.observed = self.observed.clone().with_own_errors_alone();
+            self.observed = self.observed.clone().with_common_in_shifts();
         }
     }
 

@@ -523,7 +523,7 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
             .flat_map(|&view| right_and_down.map(|sd_px| CommonError { view, sd_px }));
         assert_eq!(other.common_errors, expected.collect::<Vec<_>>());
         let mut trained = other.clone();
-        trained.own_common_errors();
+        trained.move_common_to_shifts();
         assert_eq!(trained.common_errors, []);
         let common_px = 0.02 * (views.len() as f64).sqrt();
         if let (Some(usual), Some(widened)) = (other.shifts[1], trained.shifts[1]) {

@@ -47,7 +47,7 @@ impl Flights {
             max_nm: config.max_dtd_nm,
         };
         let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
-        samples.own_common_errors();
+        samples.move_common_to_shifts();
         watch.check()?;
         if config.scenario_split.is_some() && corpora.len() > 1 {
             return Err(Error::Setting {

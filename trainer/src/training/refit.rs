@@ -100,7 +100,7 @@ pub fn refit(
         max_nm: before.config.max_dtd_nm,
     };
     let mut samples = Samples::read(corpus, Some(&before.summary.model_hash), range)?;
-    samples.own_common_errors();
+    samples.move_common_to_shifts();
     split_again(corpus, &mut samples, before.config.leave_out.as_deref())?;
     check_others(run, corpus, &before, &samples, &config.view)?;
     let approaches = approaches(corpus, &samples, view, config)?;

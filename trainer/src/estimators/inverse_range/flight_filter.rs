@@ -10,7 +10,8 @@
 //! widths of the intervals are such that they hold 90 % ([`held_share`]) of the labels of flights that the fits did not see
 //! ([`labelled_flight`]).
 //!
-//! Intervals also grow where the rows of the views fit each other badly ([`misfit_scale`]).
+//! Intervals also grow where the rows of the views fit each other badly ([`misfit_scale`]), and by the errors that all ticks share
+//! ([`common_error`]).
 //!
 //! The measurements are distances, because the formula of a fit inverts exactly: the filter is linear.
 

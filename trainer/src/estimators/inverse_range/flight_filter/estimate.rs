@@ -49,7 +49,7 @@ impl Estimate {
     }
 }
 
-/// What makes an answer less certain than the filter knows it to be.
+/// Uncertainty of an answer beyond the filter's covariance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Widening {
     /// Factor of the standard deviation of the distance.
@@ -89,7 +89,7 @@ impl HalfWidths {
         let distance_m = known.mean[0];
         let speed_mps = motion.mean_speed_mps + known.mean[1];
         let common_sd_m = widening.common_sd_per_m * scale_m(distance_m).powi(2);
-        // Of the square of the distance, which is what a common error grows with.
+        // A common error grows with the square of the distance; the speed's is its rate of change.
         let common_sd_mps = 2.0 * common_sd_m / scale_m(distance_m) * speed_mps;
         let estimate = Estimate {
             distance_m: estimated(
