@@ -22,9 +22,11 @@ program=${DTD:-}
 if [ -z "$program" ]; then
     bash scripts/setup-build.sh ${with_ffmpeg:+patchelf}
     # The program's rpath (in its old form, which applies to libraries of libraries as well) leads to the libraries of --with-ffmpeg. Without
-    # the prefix, messages of panics would name folders of this machine.
+    # the prefix, messages of panics would name folders of this machine. Packed relocations save 4 MB.
+    # shellcheck disable=SC2016
+    link='-Wl,--disable-new-dtags,-rpath,$ORIGIN/../lib/dtd,-z,pack-relative-relocs'
     RUSTFLAGS="--remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}/registry/src=/crates" \
-        cargo rustc --profile dist --locked --bin dtd -- -C 'link-arg=-Wl,--disable-new-dtags,-rpath,$ORIGIN/../lib/dtd'
+        cargo rustc --profile dist --locked --bin dtd -- -C "link-arg=$link"
     program=${CARGO_TARGET_DIR:-target}/dist/dtd
 fi
 

@@ -49,6 +49,14 @@ fn linear_of(weights: Vec<f32>, biases: Vec<f32>, device: &Device) -> Linear {
     }
 }
 
+/// Weights, biases and device of a layer from [`linear_of`].
+fn numbers_of(layer: &Linear) -> (Vec<f32>, Vec<f32>, Device) {
+    let bias = layer.bias.as_ref().expect("a layer has a bias");
+    let device = layer.weight.device();
+    let biases = numbers(bias.val().unsqueeze());
+    (numbers(layer.weight.val()), biases, device)
+}
+
 /// A linear layer in an ONNX graph.
 pub(crate) fn linear_to_onnx(layer: &Linear, graph: &mut Graph, input: &str) -> String {
     let dims = layer.weight.dims().map(|length| length as i64);
@@ -104,6 +112,37 @@ impl Dense {
             graph.node("LeakyRelu", &[&value], vec![slope])
         });
         linear_to_onnx(self.last(), graph, &hidden)
+    }
+
+    /// The same stack with each output less its mean and divided by its deviation.
+    pub(crate) fn with_scaled_outputs(mut self, means: &[f32], deviations: &[f32]) -> Self {
+        let last = self.layers.pop().expect("a stack has a layer");
+        let (mut weights, mut biases, device) = numbers_of(&last);
+        for of_input in weights.chunks_exact_mut(deviations.len()) {
+            for (weight, deviation) in of_input.iter_mut().zip(deviations) {
+                *weight /= deviation;
+            }
+        }
+        for ((bias, mean), deviation) in biases.iter_mut().zip(means).zip(deviations) {
+            *bias = (*bias - mean) / deviation;
+        }
+        self.layers.push(linear_of(weights, biases, &device));
+        self
+    }
+
+    /// The stack that gives the same outputs for inputs from [`Dense::with_scaled_outputs`].
+    pub(crate) fn with_scaled_inputs(mut self, means: &[f32], deviations: &[f32]) -> Self {
+        let (mut weights, mut biases, device) = numbers_of(&self.layers[0]);
+        let outputs = biases.len();
+        let of_inputs = weights.chunks_exact_mut(outputs);
+        for ((of_input, mean), deviation) in of_inputs.zip(means).zip(deviations) {
+            for (weight, bias) in of_input.iter_mut().zip(&mut biases) {
+                *bias += mean * *weight;
+                *weight *= deviation;
+            }
+        }
+        self.layers[0] = linear_of(weights, biases, &device);
+        self
     }
 
     fn last(&self) -> &Linear {

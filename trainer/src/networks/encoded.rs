@@ -184,3 +184,26 @@ pub(crate) fn mape_pct(pairs: impl Iterator<Item = (f32, f32)>) -> Option<f64> {
         .collect();
     (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64 * 100.0)
 }
+
+/// Boxes of two views, three in ten of which are missing.
+#[cfg(test)]
+pub(crate) fn boxes_of_two_views() -> Encoded {
+    use testkit::synthetic::SyntheticCorpus;
+
+    use crate::samples::{DistanceRange, Samples};
+
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus {
+        miss_ratio: 0.3,
+        ..SyntheticCorpus::tiny()
+    };
+    let corpus = corpus.write(folder.path()).unwrap();
+    let range = DistanceRange {
+        min_nm: 0.0,
+        max_nm: None,
+    };
+    let samples = Samples::read(&corpus, None, range).unwrap();
+    let all: Vec<_> = samples.samples.iter().collect();
+    let normalisation = Normalisation::fit(&samples.views, &all, &all);
+    Encoded::new(all, &normalisation)
+}

@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
 use crate::estimators::paper_lstm::calibration_training::train_calibration;
 use crate::estimators::paper_lstm::train_estimator;
+use crate::estimators::paper_lstm::unit_features::with_unit_features;
 use crate::networks::encoded::EncodedSides;
 use crate::networks::stage::StageSummary;
 use crate::networks::training_loop::{Companions, Setup};
@@ -60,6 +61,11 @@ pub(crate) fn train_networks(
     )];
     let calibration_kept_step = calibration.kept.step;
     let calibration = calibration.kept.network.valid();
+    let calibration = match start {
+        // The LSTM of a start knows its features as they are.
+        Some(_) => calibration,
+        None => with_unit_features(calibration, &sides.training, device),
+    };
     let (estimator, estimator_log) = train_estimator(
         start.map(|networks| &networks.estimator),
         &calibration,

@@ -10,6 +10,8 @@ use trainer::{EndedBy, ErrorFigures, EstimatorMetrics, Metrics, SplitFigures};
 use super::table::{Table, number};
 use crate::results::{PAPER, Results};
 
+/// The true cameras, from the same boxes.
+const FROM_BOXES: &str = "triangulation";
 /// The formula that sees the same boxes, and the registered shifts between the views.
 const WITH_SHIFTS: &str = "inverse_range";
 /// Monoscopic networks.
@@ -308,14 +310,16 @@ pub(super) fn all(results: &Results) -> String {
     }
     let [dual, combination] = figures(&results.by_scenario, WITH_SHIFTS, overall)
         .map(|of| number(of.map(|of| of.mape_pct), DECIMALS));
+    let [from_boxes, _] = figures(&results.by_scenario, FROM_BOXES, overall)
+        .map(|of| number(of.map(|of| of.mape_pct), DECIMALS));
     format!(
         "## All estimators\n\n{}\n\n\
          Two views / at least one / all ticks that the estimator answers, whose share is the coverage. Filter and smoother also answer\n\
          where no view sees the aircraft. `no_vision_time` and `no_vision_time_weather` see no image: the mean distance of the training\n\
          flights by time since the start, and by weather. An estimator that does no better has learned nothing from the images.\n\n\
          `{WITH_SHIFTS}` has {dual} % (two views) and {combination} % (at least one) from the boxes of `paper_lstm` and the registered shifts\n\
-         between the views, which `paper_lstm` does not get. So cameras and flight profiles do not cause larger errors; noise of the boxes\n\
-         may.\n\n{}\n\n\
+         between the views, which `paper_lstm` does not get. `{FROM_BOXES}` has {from_boxes} % (two views) from the boxes and the true\n\
+         cameras. So neither cameras nor flight profiles nor boxes cause larger errors.\n\n{}\n\n\
          Each network over the ticks of its view, `paper_lstm` over the ticks of at least one view.",
         table.markdown(),
         against.markdown()

@@ -74,6 +74,17 @@ impl CalibrationNetworks {
         self.head.forward(self.features(view, boxes))
     }
 
+    /// The same predictions from features that are less their means and divided by their deviations.
+    pub(crate) fn with_scaled_features(self, means: &[f32], deviations: &[f32]) -> Self {
+        let views = self.views.into_iter();
+        Self {
+            views: views
+                .map(|network| network.with_scaled_outputs(means, deviations))
+                .collect(),
+            head: self.head.with_scaled_inputs(means, deviations),
+        }
+    }
+
     /// The gradients of the parameters that are being trained: the head only together with all views. A parameter without a gradient stays
     /// as it is.
     fn gradients(&self, mut all: Gradients, balance: &GapBalance) -> GradientsParams {

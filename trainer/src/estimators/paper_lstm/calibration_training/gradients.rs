@@ -165,32 +165,12 @@ mod tests {
     use burn::module::{Module, ModuleVisitor, Param};
     use rand::SeedableRng;
     use rand_chacha::ChaCha12Rng;
-    use testkit::synthetic::SyntheticCorpus;
 
     use super::super::{batch_loss, traced_gradients};
     use super::*;
     use crate::config::{CalibrationConfig, Loss, Target};
     use crate::estimators::paper_lstm::gap_balance::GapBalance;
-    use crate::networks::normalisation::Normalisation;
-    use crate::samples::{DistanceRange, Samples};
-
-    /// Boxes of two views, three in ten of which are missing.
-    fn encoded() -> Encoded {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            miss_ratio: 0.3,
-            ..SyntheticCorpus::tiny()
-        };
-        let corpus = corpus.write(folder.path()).unwrap();
-        let range = DistanceRange {
-            min_nm: 0.0,
-            max_nm: None,
-        };
-        let samples = Samples::read(&corpus, None, range).unwrap();
-        let all: Vec<_> = samples.samples.iter().collect();
-        let normalisation = Normalisation::fit(&samples.views, &all, &all);
-        Encoded::new(all, &normalisation)
-    }
+    use crate::networks::encoded::boxes_of_two_views;
 
     /// Counts the parameters of which both have the same gradient, or neither has one.
     struct Compared<'a> {
@@ -221,7 +201,7 @@ mod tests {
 
     #[test]
     fn gradients_are_those_of_autodiff_with_boxes_missing_and_a_view_that_lags() {
-        let samples = encoded();
+        let samples = boxes_of_two_views();
         let batch: Vec<usize> = (0..samples.len()).cycle().take(600).collect();
         let device = Device::flex().autodiff();
         let config = CalibrationConfig {
