@@ -41,6 +41,9 @@ use crate::search_args::{SearchArgs, SearchMode};
 use crate::shard_arg::ShardArg;
 use crate::view_args::ViewArgs;
 
+/// Heading of the options that every verb has.
+const GLOBAL: &str = "Global options";
+
 /// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to touchdown
 /// (DTD), and trains and evaluates estimators of that distance.
 ///
@@ -56,14 +59,14 @@ pub(crate) struct Args {
     /// More output: -v for events, -vv for every detail
     ///
     /// RUST_LOG overrides it.
-    #[arg(short, long, global = true, action = ArgAction::Count, display_order = 900)]
+    #[arg(short, long, global = true, action = ArgAction::Count, display_order = 900, help_heading = GLOBAL)]
     pub(crate) verbose: u8,
     /// Reject work that needs more memory than this, e.g. 512M or 4G
     ///
     /// The default is what the machine, its container and `ulimit -v` leave.
-    #[arg(long, global = true, value_name = "SIZE", display_order = 901)]
+    #[arg(long, global = true, value_name = "SIZE", display_order = 901, help_heading = GLOBAL)]
     pub(crate) max_memory: Option<Bytes>,
-    /// Form of stderr: `json` writes an object a line (`dtd schema progress`)
+    /// Form of stderr: `json` writes one object per line (`dtd schema progress`)
     #[arg(
         long,
         global = true,
@@ -71,7 +74,8 @@ pub(crate) struct Args {
         default_value = "auto",
         hide_default_value = true,
         hide_possible_values = true,
-        display_order = 902
+        display_order = 902,
+        help_heading = GLOBAL
     )]
     pub(crate) progress: ProgressForm,
     #[command(subcommand)]
@@ -144,11 +148,11 @@ pub(crate) enum Verb {
     /// Print the JSON Schema of sweeps, settings or progress
     #[command(after_help = help::SCHEMA)]
     Schema {
-        /// Which files
+        /// Files that it describes
         #[arg(default_value = "sweep")]
         of: SchemaOf,
     },
-    /// Write the sweeps that ship, to copy and change
+    /// Write the bundled sweeps, to copy and change
     ///
     /// demo.toml, scenarios.toml, paper.toml and detector.toml, with the flights and the detector that they name.
     #[command(after_help = help::EXAMPLES)]
@@ -164,7 +168,7 @@ pub(crate) enum Verb {
     /// Labels and detections are part of it.
     #[command(after_help = help::PUSH)]
     Push(PushArgs),
-    /// Compute distances to touchdown and true boxes; resumes
+    /// Compute distances to touchdown and ground-truth boxes; resumes
     #[command(after_help = help::LABEL)]
     Label(LabelArgs),
     /// Find the aircraft, and register the views; resumes
@@ -211,10 +215,10 @@ pub(crate) enum Verb {
     /// Make recordings for a sweep from tracks of real arrivals
     #[command(after_help = help::TRACKS_IMPORT)]
     Tracks(TracksArgs),
-    /// Install the plugin for poses and pictures into X-Plane
+    /// Install the plugin for poses and images into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
-    /// Run the stand-in for X-Plane, with its network protocols
+    /// Run the bundled simulator, which has X-Plane's network protocols
     #[command(after_help = help::MOCK_XPLANE)]
     MockXplane(MockXplaneArgs),
     /// Examine the connection to X-Plane, and say how to fix it
@@ -235,7 +239,7 @@ pub(crate) enum Verb {
     /// Print a script that completes arguments in a shell
     #[command(after_help = help::COMPLETIONS)]
     Completions {
-        /// Which shell.
+        /// Shell
         shell: Shell,
     },
     /// Write the manual pages, one per verb
@@ -272,14 +276,14 @@ pub(crate) struct PlanArgs {
     pub(crate) against: Option<CorpusLocation>,
     /// Estimate the recording time with this simulator
     ///
-    /// `mock` records a few pictures of every weather with the stand-in on this machine and measures. Of an X-Plane (HOST:PORT, or `auto`),
-    /// the profile is read that `dtd doctor` measured. By default, figures of the stand-in on two cores are used.
+    /// `mock` records a few images of every weather with the bundled simulator on this machine and measures. For an X-Plane (HOST:PORT, or
+    /// `auto`), the profile measured by `dtd doctor` is used. By default, figures of the bundled simulator on two cores are used.
     #[arg(long, value_name = "mock|auto|HOST:PORT")]
     pub(crate) sim: Option<SimulatorTarget>,
     /// Count a restart of X-Plane after every N live flights, e.g. 45
     #[arg(long, value_name = "N", value_parser = from_one)]
     pub(crate) restart_every: Option<NonZeroU32>,
-    /// Pictures per second that your X-Plane delivers, all views together
+    /// Images per second that your X-Plane delivers, all views together
     ///
     /// For the estimate of the recording time, instead of --sim.
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "sim")]
@@ -328,9 +332,9 @@ pub(crate) struct GenerateArgs {
     pub(crate) keep_staged: bool,
     /// The simulator, or several that share the work, separated by commas
     ///
-    /// `mock` starts the stand-in on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of a live X-Plane
-    /// (docs/simulator.md). HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network, tape:FILE a
-    /// session recorded with `dtd tape`.
+    /// `mock` starts the bundled simulator on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of a live
+    /// X-Plane (docs/simulator.md). HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network, tape:FILE
+    /// a session recorded with `dtd tape`.
     #[arg(
         long,
         value_name = "mock[:N|:awkward]|auto|HOST:PORT|tape:FILE,..",
@@ -339,15 +343,15 @@ pub(crate) struct GenerateArgs {
     pub(crate) sim: Simulators,
     #[command(flatten)]
     pub(crate) local_udp: LocalUdpArgs,
-    /// Where the pictures come from
+    /// Source of the images
     ///
-    /// `link` sends them (the stand-in), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's window, `screenshot` has
-    /// X-Plane write files (slow: a picture takes seconds); `auto` uses the simulator's first offer.
+    /// `link` sends them (the bundled simulator), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's window, `screenshot`
+    /// has X-Plane write files (slow: an image takes seconds); `auto` uses the simulator's first offer.
     #[arg(long, value_name = "SOURCE", default_value_t = PixelChoice::Auto, value_parser = one_of::<PixelChoice>(&["auto", "link", "gl", "screen", "screenshot"]))]
     pub(crate) pixels: PixelChoice,
-    /// What encodes the videos; the sweep's codec stays as it is (h264 or h265 for a GPU)
+    /// Encoder of the videos; the sweep's codec stays as it is (h264 or h265 for a GPU)
     ///
-    /// The default is software. An encoder that is named is tried first, with 100 pictures on this machine: their order, timestamps and
+    /// The default is software. An encoder that is named is tried first, with 100 images on this machine: their order, timestamps and
     /// colours, and what a kill would leave. One that fails is refused. scenario.json names the encoder (docs/video.md).
     #[arg(long, value_name = "ENCODER", value_parser = encoder())]
     pub(crate) encoder: Option<VideoEncoder>,
@@ -454,12 +458,12 @@ pub(crate) struct DetectArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// The detector, an ONNX file [default: the one that ships]
+    /// The detector, an ONNX file [default: the bundled one]
     ///
-    /// The one that ships is for pictures of the stand-in. Which models work, and the settings next to them: docs/detectors.md.
+    /// The bundled one is for images of the bundled simulator. Which models work, and the settings next to them: docs/detectors.md.
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
-    /// Which parts of which pictures to search
+    /// Parts of the images to search
     #[arg(long, value_enum, value_name = "MODE", default_value = "auto")]
     pub(crate) mode: SearchMode,
     #[command(flatten)]
@@ -481,7 +485,7 @@ pub(crate) struct DetectArgs {
     pub(crate) json: bool,
 }
 
-/// How a model runs.
+/// Options of running a model.
 #[derive(Debug, ClapArgs)]
 pub(crate) struct RuntimeArgs {
     /// ONNX Runtime's library, an absolute path
@@ -489,7 +493,7 @@ pub(crate) struct RuntimeArgs {
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
-    /// Where the detector runs: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N [default: cpu]
+    /// Device for the detector: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N [default: cpu]
     ///
     /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Indices start at 0. `openvino` uses OpenVINO on the
     /// CPU, which is faster on CPUs with bfloat16; `openvino:N` is Intel's GPU N.
@@ -498,7 +502,7 @@ pub(crate) struct RuntimeArgs {
 }
 
 impl RuntimeArgs {
-    /// Where the detector runs.
+    /// Device for the detector.
     pub(crate) fn device(&self) -> Device {
         self.device.unwrap_or_default()
     }
@@ -512,10 +516,10 @@ pub(crate) struct EvaluateDetectorArgs {
     /// Folder for evaluation.json and report.html, and for what was found so far
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
-    /// The detector, an ONNX file [default: the one that ships]
+    /// The detector, an ONNX file [default: the bundled one]
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
-    /// Which parts of which pictures to search; all of them are compared
+    /// Parts of the images to search; all modes are compared
     #[arg(
         long,
         value_enum,
@@ -561,7 +565,7 @@ pub(crate) struct TrainDetectorArgs {
     /// The ONNX file to write; settings, checkpoint and report are written next to it
     #[arg(long, value_name = "M.onnx", value_parser = Output::File.parser())]
     pub(crate) out: PathBuf,
-    /// How long to train; the learning rate falls over this time [default: 30]
+    /// Duration of the training; the learning rate falls over this time [default: 30]
     #[arg(long, value_name = "MINUTES")]
     pub(crate) minutes: Option<f64>,
     /// A detector of this verb to start from instead of random weights
@@ -663,7 +667,7 @@ pub(crate) struct MockXplaneArgs {
     /// The addresses are printed as one JSON line when it is ready.
     #[arg(long, default_value_t = 49000)]
     pub(crate) port: u16,
-    /// Which X-Plane to imitate: versions, dataref names and weather handling differ
+    /// X-Plane to imitate: versions, dataref names and weather handling differ
     #[arg(long, value_name = "VERSION", default_value = "12", value_parser = generation())]
     pub(crate) xplane: Generation,
     /// TCP port of X-Plane 12's Web API; 0 takes any free one [default: 8086, or any if --port is 0]
@@ -707,7 +711,7 @@ pub(crate) struct MockXplaneArgs {
     pub(crate) clock_rate: f64,
     /// Show what is drawn in a window on the X11 display that DISPLAY names
     ///
-    /// So that `dtd generate --pixels screen` can grab it.
+    /// For `dtd generate --pixels screen`.
     #[arg(
         long,
         value_name = "WIDTHxHEIGHT",
@@ -717,11 +721,11 @@ pub(crate) struct MockXplaneArgs {
     pub(crate) window: Option<WindowSize>,
     /// Serve the capture link with the plugin in this folder, xplane-bridge/plugin
     ///
-    /// Python runs it against a fake of XPPython3. Pictures come from --xplane 11, which can read them back, or off the screen with
+    /// Python runs it against a fake of XPPython3. Images come from --xplane 11, which can read them back, or off the screen with
     /// --window, whose size the plugin then sees.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) plugin: Option<PathBuf>,
-    /// Size of the window that the plugin sees: the pictures' size
+    /// Size of the window that the plugin sees: the images' size
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1280")]
     pub(crate) plugin_window: WindowSize,
     /// States of an X-Plane that a client meets rarely, for tests
@@ -730,6 +734,7 @@ pub(crate) struct MockXplaneArgs {
         value_enum,
         value_name = "STATE,..",
         value_delimiter = ',',
+        hide = true,
         conflicts_with = "tape"
     )]
     pub(crate) state: Vec<MockState>,
@@ -740,7 +745,7 @@ pub(crate) struct MockXplaneArgs {
     pub(crate) until_stdin_ends: bool,
 }
 
-/// A state of the stand-in that a test asks for.
+/// A state of the bundled simulator that a test asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MockState {
     /// The main menu: the Web API has no datarefs until a flight is loaded.
@@ -765,7 +770,7 @@ pub(crate) struct DoctorArgs {
     /// The default is DTD_WEB_API, else port 8086 if X-Plane runs on this computer.
     #[arg(long, value_name = "HOST:PORT|off")]
     pub(crate) web_api: Option<WebApiPlace>,
-    /// The sweep to record, whose pictures must fit the window [default: demo.toml if it exists]
+    /// The sweep to record, whose images must fit the window [default: demo.toml if it exists]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
     /// Measure what reports disagree on, even if this installation has a profile
@@ -781,9 +786,9 @@ pub(crate) struct DoctorArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TapeArgs {
-    /// The simulator: X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
+    /// The simulator: X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the bundled simulator
     ///
-    /// The stand-in (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
+    /// The bundled simulator (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
     #[arg(long, value_name = "auto|mock|HOST:PORT")]
     pub(crate) sim: String,
     #[command(flatten)]
@@ -806,17 +811,17 @@ pub(crate) struct TapeArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct ExamplesArgs {
-    /// Where to write them; files that are there already stay as they are
+    /// Folder to write them to; existing files are kept
     #[arg(default_value = ".", value_parser = Output::Folder.parser())]
     pub(crate) folder: PathBuf,
 }
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct DemoArgs {
-    /// The sweep to run [default: the demo.toml that ships]
+    /// The sweep to run [default: the bundled demo.toml]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
-    /// The detector, an ONNX file [default: the one that ships]
+    /// The detector, an ONNX file [default: the bundled one]
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
@@ -834,13 +839,13 @@ pub(crate) struct PaperArgs {
     /// Folder for paper.md, its figures, and all that they follow from; created if missing
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
-    /// How much of the experiment
+    /// Scale of the experiment
     #[arg(long, value_enum, value_name = "SCALE", default_value = "full")]
     pub(crate) scale: Scale,
-    /// The sweep to record [default: the paper.toml that ships]
+    /// The sweep to record [default: the bundled paper.toml]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
-    /// Pictures per second: 30 as in the paper, or a fraction such as 1/4 [default: the sweep's, 2]
+    /// Images per second: 30 as in the paper, or a fraction such as 1/4 [default: the sweep's, 2]
     #[arg(long, value_name = "N", value_parser = frame_rate)]
     pub(crate) frame_rate: Option<FrameRate>,
     /// The simulator, or several that share the work, separated by commas
@@ -852,17 +857,17 @@ pub(crate) struct PaperArgs {
         default_value = "mock"
     )]
     pub(crate) sim: Simulators,
-    /// The detector, an ONNX file [default: the one that ships]
+    /// The detector, an ONNX file [default: the bundled one]
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
-    /// A detector of photographs, as it is, whose range is compared
+    /// A detector pretrained on photographs, to compare its range
     ///
     /// An ONNX file, e.g. a YOLO model of COCO, whose class of airplanes is used (docs/detectors.md). It may be named in a later call.
     #[arg(long, value_name = "M.onnx")]
     pub(crate) pretrained_detector: Option<PathBuf>,
     /// TOML file with settings that differ from the defaults
     ///
-    /// Of the trainings, as for `dtd train`. To train with others on the same corpus, move the runs away.
+    /// As for `dtd train`. To train with other settings on the same corpus, move the runs away.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
     #[command(flatten)]
@@ -875,7 +880,7 @@ pub(crate) struct PaperArgs {
 /// Parts of the paper's experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Scale {
-    /// Eight scenarios with small pictures and hardly any training: whether it works
+    /// Eight scenarios with small images and little training, as a smoke test
     Small,
     /// All of it
     Full,

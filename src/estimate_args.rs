@@ -39,8 +39,7 @@ pub(crate) struct EstimateArgs {
     pub(crate) offsets: Vec<OfView<GivenOffset>>,
     /// Keep measured offsets in this file (JSON), and begin with those that it has
     ///
-    /// It is of this run and these sources with all parameters of their addresses, and refused with others. No other process may use it
-    /// meanwhile.
+    /// Valid only for this run and these source addresses, parameters included. No other process may use it meanwhile.
     #[arg(long, value_name = "FILE")]
     pub(crate) keep_offsets: Option<PathBuf>,
     /// File with the password of a view's server, on its first line
@@ -49,12 +48,12 @@ pub(crate) struct EstimateArgs {
     /// Estimator that answers [default: the one that the training chose]
     #[arg(long, value_name = "NAME")]
     pub(crate) estimator: Option<String>,
-    /// The detector, an ONNX file [default: the one that ships]
+    /// The detector, an ONNX file [default: the bundled one]
     ///
     /// It must be the one whose boxes the run was trained on.
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
-    /// Rows of the pictures to search: TOP:BOTTOM [default: all]
+    /// Rows of the images to search: TOP:BOTTOM [default: all]
     #[arg(long, value_name = "TOP:BOTTOM")]
     pub(crate) rows: Option<RowBand>,
     /// Decoder of the images: cpu, vaapi or cuda [default: cpu]
@@ -92,7 +91,7 @@ impl FromStr for GivenOffset {
         match text {
             "auto" => Ok(Self::Auto),
             seconds => (seconds.parse().map(Self::Seconds))
-                .map_err(|_| format!("{seconds} is no number; expected seconds, or auto")),
+                .map_err(|_| format!("{seconds} is not a number; expected seconds, or auto")),
         }
     }
 }

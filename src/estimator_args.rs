@@ -27,7 +27,7 @@ pub(crate) struct TrainArgs {
     /// All resulting settings are saved in RUN/config.json, which this option also accepts.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
-    /// Try the settings and seeds of a TOML file, a run in RUN for each, and compare them (docs/training.md)
+    /// Hyperparameter search over the settings and seeds of a TOML file: a run in RUN for each (docs/training.md)
     #[arg(long, value_name = "SEARCH.toml", conflicts_with_all = ["quick", "config", "seed"])]
     pub(crate) search: Option<PathBuf>,
     /// Model whose detections to use, by its file name or hash
@@ -43,7 +43,7 @@ pub(crate) struct TrainArgs {
     pub(crate) leave_out: Option<String>,
     /// Draw this share of the scenarios for the test, whatever flights they share, e.g. 0.3 as in the paper
     ///
-    /// The flights are then not unseen, and the figures say so.
+    /// Test flights may then occur in the training, as the report states.
     #[arg(long, value_name = "SHARE", conflicts_with = "leave_out")]
     pub(crate) split_by_scenario: Option<f64>,
     /// Also train on scenarios whose weather at the aircraft was not the planned one
@@ -54,7 +54,7 @@ pub(crate) struct TrainArgs {
     /// Seed of weights and batches
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// What the networks train on [default: as in the settings, which is cpu]
+    /// Device for training [default: as in the settings, which is cpu]
     #[arg(long)]
     pub(crate) backend: Option<BackendArg>,
     /// Print the result as JSON
@@ -62,7 +62,7 @@ pub(crate) struct TrainArgs {
     pub(crate) json: bool,
 }
 
-/// What networks train on.
+/// Devices for training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendArg {
     /// The processor
@@ -99,7 +99,7 @@ pub(crate) struct PredictArgs {
     /// The default is the model of the training.
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
-    /// Answer each tick by the ticks up to it, as for a camera that has no end
+    /// Use only past ticks for each answer, as for a live camera
     #[arg(long)]
     pub(crate) online: bool,
     /// Print the result as JSON

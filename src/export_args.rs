@@ -10,7 +10,7 @@ use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 use crate::args::{WindowSize, folder, from_one};
 use crate::output_arg::Output;
 
-/// What to export, and where to.
+/// Options of an export.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
     /// Folder of the corpus; only `--to croissant` writes to it
@@ -31,13 +31,13 @@ pub(crate) struct ExportArgs {
     /// Export every N-th tick, from the first
     #[arg(long, value_name = "N", default_value = "1", value_parser = from_one)]
     every: NonZeroU32,
-    /// Export N ticks a second, each the nearest to its time (lerobot)
+    /// Export N ticks per second, each the nearest to its time (lerobot)
     #[arg(long, value_name = "N", value_parser = from_one, conflicts_with = "every")]
     rate: Option<NonZeroU32>,
     /// Side of the split to export [default: all]
     #[arg(long, value_enum)]
     side: Option<OneSide>,
-    /// Boxes to export, and around which to crop (crops); truth, if it is left out
+    /// Boxes to export, and around which to crop (crops) [default: truth]
     #[arg(long, value_enum)]
     boxes: Option<Boxes>,
     /// Model whose detections to use, by its file name or hash
@@ -45,13 +45,13 @@ pub(crate) struct ExportArgs {
     /// It must be named if the corpus has detections of several models.
     #[arg(long, value_name = "NAME|HASH")]
     detections: Option<String>,
-    /// Width and height of crops; 160x160, if it is left out
+    /// Width and height of crops [default: 160x160]
     #[arg(long, value_name = "WIDTHxHEIGHT")]
     crop_px: Option<WindowSize>,
-    /// Seed of the order of crops; 0, if it is left out
+    /// Seed of the order of crops [default: 0]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Format of pictures that are files of their own; png, if it is left out
+    /// Format of images that are files of their own [default: png]
     #[arg(long, value_enum)]
     pictures: Option<Pictures>,
     /// Evaluated run whose predictions to export (huggingface); may be repeated
@@ -76,13 +76,13 @@ enum To {
     Huggingface,
     /// WebDataset: tar archives with a sample per tick
     Webdataset,
-    /// WebDataset with crops around the aircraft in place of whole pictures, in a shuffled order
+    /// WebDataset with crops around the aircraft in place of whole images, in a shuffled order
     Crops,
     /// MCAP for Foxglove: a file per scenario, with its videos
     Mcap,
     /// LeRobotDataset v3.0: an episode per scenario, with its videos; whole rates only
     Lerobot,
-    /// Nothing but croissant.json, written into the corpus to describe it; every export has its own
+    /// Only croissant.json, written into the corpus to describe it; every export has its own
     Croissant,
 }
 

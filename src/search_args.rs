@@ -12,19 +12,19 @@ use labeller::{Mode, ModeSettings, RowBand, SearchBands};
 use crate::failure::Failure;
 use crate::verbs::output::listed;
 
-/// Where to look.
+/// Parts of images to search.
 #[derive(Debug, Args)]
 pub(crate) struct SearchArgs {
     /// Only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     only: Vec<String>,
-    /// Rows of the pictures to search: `training`, those in which the training side has aircraft, or TOP:BOTTOM [default: all]
+    /// Rows of the images to search: `training`, those in which the training side has aircraft, or TOP:BOTTOM [default: all]
     ///
     /// A band of a third of the rows takes a third of the time. `training` needs labels; it searches the rows in which aircraft are
     /// large at half the scale, which takes a quarter.
     #[arg(long, value_name = "ROWS")]
     rows: Option<Rows>,
-    /// Search in tiles with sides of N pixels, not in the whole picture at once
+    /// Search in tiles with sides of N pixels, not in the whole image at once
     ///
     /// Only for a model that takes any size; others have tiles of their own size.
     #[arg(long, value_name = "N")]
@@ -32,7 +32,7 @@ pub(crate) struct SearchArgs {
     /// Overlap of neighbouring tiles in pixels
     #[arg(long, value_name = "N", default_value = "0")]
     overlap: u32,
-    /// Seconds between searches of whole pictures with --mode tracked or auto
+    /// Seconds between searches of whole images with --mode tracked or auto
     #[arg(
         long,
         value_name = "SECONDS",
@@ -42,16 +42,16 @@ pub(crate) struct SearchArgs {
     full_every: f64,
 }
 
-/// How pictures are searched.
+/// Modes of searching images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SearchMode {
-    /// Every picture whole
+    /// Every image whole
     Full,
-    /// Small windows around known aircraft; whole pictures from time to time, and if one is lost
+    /// Small windows around known aircraft; whole images from time to time, and if one is lost
     Tracked,
-    /// Every picture shrunk to the model's usual size, for comparison
+    /// Every image shrunk to the model's usual size, for comparison
     Scaled,
-    /// Tracked, but a picture whole if an aircraft moves by more than its length from one to the next
+    /// Tracked, but an image whole if an aircraft moves by more than its length from one to the next
     Auto,
 }
 
@@ -135,7 +135,7 @@ fn of_training(corpus: &Corpus) -> Result<SearchBands, Failure> {
     let (sound, _) = corpus.without_damaged()?;
     let bands = SearchBands::of_training_side(&sound)?.ok_or_else(|| {
         Failure::bad_input_message(format!(
-            "--rows training: the training side of {} has no true boxes; run `dtd label {0}` if it has no labels yet, or give TOP:BOTTOM",
+            "--rows training: the training side of {} has no ground-truth boxes; run `dtd label {0}` if it has no labels yet, or give TOP:BOTTOM",
             root.display()
         ))
     })?;

@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::args::folder;
 
-/// What to show, and where.
+/// Options of the viewer.
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
     /// Folder of the corpus, finished or in the making; it is only read

@@ -1,5 +1,5 @@
 //! `dtd export` from outside: pycocotools reads what it writes for COCO and gets the average precision of `dtd evaluate-detector`, the
-//! label files of YOLO hold the true boxes, and nothing half-made appears under the final name.
+//! label files of YOLO hold the ground-truth boxes, and nothing half-made appears under the final name.
 
 #[path = "export/crops.rs"]
 mod crops;
@@ -749,7 +749,7 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
         .output()
         .unwrap();
     assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
-    let words = "30000/1001 pictures a second; lerobot needs a whole number: choose one from 1 to 29 with --rate";
+    let words = "30000/1001 images per second; lerobot needs a whole number: choose one from 1 to 29 with --rate";
     assert!(said(&refused).contains(words), "{}", said(&refused));
     assert!(!path("lerobot").exists() && !path("lerobot.partial").exists());
     let resampled = export("lerobot", &["--rate", "10"]);
@@ -918,7 +918,7 @@ fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_vide
     assert!(of_third.abs_diff(frames / 3) <= 2 && fps == 10);
     assert!(furthest_s < 1e-6, "{furthest_s}");
     for (more, words) in [
-        (&["--every", "7"][..], "30/7 pictures a second"),
+        (&["--every", "7"][..], "30/7 images per second"),
         (&["--rate", "31"], "fewer than --rate 31"),
         (&["--rate", "5", "--every", "3"], "cannot be used with"),
         (&["--boxes", "detections"], "no place for boxes"),
@@ -1002,7 +1002,7 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
         "no use for --every",
     );
     let lerobot = ["export", "corpus", "--to", "lerobot", "--out", "out"];
-    refused(&tiny, &lerobot, "1/8 pictures a second");
+    refused(&tiny, &lerobot, "1/8 images per second");
     refused(&tiny, &export(&["--rate", "1"]), "no use for --rate");
     refused(&tiny, &mcap[..4], "--out FOLDER is missing");
     let described = ["export", "corpus", "--to", "croissant", "--out", "out"];

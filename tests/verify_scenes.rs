@@ -130,7 +130,7 @@ fn untouched_scenes_have_no_fault_and_the_views_without_a_clear_box_are_listed()
     let output = DTD.run(&["verify", text(sound())]);
     let listed = String::from_utf8_lossy(&output.stdout);
     for view in ["left", "right"] {
-        let line = format!("no true box is clear enough in {FOGGY} view {view}:");
+        let line = format!("no ground-truth box is clear enough in {FOGGY} view {view}:");
         assert!(listed.contains(&line), "{listed}");
         assert!(
             !listed.contains(&format!("in {CLEAR} view {view}")),

@@ -234,7 +234,7 @@ fn before(whole: Turn, first: Turn) -> Turn {
 }
 
 impl Reference {
-    /// What the agreeing tiles tell, as a part of the usual, about the axis that lost more.
+    /// Information in the agreeing tiles, as a part of the usual, about the axis that lost more.
     fn share(&self, fit: &Fit) -> f64 {
         (fit.tells / self.usual.max(DVec2::splat(1e-9))).min_element()
     }

@@ -454,7 +454,7 @@ fn work_through(
     workers::share(options.workers.min(views.len()), work)
 }
 
-/// The true boxes of a scenario, if it is labelled.
+/// The ground-truth boxes of a scenario, if it is labelled.
 fn truth_in_sight(scenario: &OpenScenario) -> Result<Option<Vec<TruthInSight>>> {
     let Some(truth) = scenario.truth_boxes_if_labelled()? else {
         return Ok(None);

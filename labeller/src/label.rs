@@ -24,7 +24,7 @@ use crate::outcome::Failure;
 use crate::track::labels_of;
 use crate::truth_box::project;
 
-/// Class of every true box.
+/// Class of every ground-truth box.
 pub(crate) const AIRCRAFT_CLASS: &str = "aircraft";
 /// The only aircraft whose shape is known.
 const KNOWN_AIRCRAFT: &str = "B737-800";

@@ -39,7 +39,7 @@ pub struct SearchBands {
 }
 
 impl SearchBands {
-    /// The rows in which the true boxes of the training side lie, in any view, with a margin; `None` if that side has no labels.
+    /// The rows in which the ground-truth boxes of the training side lie, in any view, with a margin; `None` if that side has no labels.
     ///
     /// # Errors
     /// The split, or a scenario of the training side, cannot be read.

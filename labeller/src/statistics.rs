@@ -20,7 +20,7 @@ pub struct DetectionCounts {
     pub against_truth: Option<TruthCounts>,
 }
 
-/// A true box, and what is between it and the camera.
+/// A ground-truth box, and what is between it and the camera.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TruthInSight {
     pub(crate) truth: TruthBox,
@@ -38,7 +38,7 @@ pub struct TruthCounts {
     pub maybe_hidden_by_cloud: u64,
     /// Number of the pictures with the aircraft in sight that have a detection of it ([`Match::Hit`]).
     pub found: u64,
-    /// Detections that do not touch a true box, in all pictures.
+    /// Detections that do not touch a ground-truth box, in all pictures.
     pub false_detections: u64,
     /// Sum over the found aircraft: distance of the centres, pixels.
     pub sum_center_error_px: f64,

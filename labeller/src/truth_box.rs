@@ -1,4 +1,4 @@
-//! The true box of the aircraft in a picture: its mesh at its pose, seen by a calibrated camera.
+//! The ground-truth box of the aircraft in a picture: its mesh at its pose, seen by a calibrated camera.
 //!
 //! The box spans the projected vertices in continuous pixel coordinates (pixel centres at whole numbers): its centre is the
 //! midpoint of their extremes, its edges touch the outermost ones.

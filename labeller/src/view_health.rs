@@ -38,7 +38,7 @@ const FEWEST_MOVED: usize = 3;
 const SCATTER: f64 = 1.5;
 const SAME_PX: f64 = 0.5;
 
-/// What an image showed.
+/// Evidence from an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Look {
     pub(crate) tick: u32,

@@ -113,7 +113,7 @@ impl TimeOffsetFit {
     }
 }
 
-/// How places in two views belong together, as most sightings have it.
+/// Relation of places in two views, as most sightings have it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewRelation {
     /// The difference of the clocks.

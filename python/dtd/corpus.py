@@ -125,12 +125,12 @@ class Corpus:
         return path, table, by_view
 
     def boxes(self) -> pl.DataFrame:
-        """The true boxes, after `dtd label`: one row per scenario, tick and view that shows the aircraft."""
+        """The ground-truth boxes, after `dtd label`: one row per scenario, tick and view that shows the aircraft."""
         name = "boxes_truth.parquet"
         # One that is missing although it is sealed must not pass for a scenario without labels.
         labelled = {scenario: folder for scenario, folder in self._scenarios.items() if is_sealed(folder, name)}
         if not labelled:
-            raise CorpusError(f"{self.path} has no true boxes: run `dtd label` on it first")
+            raise CorpusError(f"{self.path} has no ground-truth boxes: run `dtd label` on it first")
         return _with_scenario({scenario: sealed(folder, name) for scenario, folder in labelled.items()})
 
     def detections(self, model: str | None = None) -> pl.DataFrame:

@@ -190,7 +190,7 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::bad_input_message(format!(
-        "{} is not there: --model expects an ONNX file; without it, the detector that ships is used",
+        "{} is not there: --model expects an ONNX file; without it, the bundled detector is used",
         model.display()
     )))
 }

@@ -1,4 +1,4 @@
-//! `dtd label`: distance-to-touchdown labels and true boxes.
+//! `dtd label`: distance-to-touchdown labels and ground-truth boxes.
 
 use std::time::Instant;
 

@@ -167,7 +167,7 @@ impl<'a> Report<'a> {
         for (name, level_m) in &self.outlook.low_levels_m {
             eprint_warning!(
                 "the profile {name:?} flies level {level_m:.0} m above the runway, and approaches usually at 400 m or more: are its altitudes \
-                 those of another airport?"
+                 from another airport?"
             );
         }
     }

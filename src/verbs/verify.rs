@@ -147,7 +147,7 @@ fn print_proof(report: &VerifyReport) {
     let filled: usize = report.views.iter().map(|view| view.filled_boxes).sum();
     if clear > 0 {
         println!(
-            "the aircraft is in {filled} of {clear} true boxes that are clear enough to show it"
+            "the aircraft is in {filled} of {clear} ground-truth boxes that are clear enough to show it"
         );
         print_not_filled(report);
     }
@@ -204,7 +204,7 @@ fn print_without_clear_box(report: &VerifyReport) {
             _ => ", as no background is smooth",
         };
         println!(
-            "  no true box is clear enough in {} view {}{rough}: its pictures were only compared with each other",
+            "  no ground-truth box is clear enough in {} view {}{rough}: its pictures were only compared with each other",
             view.scenario, view.view
         );
     }

@@ -1,5 +1,5 @@
-"""The page of `dtd view` in Chromium: it opens with pictures, frames lie around the true boxes at every zoom and cover nothing of them,
-keys step, links restore, names are text, paths have colours with a legend, nothing is wider than a phone, and axe finds nothing
+"""The page of `dtd view` in Chromium: it opens with pictures, frames lie around the ground-truth boxes at every zoom and cover nothing of
+them, keys step, links restore, names are text, paths have colours with a legend, nothing is wider than a phone, and axe finds nothing
 inaccessible. The page keeps its own content security policy.
 
 Usage: python view_page.py URL      of a corpus with labels, detections, a run, and a scenario folder with the name HOSTILE
@@ -26,7 +26,7 @@ GAP = 4
 # Width below which a frame does not shrink.
 LEAST_FRAME = 22
 LONGEST_ARM = 14
-# Greenness of the line of a true box, above that of any ground.
+# Greenness of the line of a ground-truth box, above that of any ground.
 GREEN = 70
 
 
@@ -56,7 +56,7 @@ def check_edge(profile: np.ndarray, expected: float, tolerance: float, what: str
 
 
 def check_boxes(page: Page, url: str, scenario: str, tables: dict) -> int:
-    """At every zoom the corners around the true box lie within half a pixel of its edges, a gap outside. Returns the number of edges looked at."""
+    """At every zoom the corners around the ground-truth box lie within half a pixel of its edges, a gap outside. Returns the number of edges looked at."""
     edges = 0
     tick = tables["views"][0]["truth"]["tick"][0]
     for zoom in ZOOMS:
@@ -101,7 +101,7 @@ def check_boxes(page: Page, url: str, scenario: str, tables: dict) -> int:
 
 
 def check_uncovered(page: Page, url: str, scenario: str, tables: dict) -> None:
-    """With all marks, what is inside the true box looks as it does without any."""
+    """With all marks, what is inside the ground-truth box looks as it does without any."""
     tick = tables["views"][0]["truth"]["tick"][0]
     compared = 0
     for zoom in SMALL_ZOOMS:

@@ -166,7 +166,7 @@ pub enum BridgeError {
     },
     /// An aircraft of the right type with impossible dimensions.
     #[error(
-        "the aircraft that is loaded says that it is a {icao}, but is {found_m:.1} m large ({name}), expected about {expected_m:.1} m: true boxes \
+        "the aircraft that is loaded says that it is a {icao}, but is {found_m:.1} m large ({name}), expected about {expected_m:.1} m: ground-truth boxes \
          would not fit it. Load {path} in X-Plane, and run the same command again"
     )]
     WrongSize {

@@ -109,7 +109,9 @@ pub enum InstallError {
         wanted: &'static str,
     },
     /// XPPython3 of another X-Plane.
-    #[error("XPPython3 {found} does not go with X-Plane {xplane}: install XPPython3 {wanted}")]
+    #[error(
+        "XPPython3 {found} is not compatible with X-Plane {xplane}: install XPPython3 {wanted}"
+    )]
     OtherXpPython3 {
         /// Its version.
         found: Version,

@@ -100,12 +100,12 @@ fn an_x_plane_in_which_it_cannot_work_is_refused_with_the_reason_and_left_alone(
         (
             X_PLANE_11,
             Some(new),
-            "XPPython3 4.7.0 does not go with X-Plane 11.55",
+            "XPPython3 4.7.0 is not compatible with X-Plane 11.55",
         ),
         (
             X_PLANE_12,
             Some(old),
-            "XPPython3 3.0.9 does not go with X-Plane 12.4.0",
+            "XPPython3 3.0.9 is not compatible with X-Plane 12.4.0",
         ),
     ] {
         let folder = x_plane_folder(log, xppython3);

@@ -342,7 +342,7 @@ impl ScenarioFolder {
     pub const RECORD: &str = "scenario.json";
     /// Name of the table of ticks.
     pub const FRAMES: &str = "frames.parquet";
-    /// Name of the table of true boxes.
+    /// Name of the table of ground-truth boxes.
     pub const TRUTH_BOXES: &str = "boxes_truth.parquet";
 
     /// The folder's seal, if it is complete.

@@ -2,7 +2,7 @@
 //!
 //! Input: a corpus folder. Output: a [`VerifyReport`]. No earlier check and no correct hash is trusted: hashes are recomputed,
 //! every picture is decoded again, echoed poses and cameras are compared with the poses and the calibration, labels are recomputed
-//! from the poses, and the true boxes are compared with the pixels ([`pixels`]): is the aircraft in them, at the time that the
+//! from the poses, and the ground-truth boxes are compared with the pixels ([`pixels`]): is the aircraft in them, at the time that the
 //! table states, and does it move when it should?
 //!
 //! Pixels cannot decide everything; the seal covers the rest: whether a picture in which fog hides the aircraft is the right one,

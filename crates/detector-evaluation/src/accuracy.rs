@@ -69,7 +69,7 @@ pub struct DisparityErrors {
 /// Aircraft of similar width, in sight and before touchdown.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct WidthFigures {
-    /// Largest width of the true box, pixels; null in the last bin.
+    /// Largest width of the ground-truth box, pixels; null in the last bin.
     pub width_up_to_px: Option<f64>,
     /// Pictures in which it is expected.
     pub expected: u64,

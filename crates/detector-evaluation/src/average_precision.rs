@@ -43,7 +43,7 @@ pub struct AveragePrecision {
     pub ap_large: Option<f64>,
 }
 
-/// The true box of a picture.
+/// The ground-truth box of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueAircraft {
     /// The box.
@@ -163,10 +163,12 @@ impl PrecisionTally {
 
 /// Intersection over union; for a crowd, the part of the found box that is inside it.
 fn overlap(found: &PixelBox, truth: &TrueAircraft) -> f64 {
-    match truth.is_ignored {
-        true if found.area() > 0.0 => found.intersection(&truth.pixel_box) / found.area(),
-        true => 0.0,
-        false => found.iou(&truth.pixel_box),
+    if !truth.is_ignored {
+        found.iou(&truth.pixel_box)
+    } else if found.area() > 0.0 {
+        found.intersection(&truth.pixel_box) / found.area()
+    } else {
+        0.0
     }
 }
 

@@ -185,7 +185,7 @@ impl Example {
         Ok(Self { candidate, crop })
     }
 
-    /// The lines around the true box and the found one: left, top, width and height in the crop, pixels.
+    /// The lines around the ground-truth box and the found one: left, top, width and height in the crop, pixels.
     pub(crate) fn boxes(&self) -> [Option<[f64; 4]>; 2] {
         let Candidate { truth, found, .. } = &self.candidate;
         [truth, found].map(|pixel_box| Some(self.crop.frame_of(pixel_box.as_ref()?)))

@@ -78,7 +78,7 @@ pub struct ModeFigures {
     pub boxes: BoxErrors,
     /// Mile by mile.
     pub boxes_by_nm: Vec<BoxErrors>,
-    /// By width of the true box.
+    /// By width of the ground-truth box.
     pub by_width: Vec<WidthFigures>,
     /// Errors of the disparity from 1 to 10 NM.
     pub disparity: DisparityErrors,

@@ -17,7 +17,7 @@ pub(crate) struct Picture {
     pub(crate) view: usize,
     /// Distance to touchdown, nautical miles; negative past it.
     pub(crate) distance_nm: f64,
-    /// The true box, if any of the aircraft is in the picture.
+    /// The ground-truth box, if any of the aircraft is in the picture.
     pub(crate) truth: Option<TruthBox>,
     /// Visibility through haze, fog and clouds.
     pub(crate) sight: Sight,

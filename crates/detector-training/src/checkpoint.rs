@@ -25,7 +25,7 @@ const PARTS: [&str; 2] = ["network", "optimizer"];
 
 /// Rejects a folder that contains anything but a checkpoint: it is deleted when the training is done.
 pub(super) fn refuse_strangers(folder: &Path) -> Result<()> {
-    let what = "is where the training keeps its checkpoint, but";
+    let what = "is the checkpoint folder, but";
     let is_own = |name: &str| is_own(&folder.join(name));
     Ok(workshop::refuse_strangers(folder, what, is_own)?)
 }

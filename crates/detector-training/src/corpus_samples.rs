@@ -1,4 +1,4 @@
-//! Pictures of a corpus: decoded from its videos, with its true boxes.
+//! Pictures of a corpus: decoded from its videos, with its ground-truth boxes.
 //!
 //! Input: a labelled corpus. Output: samples for training, or whole frames for evaluation. Every pixel went through the codec, as
 //! it will when the detector is used.
@@ -48,7 +48,7 @@ pub struct Video {
 /// A whole frame with its truth.
 #[derive(Debug, Clone)]
 pub struct JudgedFrame {
-    /// The frame; its aircraft if the true boxes have one.
+    /// The frame; its aircraft if the ground-truth boxes have one.
     pub picture: TrainingPicture,
     /// Name of the weather.
     pub weather: String,
@@ -268,7 +268,7 @@ impl Video {
         ))
     }
 
-    /// The true boxes of the view.
+    /// The ground-truth boxes of the view.
     fn boxes(&self) -> Result<impl Iterator<Item = TruthBox>> {
         let boxes = self.scenario.truth_boxes()?.into_iter();
         Ok(boxes.filter(|truth| truth.view == self.view))

@@ -1,6 +1,6 @@
 //! Accuracy of a detector on frames that it was not trained on.
 //!
-//! Input: a network and whole decoded frames with true boxes. Output: recall, precision and errors of centre and size by width of
+//! Input: a network and whole decoded frames with ground-truth boxes. Output: recall, precision and errors of centre and size by width of
 //! the aircraft. Frames are processed as in the labeller (Auto Segmentation, S11): non-overlapping tiles, then a crop centred on
 //! each hit.
 
@@ -43,7 +43,7 @@ pub struct Evaluation {
     pub precision: f64,
     /// False detections a frame.
     pub false_per_frame: f64,
-    /// By width of the true box.
+    /// By width of the ground-truth box.
     pub by_width: Vec<WidthBin>,
     /// Recall by name of the weather.
     pub recall_by_weather: BTreeMap<String, f64>,
@@ -52,7 +52,7 @@ pub struct Evaluation {
 /// Errors of aircraft of similar width: found minus true, pixels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WidthBin {
-    /// Maximum width of the true box, pixels; missing in the last bin.
+    /// Maximum width of the ground-truth box, pixels; missing in the last bin.
     pub width_up_to_px: Option<f64>,
     /// Number of visible aircraft.
     pub visible: usize,
@@ -145,7 +145,7 @@ fn summary(outcomes: Vec<Outcome>, threshold: f64) -> Evaluation {
 /// Result for one frame.
 struct Outcome {
     weather: String,
-    /// True box, if visible.
+    /// Ground-truth box, if visible.
     visible: Option<PixelBox>,
     /// Errors of centre right, centre down, width, height, if it was found.
     error: Option<[f64; 4]>,

@@ -1,6 +1,6 @@
 //! The project's own aircraft detector: one class, far below 4 MB, trained on a corpus.
 //!
-//! Input: a labelled corpus (decoded video pixels and true boxes). Output: an ONNX model, and next to it a report on trajectories
+//! Input: a labelled corpus (decoded video pixels and ground-truth boxes). Output: an ONNX model, and next to it a report on trajectories
 //! that it was not trained on. The network is a small CenterNet (Zhou et al., 2019) adapted to this task: boxes accurate to a
 //! fraction of a pixel, because the distance is derived from them, at any contrast that haze leaves.
 //!

@@ -1,6 +1,6 @@
 //! Training pictures, and whether the aircraft in one is visible at all.
 //!
-//! Input: decoded frames and true boxes. Output: pieces of frames with their aircraft. An aircraft hidden by fog is neither a hit
+//! Input: decoded frames and ground-truth boxes. Output: pieces of frames with their aircraft. An aircraft hidden by fog is neither a hit
 //! nor a miss, and no table knows what the codec has left of it, so the pixels decide.
 
 use dataset::tables::pixel_box::{PixelBox, TruthBox};

@@ -1,6 +1,6 @@
 //! The desired output of every cell of a crop.
 //!
-//! Input: the true box in a crop and whether it is visible. Output: per cell a heat (1 at the cell that contains the centre,
+//! Input: the ground-truth box in a crop and whether it is visible. Output: per cell a heat (1 at the cell that contains the centre,
 //! falling off around it), weights of both parts of the loss, and the box numbers. CenterNet's assignment (Zhou et al., 2019), with
 //! the box regressed in the whole neighbourhood that decoding averages over.
 

@@ -69,7 +69,7 @@ pub enum Error {
     },
     /// Two runs have the same name.
     #[error(
-        "two runs are called {run}, which is what their predictions are told apart by; rename one of the folders"
+        "two runs are named {run}; predictions are identified by run name, so rename one of the folders"
     )]
     SameRun {
         /// Their name.
@@ -131,7 +131,7 @@ pub enum Error {
     },
     /// A rate that is no whole number.
     #[error(
-        "scenario {scenario} would have {found} pictures a second; lerobot needs a whole number: {advice}"
+        "scenario {scenario} would have {found} images per second; lerobot needs a whole number: {advice}"
     )]
     WholeRate {
         /// The scenario.
@@ -143,7 +143,7 @@ pub enum Error {
     },
     /// The requested rate exceeds the rate of the corpus.
     #[error(
-        "scenario {scenario} has {rate} pictures a second, fewer than --rate {asked}; choose a lower one"
+        "scenario {scenario} has {rate} images per second, fewer than --rate {asked}; choose a lower one"
     )]
     RateTooHigh {
         /// The scenario.

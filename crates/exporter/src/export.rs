@@ -50,7 +50,7 @@ pub struct ExportOutcome {
 /// The data to export, checked against the corpus.
 pub(crate) struct Export<'a> {
     pub(crate) request: &'a ExportRequest,
-    /// Name of the detections that are wanted, or stand beside the true boxes.
+    /// Name of the detections that are wanted, or stand beside the ground-truth boxes.
     model: Option<String>,
     pub(crate) scenarios: Vec<Planned>,
     /// Sides of the split that they are on; what has no side is for training.
@@ -275,11 +275,11 @@ impl Export<'_> {
     }
 }
 
-/// The name of the detections that are wanted or stand beside the true boxes.
+/// The name of the detections that are wanted or stand beside the ground-truth boxes.
 fn model_of(selection: &[Selected], request: &ExportRequest) -> Result<Option<String>> {
     match request.format.abilities().boxes {
         BoxUse::None => return Ok(None),
-        // It has no place for detections beside the true boxes.
+        // It has no place for detections beside the ground-truth boxes.
         BoxUse::Certain if request.boxes == BoxSource::Truth => return Ok(None),
         _ => {}
     }
@@ -431,7 +431,7 @@ mod tests {
         };
         assert!(refused().contains("`dtd label`"), "{}", refused());
         labeller::label_corpus(&corpus, &Silent).unwrap();
-        let words = "0002-b has 2 pictures a second, right of 160x96";
+        let words = "0002-b has 2 images per second, right of 160x96";
         assert!(refused().contains(words), "{}", refused());
         let one = ExportRequest {
             only: Some(vec!["0002-b".into()]),

@@ -111,7 +111,7 @@ pub struct ExportRequest {
 }
 
 impl ExportRequest {
-    /// Everything, with the true boxes.
+    /// Everything, with the ground-truth boxes.
     pub fn whole(format: Format) -> Self {
         Self {
             format,

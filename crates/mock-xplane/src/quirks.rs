@@ -265,15 +265,24 @@ impl fmt::Display for Quirks {
 /// A text that names no quirks.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "unknown quirk {found:?}; expected all, none, quick, or names separated by commas, each with a - before it to exclude it: {}",
-    names()
+    "unknown quirk {found:?}, the nearest is {nearest}; expected all, none, quick, or names of docs/simulator.md separated by commas, \
+     each with a - before it to exclude it"
 )]
 pub struct UnknownQuirk {
     found: String,
+    nearest: &'static str,
 }
 
-fn names() -> String {
-    FACTS.map(|facts| facts.name).join(", ")
+impl UnknownQuirk {
+    fn new(word: &str, name: &str) -> Self {
+        let likeness = |quirk: &str| strsim::jaro_winkler(quirk, name);
+        let names = FACTS.map(|facts| facts.name).into_iter();
+        let nearest = names.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+        Self {
+            found: word.into(),
+            nearest: nearest.expect("there are quirks"),
+        }
+    }
 }
 
 impl FromStr for Quirks {
@@ -297,7 +306,7 @@ impl FromStr for Quirks {
                         .iter()
                         .find(|facts| facts.name == name)
                         .map(|facts| Self::NONE.with(facts.quirk))
-                        .ok_or_else(|| UnknownQuirk { found: word.into() })?,
+                        .ok_or_else(|| UnknownQuirk::new(word, name))?,
                 };
                 Ok(if out {
                     Self(set.0 & !named.0)
@@ -336,7 +345,7 @@ mod tests {
         assert!(parse("quick").has(Quirk::CockpitView));
         let error = "all,-late_cloud".parse::<Quirks>().unwrap_err().to_string();
         assert!(
-            error.contains("\"-late_cloud\"") && error.contains("stale_frames"),
+            error.contains("\"-late_cloud\", the nearest is late_clouds;"),
             "{error}"
         );
     }

@@ -23,7 +23,7 @@ impl Dtd {
         Self(program)
     }
 
-    /// Where it is.
+    /// Its path.
     pub const fn program(self) -> &'static str {
         self.0
     }
@@ -81,7 +81,7 @@ impl Dtd {
     }
 }
 
-/// What a process printed.
+/// Output of a process.
 pub fn said(output: &Output) -> String {
     format!(
         "{}{}",
@@ -90,7 +90,7 @@ pub fn said(output: &Output) -> String {
     )
 }
 
-/// What it printed as JSON.
+/// Its output as JSON.
 pub fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(output)))
 }
@@ -132,7 +132,7 @@ impl Server {
         }
     }
 
-    /// What it printed: its addresses by name.
+    /// Its addresses by name, as printed.
     pub fn ready(&self) -> &Value {
         &self.ready
     }

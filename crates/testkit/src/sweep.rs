@@ -2,7 +2,7 @@
 
 use crate::repository;
 
-/// What tests choose of a sweep.
+/// Parts of a sweep that tests choose.
 #[derive(Debug, Clone, Copy)]
 pub struct SmallSweep<'a> {
     /// Name of the corpus.

@@ -63,7 +63,7 @@ pub struct Changed {
     pub zoom: f64,
 }
 
-/// What to make.
+/// A synthetic corpus to make.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SyntheticCorpus {
     /// Trajectories on the training side.
@@ -374,7 +374,7 @@ pub(crate) fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
     }
 }
 
-/// Where the aircraft of each view is in the first, for views that both have a box.
+/// Place of each view's aircraft in the first view, for views that both have a box.
 fn register(
     frames: &Frames,
     calibration: &Calibration,

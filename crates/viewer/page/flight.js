@@ -94,7 +94,7 @@ export class Flight {
     if (layers.has('detections')) marks.push(...found.map(box => ({ kind: box.confirmed ? 'detection' : 'unconfirmed', ...box })));
     if (layers.has('shifts')) marks.push(...this.shiftPoints(id, tick));
     const words = [];
-    if (truth[0]) words.push(`true box ${boxWords(truth[0])}`);
+    if (truth[0]) words.push(`ground-truth box ${boxWords(truth[0])}`);
     if (counted[0]) words.push(`detected ${boxWords(counted[0])}, score ${fixed(counted[0].score, 2)}`);
     else if (this.model) words.push(`no detection${this.missed.get(id).has(tick) ? `: ${this.missed.get(id).get(tick)}` : ''}`);
     const [registration] = this.registrations.get(id).get(tick) ?? [];

@@ -13,7 +13,7 @@ import { isOpenable } from './scenarios.js';
 import { METRES_PER_NM, count, fixed, metres, nauticalMiles, seconds, speed } from './units.js';
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
-const LAYERS = { truth: 'True boxes', detections: 'Detections', shifts: 'Shifts' };
+const LAYERS = { truth: 'Ground-truth boxes', detections: 'Detections', shifts: 'Shifts' };
 
 /** What the simulator reported at the aircraft; what it did not report is left out. */
 function weatherWords(weather) {
@@ -125,7 +125,7 @@ export class ScenarioPage {
       ...tables.problems,
       ...(row?.weather_differs ?? []).map(difference => `Not the planned weather: ${difference}.`),
       ...row?.state === 'damaged' ? row.faults : [],
-      ...tables.ticks && !tables.ticks.dtd_m ? ['This scenario has no labels: `dtd label` adds true boxes and distances.'] : [],
+      ...tables.ticks && !tables.ticks.dtd_m ? ['This scenario has no labels: `dtd label` adds ground-truth boxes and distances.'] : [],
       ...!tables.models.length ? ['No detections: `dtd detect` adds them.'] : [],
     ];
     return element('section', { class: 'head', 'aria-labelledby': 'title' },

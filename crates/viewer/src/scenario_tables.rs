@@ -37,7 +37,7 @@ struct View {
     width_px: u32,
     height_px: u32,
     hfov_deg: f64,
-    /// True boxes; `None` without labels.
+    /// Ground-truth boxes; `None` without labels.
     truth: Option<TruthColumns>,
 }
 

@@ -1,7 +1,7 @@
 //! Thumbnails: one picture per scenario, cut out around the aircraft where it is nearest while still well in sight.
 //!
-//! True boxes say where that is, else detections; a scenario without either shows its last picture. Thumbnails are made when a page asks
-//! for them, a few at a time, and kept in memory.
+//! Ground-truth boxes say where that is, else detections; a scenario without either shows its last picture. Thumbnails are made when a page
+//! asks for them, a few at a time, and kept in memory.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, VecDeque};

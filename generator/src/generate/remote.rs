@@ -77,7 +77,7 @@ impl Remote {
                 id,
             });
         }
-        tracing::warn!("the store's plan.json is damaged; that of this sweep takes its place");
+        tracing::warn!("the store's plan.json is damaged; this sweep's replaces it");
         Ok(())
     }
 

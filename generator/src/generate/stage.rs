@@ -30,7 +30,7 @@ pub(super) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
     match read_json::<Mark>(&own_path(root, MARK)?, "mark of a stage") {
         Ok(Mark { corpus }) if corpus == url => Ok(()),
         Ok(Mark { corpus }) => refused(format!(
-            "is the stage of {corpus}, expected that of {url}; send to that one"
+            "is the staging folder of {corpus}, expected {url}; send to {corpus}"
         )),
         Err(error) if !error.is_not_found() => Err(error.into()),
         Err(_) => {

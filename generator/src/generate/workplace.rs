@@ -22,7 +22,7 @@ impl Workplace {
             if !found.is_dir() && !found.is_symlink() {
                 return Err(Error::corpus(
                     root,
-                    "is where the scenario is made, and is no folder; move it away, then the scenario is generated",
+                    "is not a folder, expected the one where the scenario is made; move it away and run the same command again",
                 ));
             }
             fs::remove_dir_all(root).map_err(Error::io("remove", root))?;

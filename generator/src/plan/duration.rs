@@ -100,7 +100,7 @@ impl Durations {
             Pacing::XPlane(profile) => count.with_x_plane(common, profile.as_deref()),
             Pacing::PicturesPerSecond(per_s) => Self {
                 pictures_h: count.pictures / per_s / 3_600.0,
-                pictures_basis: format!("{per_s} a second, as given"),
+                pictures_basis: format!("{per_s} per second, as given"),
                 ..count.with_x_plane(common, None)
             },
         };
@@ -165,7 +165,7 @@ impl Count {
         Durations {
             pictures_h: self.pictures / per_s / 3_600.0,
             pictures_basis: format!(
-                "{per_s:.0} a second, measured with the stand-in on two cores at 30 pictures a second of flight; --sim mock measures yours"
+                "{per_s:.0} per second, measured with the bundled simulator on two cores at 30 images per second of flight; --sim mock measures yours"
             ),
             live_flying_basis: "the stand-in does not fly in real time".into(),
             loading_basis: "not counted; --sim mock measures it".into(),

@@ -159,12 +159,12 @@ fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
             1 => "1 scenario".to_owned(),
             number => format!("{number} scenarios"),
         };
-        let basis = format!("{per_picture:.0} a picture, as in {scenarios} of the corpus");
+        let basis = format!("{per_picture:.0} per image, as in {scenarios} of the corpus");
         return (Some(per_picture), basis);
     }
     if let Some(per_picture) = expected_bytes_per_picture(common) {
         let basis = format!(
-            "{per_picture:.0} a picture, measured with the stand-in at 1920x1280, five rates and the default [video]; --against CORPUS measures yours"
+            "{per_picture:.0} per image, measured with the bundled simulator at 1920x1280, five rates and the default [video]; --against CORPUS measures yours"
         );
         return (Some(per_picture), basis);
     }

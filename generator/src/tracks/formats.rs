@@ -73,7 +73,7 @@ pub enum TrackFileError {
     },
     /// Columns are missing.
     #[error(
-        "{}: no column for {missing}; its columns are {found}. Expected those of traffic (timestamp, latitude, longitude, altitude), of \
+        "{}: no column for {missing}; its columns are {found}. Expected the columns of traffic (timestamp, latitude, longitude, altitude), of \
          OpenSky (time, lat, lon, baroaltitude), trace_full of readsb, JSON lines of jet1090, or X-Plane's Data.txt or .fdr",
         path.display()
     )]

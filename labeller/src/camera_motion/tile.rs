@@ -48,11 +48,11 @@ pub(super) struct Tile {
     power: f64,
     /// Sums of the products of its slopes.
     structure: [f64; 3],
-    /// What it can tell about a shift to the right and down in an image with little noise, 1 / square pixels.
+    /// Information about a shift to the right and down in an image with little noise, 1 / square pixels.
     pub(super) tells: DVec2,
 }
 
-/// Where a tile wants to be.
+/// Measured position of a tile.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Told {
     /// Step to its best place, pixels.

@@ -29,7 +29,7 @@ const LONG_PART: f64 = 0.25;
 /// Rows that contradict by more are not told apart, pixels.
 const MOST_PX: f64 = 1_000.0;
 
-/// What a flight showed.
+/// Evidence from one flight.
 struct Flight<'a> {
     /// Identifiers and cameras of the views.
     views: Vec<(&'a str, &'a Camera)>,
@@ -47,7 +47,7 @@ struct Seen {
     places_px: [DVec2; 2],
 }
 
-/// What a view showed relative to the first one.
+/// Evidence from a view, relative to the first one.
 #[derive(Default)]
 struct Compared {
     lag: Option<ViewLag>,
@@ -207,7 +207,7 @@ enum Sighted {
     Short(CommonSighting),
 }
 
-/// What is seen of one aircraft.
+/// Sightings of one aircraft.
 fn sightings<'a>(cameras: [&Camera; 2], seen: &'a [Seen]) -> Vec<(&'a Seen, Sighted)> {
     let places: Vec<(f64, DVec2)> = (seen.iter())
         .map(|seen| (seen.time_s, seen.places_px[1]))
@@ -251,7 +251,7 @@ mod tests {
     use super::super::pictures::ViewTick;
     use super::*;
 
-    /// Where a view sees an aircraft on the glide path, a time after it is 18 km away.
+    /// Position in a view of an aircraft on the glide path, some time after it is 18 km away.
     fn place_px(camera: &Camera, time_s: f64) -> DVec2 {
         let runway = changi_02l();
         let along_m = 18_000.0 - 75.0 * time_s;

@@ -13,7 +13,7 @@ const COCO_CLASSES: usize = 80;
 /// More names would fill a screen.
 const MOST_LISTED: usize = 12;
 
-/// What a model and its settings say of classes.
+/// Classes according to a model and its settings.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Classes<'a> {
     /// The settings' `aircraft_class`.
@@ -24,7 +24,7 @@ pub(super) struct Classes<'a> {
     pub(super) count: Option<usize>,
 }
 
-/// Why none of a model's classes can be taken for the aircraft.
+/// Reasons why none of a model's classes can be taken for the aircraft.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum ClassFault {
     #[error(

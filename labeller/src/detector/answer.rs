@@ -12,7 +12,7 @@ pub(super) struct Answer<'a> {
     numbers: &'a [f32],
 }
 
-/// What is wrong with an output. The caller names model and output.
+/// A fault of an output. The caller names model and output.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum AnswerFault {
     #[error(

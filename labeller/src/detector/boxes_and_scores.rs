@@ -8,7 +8,7 @@ use super::layout::Layout;
 /// Numbers of a box.
 const BOX: usize = 4;
 
-/// Where the two outputs are among a model's outputs.
+/// Places of the two outputs among a model's outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PairOutputs {
     pub(super) boxes: usize,

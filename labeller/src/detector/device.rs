@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Device {
     provider: Provider,
-    /// Which one of several; `None` is the provider's choice, usually the first.
+    /// Index among several; `None` is the provider's choice, usually the first.
     number: Option<u16>,
 }
 
@@ -36,7 +36,7 @@ enum Provider {
     DirectMl,
 }
 
-/// What a provider is called, and where to get a library that has it.
+/// Name of a provider, and a source of libraries that have it.
 struct Facts {
     word: &'static str,
     /// Whether several of its devices are numbered.
@@ -222,7 +222,7 @@ pub enum UnknownDevice {
     )]
     Provider,
     /// The part after the colon.
-    #[error("{found:?} is no number of a device, expected 0 to {most}", most = u16::MAX)]
+    #[error("{found:?} is not a valid device index; expected 0 to {most}", most = u16::MAX)]
     Number {
         /// That part.
         found: String,
@@ -292,8 +292,8 @@ mod tests {
             ("gpu", "expected cpu, cuda, tensorrt"),
             ("CUDA", "expected cpu, cuda, tensorrt"),
             ("", "expected cpu"),
-            ("cuda:", "\"\" is no number"),
-            ("cuda:-1", "\"-1\" is no number"),
+            ("cuda:", "\"\" is not a valid device index"),
+            ("cuda:-1", "\"-1\" is not a valid device index"),
             ("cuda:65536", "0 to 65535"),
             ("cpu:0", "cpu takes no number"),
         ] {

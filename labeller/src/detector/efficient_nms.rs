@@ -9,7 +9,7 @@ const NO_CLASS: f32 = -1.0;
 /// Numbers of a box: four edges, score, class.
 pub(super) const NUMBERS: usize = 6;
 
-/// Where the four outputs are among a model's outputs.
+/// Places of the four outputs among a model's outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct NmsOutputs {
     pub(super) counts: usize,
@@ -18,7 +18,7 @@ pub(super) struct NmsOutputs {
     pub(super) classes: usize,
 }
 
-/// What tells outputs apart.
+/// Distinguishes outputs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct OutputForm {
     pub(super) name: String,

@@ -11,7 +11,7 @@ use super::profile::ModelProfile;
 pub(super) const CHANNELS: usize = 3;
 /// Windows of a model that seems to leave their size open but takes one size only, pixels.
 const USUAL_WINDOW_PX: u32 = 640;
-/// What the sides of a window must be multiples of if the model leaves its size open: the coarsest stride of YOLO-like models, pixels.
+/// The sides of a window are multiples of this if the model leaves its size open: the coarsest stride of YOLO-like models, pixels.
 const STRIDE_PX: u32 = 32;
 /// A smaller window has no cell of the coarsest stride, pixels.
 const LEAST_WINDOW_PX: u32 = STRIDE_PX;
@@ -90,7 +90,7 @@ pub(super) struct Input {
     pub(super) batch: Batch,
 }
 
-/// Why a model's input or output cannot be used.
+/// Reasons why a model's input or output cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum InputFault {
     #[error(
@@ -272,7 +272,7 @@ pub(super) fn numbers_in([width_px, height_px]: [u32; 2]) -> usize {
     CHANNELS * width_px as usize * height_px as usize
 }
 
-/// How many windows fit into the memory of one run.
+/// Number of windows that fit into the memory of one run.
 pub(super) fn most_windows(size_px: [u32; 2]) -> usize {
     (MOST_RUN_BYTES / (numbers_in(size_px) * size_of::<f32>())).min(MOST_BATCH)
 }

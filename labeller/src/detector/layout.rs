@@ -64,7 +64,7 @@ pub enum Layout {
     EfficientNms,
 }
 
-/// What decoding needs besides the numbers.
+/// Context for decoding the numbers.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Decoding {
     pub(super) meaning: Meaning,

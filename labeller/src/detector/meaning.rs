@@ -1,4 +1,4 @@
-//! What the numbers of an answer mean, where shapes have several meanings.
+//! Meaning of the numbers of an answer whose shape has several meanings.
 //!
 //! Input: the answer to a blank window, and what settings and metadata say. A detector answers that with candidates of low scores all over
 //! the window, or with no box at all; then the shape alone decides. The same shape is told apart by
@@ -27,7 +27,7 @@ const PROBABILITY_TOLERANCE: f32 = 1e-3;
 /// Part of the scores of logits that are no probabilities. The answer to a blank window has low ones.
 const LEAST_LOGITS: f64 = 0.25;
 
-/// What is known of a model besides its answer.
+/// Knowledge of a model besides its answer.
 pub(super) struct Known<'a> {
     /// Width and height.
     pub(super) window_px: [u32; 2],
@@ -38,7 +38,7 @@ pub(super) struct Known<'a> {
     pub(super) named: Option<usize>,
 }
 
-/// How the numbers of an answer are read.
+/// Reading of an answer's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Meaning {
     pub(super) layout: Layout,
@@ -48,7 +48,7 @@ pub(super) struct Meaning {
 }
 
 impl Meaning {
-    /// What models of a layout usually mean.
+    /// Usual meaning for models of a layout.
     pub(super) fn usual(layout: Layout) -> Self {
         Self {
             layout,

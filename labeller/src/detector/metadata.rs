@@ -1,4 +1,4 @@
-//! What the program that exported a model wrote into it: ONNX metadata properties.
+//! ONNX metadata properties, written by the program that exported a model.
 //!
 //! Ultralytics writes `task` (`detect`, `segment`, ...), `names` (the classes, as Python prints a dictionary), `stride` and more;
 //! YOLOv5's exporter `names` and `stride`; those of YOLOv7 and YOLOX nothing. A model of this project, or one that its author has
@@ -22,11 +22,11 @@ pub(super) struct ModelMetadata {
     pub(super) profile: Option<String>,
     /// Names of the classes by their numbers.
     pub(super) names: Option<BTreeMap<usize, String>>,
-    /// What the model is for, of a model by Ultralytics.
+    /// The task of a model by Ultralytics.
     pub(super) task: Option<String>,
     /// Class of the last module of a model by Ultralytics: `Detect`, `RTDETRDecoder`, ...
     pub(super) head: Option<String>,
-    /// What the sides of its input must be multiples of, pixels.
+    /// The sides of its input are multiples of this, pixels.
     pub(super) stride_px: Option<u32>,
 }
 

@@ -41,7 +41,7 @@ impl ModelFile {
         })
     }
 
-    /// What its detections are told apart by.
+    /// Identifies its detections.
     pub fn identity(&self) -> ModelIdentity {
         let file_name = self.path.file_name().unwrap_or_default();
         ModelIdentity {

@@ -24,39 +24,39 @@ const PATH_VARIABLE: &str = "ORT_DYLIB_PATH";
 /// Relative to the program's folder.
 const FOLDER_OF_INSTALLATION: &str = "../lib/dtd";
 
-/// Why ONNX Runtime cannot be loaded from its place.
+/// Reasons why ONNX Runtime cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum LibraryError {
     /// A relative path, which depends on the working folder.
     #[error("{} is {}, expected an absolute path", place, path.display())]
     Relative {
-        /// Who said so.
+        /// The source of the path.
         place: &'static str,
-        /// What was said.
+        /// The path.
         path: PathBuf,
     },
     /// There is no file.
     #[error("no library at {} ({place}): {source}; run `bash scripts/setup-build.sh` in the repository, or name the library with --onnx-runtime or {PATH_VARIABLE}", path.display())]
     Missing {
-        /// Who said so.
+        /// The source of the path.
         place: &'static str,
         /// The expected path.
         path: PathBuf,
-        /// Why it cannot be read.
+        /// The error on reading it.
         r#source: io::Error,
     },
     /// It is a folder, a device or a pipe.
     #[error("{} ({place}) is not a regular file", path.display())]
     NoFile {
-        /// Who said so.
+        /// The source of the path.
         place: &'static str,
-        /// What it is.
+        /// The path.
         path: PathBuf,
     },
     /// Another user could have put it there.
-    #[error("{} ({place}) is not loaded: every user of this computer can write to {}; run `chmod o-w` on it, or name another library", path.display(), writable.display())]
+    #[error("refusing to load {} ({place}): {} is world-writable; run `chmod o-w` on it, or name another library", path.display(), writable.display())]
     WritableByAll {
-        /// Who said so.
+        /// The source of the path.
         place: &'static str,
         /// The library.
         path: PathBuf,
@@ -65,7 +65,7 @@ pub enum LibraryError {
     },
     /// Its telemetry is not disabled.
     #[error(
-        "{NO_TELEMETRY_VARIABLE} is not 1: the library would report to its maker over the network, and is not loaded"
+        "refusing to load ONNX Runtime: its telemetry is not disabled; set {NO_TELEMETRY_VARIABLE} to 1"
     )]
     WouldReport,
     /// It cannot be loaded or started.
@@ -81,25 +81,25 @@ pub enum LibraryError {
         "{} cannot run a model on {device}: it has only {available}; {advice}; name its library with --onnx-runtime or {PATH_VARIABLE}", library.display()
     )]
     NoProvider {
-        /// What was requested.
+        /// The requested device.
         device: Device,
         /// The library.
         library: PathBuf,
         /// Devices that it has.
         available: String,
-        /// Which builds have it.
+        /// The builds that have it.
         advice: &'static str,
     },
     /// The execution provider of the requested device does not start.
     #[error("{} cannot run a model on {device}: {message}; {advice}", library.display())]
     ProviderFails {
-        /// What was requested.
+        /// The requested device.
         device: Device,
         /// The library.
         library: PathBuf,
         /// ONNX Runtime's error.
         message: String,
-        /// What it needs.
+        /// Its requirements.
         advice: &'static str,
     },
 }
@@ -107,7 +107,7 @@ pub enum LibraryError {
 /// ONNX Runtime, loaded and started.
 pub(super) struct Runtime {
     pub(super) environment: Environment,
-    /// Where it was loaded from.
+    /// The path it was loaded from.
     pub(super) library: PathBuf,
 }
 

@@ -31,7 +31,7 @@ const PROBE_MULTIPLES: [u32; 2] = [5, 4];
 pub struct OrtOptions {
     /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own. Applies to the first model of a process.
     pub library: Option<PathBuf>,
-    /// Where the model runs.
+    /// The device that runs the model.
     pub device: Device,
     /// Threads within one run.
     pub threads: usize,
@@ -52,7 +52,7 @@ pub struct OrtDetector {
     found: Plausibility,
 }
 
-/// How a model answers.
+/// Form of a model's answers.
 #[derive(Debug, Clone, Copy)]
 struct Output {
     boxes: BoxOutputs,
@@ -214,7 +214,7 @@ impl OrtDetector {
     }
 }
 
-/// What its exporter wrote into a model.
+/// Metadata that its exporter wrote into a model.
 fn metadata_of(session: &Session) -> ModelMetadata {
     let metadata = session.metadata().ok();
     ModelMetadata::of(|key| metadata.as_ref()?.custom(key))

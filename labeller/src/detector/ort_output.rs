@@ -1,4 +1,4 @@
-//! What a run of ONNX Runtime gave: the forms of its outputs, and the boxes in them.
+//! Results of a run of ONNX Runtime: the forms of its outputs, and the boxes in them.
 
 use std::borrow::Cow;
 
@@ -13,7 +13,7 @@ use super::efficient_nms::{NmsAnswer, OutputForm};
 use super::layout::Decoding;
 use super::outputs::{BoxOutputs, OutputsFault};
 
-/// Why the outputs of a run cannot be read. The caller names the model.
+/// Reasons why the outputs of a run cannot be read. The caller names the model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum ReadFault {
     #[error("output {name:?} {fault}")]
@@ -46,7 +46,7 @@ pub(super) fn outputs_in_words(outputs: &SessionOutputs<'_>) -> String {
     format!("outputs {}", outputs.join(", "))
 }
 
-/// What tells the outputs of a run apart.
+/// Distinguishes the outputs of a run.
 pub(super) fn forms_of(outputs: &SessionOutputs<'_>) -> Vec<OutputForm> {
     let form = |(name, value): (&str, ort::value::ValueRef<'_>)| {
         let (holds_integers, shape) = match value.dtype() {

@@ -1,4 +1,4 @@
-//! Which of a model's outputs hold the boxes, and in which layout: found out from the names, types and shapes of actual outputs.
+//! Finds the outputs of a model that hold the boxes, and their layout, from the names, types and shapes of actual outputs.
 //!
 //! Settings, metadata and shapes that contradict each other are an error, never a guess.
 
@@ -22,7 +22,7 @@ pub(super) enum BoxOutputs {
     BoxesAndScores(PairOutputs),
 }
 
-/// Why no output can be read.
+/// Reasons why no output can be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum OutputsFault {
     #[error(
@@ -54,7 +54,7 @@ pub(super) enum OutputsFault {
     Several { names: Vec<String>, layout: Layout },
 }
 
-/// What is known of a model before its outputs.
+/// Knowledge of a model before its outputs.
 pub(super) struct Expected {
     /// The settings' layout.
     pub(super) said: Option<Layout>,
@@ -156,12 +156,12 @@ impl BoxOutputs {
     }
 }
 
-/// What outputs of no known layout look like.
+/// Description of outputs that have no known layout.
 fn hint_of(outputs: &[OutputForm]) -> &'static str {
     let ranks = || outputs.iter().map(|output| output.shape.len());
     match outputs {
         [output] if output.shape.len() == 2 => {
-            ", but a single row of numbers, as those of a classifier"
+            ", but a single row of numbers, as from a classifier"
         }
         _ if is_of_mmdeploy(outputs) => {
             ", but boxes with their scores, and labels, as mmdeploy exports them: export the model with easydeploy of MMYOLO instead, whose \
@@ -172,7 +172,7 @@ fn hint_of(outputs: &[OutputForm]) -> &'static str {
         }
         _ if ranks().any(|rank| rank == HEAD_RANK) => ", but undecoded heads, one for each stride",
         _ if outputs.len() > 1 && ranks().any(|rank| rank == MASK_RANK) => {
-            ", but masks or maps, as those of a model for segmentation"
+            ", but masks or maps, as from a segmentation model"
         }
         _ => "",
     }

@@ -42,7 +42,7 @@ pub enum ChannelOrder {
     Bgr,
 }
 
-/// Which point of the top-left pixel has the coordinates (0, 0) in a model's output.
+/// The point of the top-left pixel that has the coordinates (0, 0) in a model's output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BoxOrigin {
@@ -52,7 +52,7 @@ pub enum BoxOrigin {
     PixelCorner,
 }
 
-/// What the four numbers of a box are.
+/// Meaning of a box's four numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BoxForm {
@@ -72,7 +72,7 @@ pub enum BoxUnit {
     Normalized,
 }
 
-/// What a score is.
+/// Meaning of a score.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ScoreForm {

@@ -30,7 +30,7 @@ pub struct Window {
     pub width_px: u32,
     /// Height of the model's input, pixels.
     pub height_px: u32,
-    /// How many pixels of the picture, across and down, are averaged to one of the input; 1 shows every pixel.
+    /// Pixels of the image, across and down, that are averaged to one of the input; 1 shows every pixel.
     pub shrink: u32,
 }
 

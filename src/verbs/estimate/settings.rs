@@ -14,7 +14,7 @@ use live::{Decoder, Settings, Source};
 use crate::estimate_args::{EstimateArgs, GivenOffset, OfView, metrics_address};
 use crate::failure::Failure;
 
-/// What was given, by view and for all of them.
+/// Given options, by view and for all views.
 #[derive(Debug)]
 pub(super) struct Given {
     pub(super) sources: BTreeMap<String, Source>,

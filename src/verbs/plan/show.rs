@@ -148,7 +148,7 @@ impl Report<'_> {
         print_after(
             "flight      ",
             &format!(
-                "{}: {} ticks at {} a second, {}, {} pictures",
+                "{}: {} ticks at {} per second, {}, {} images",
                 hours(estimate.flight_h),
                 estimate.ticks,
                 common.picture.frame_rate,

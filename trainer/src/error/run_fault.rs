@@ -24,7 +24,7 @@ pub enum RunFault {
     OtherEvaluation,
     /// A third run is where two of a replacement belong.
     #[error(
-        "was made while {} waits to take this place, and {} is what it replaces; move one of the three away",
+        "appeared while {} was about to replace the run that is now {}; keep one of the three and move the others away",
         new.display(),
         old.display()
     )]
@@ -112,7 +112,7 @@ pub enum RunFault {
     #[error("has no view {view:?}; its views are {}", views.join(", "))]
     NoSuchView { view: String, views: Vec<String> },
     /// Pictures that cameras are aligned with.
-    #[error("are not the backgrounds that config.json and baselines.json tell of; train again")]
+    #[error("do not match the backgrounds recorded in config.json and baselines.json; train again")]
     Backgrounds,
     /// A refit of a run whose cameras are aligned.
     #[error(

@@ -26,6 +26,7 @@ use crate::samples::training_cameras::DroppedBoxes;
 pub(crate) use bootstrap::Intervals;
 pub(crate) use box_figures::BoxFigures;
 pub use figures::ErrorFigures;
+pub(crate) use figures::quantile;
 pub(crate) use one_view::{AgainstOneView, SingleViewFigures};
 pub(crate) use stated_intervals::StatedIntervals;
 

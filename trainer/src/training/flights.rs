@@ -24,7 +24,7 @@ pub(crate) struct Flights {
     pub(crate) scenario_split: Option<ScenarioSplit>,
     /// Directions of the cameras, if the settings ask for them.
     pub(crate) backgrounds: Option<Backgrounds>,
-    /// The training side with its true boxes alone.
+    /// The training side with its ground-truth boxes alone.
     pub(crate) true_boxes: Vec<Sample>,
     /// The other boxes of the training side, by view.
     pub(crate) dropped_boxes: DroppedByView,
@@ -36,7 +36,7 @@ impl Flights {
     /// Reads them. Errors about all corpora name the first.
     ///
     /// # Errors
-    /// A corpus does not suit the settings, or has no true box to learn from.
+    /// A corpus does not suit the settings, or has no ground-truth box to learn from.
     pub(crate) fn read(
         corpora: &[Corpus],
         config: &TrainConfig,

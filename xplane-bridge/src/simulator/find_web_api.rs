@@ -30,7 +30,7 @@ pub(super) enum NotUsed {
     },
     /// It belongs to another simulator.
     #[error(
-        "the Web API at {address} is that of another simulator: its capture link is {}, expected port {expected}",
+        "the Web API at {address} belongs to another simulator: its capture link is {}, expected port {expected}",
         .found.map_or("not there".to_owned(), |port| format!("at port {port}"))
     )]
     OtherSimulator {

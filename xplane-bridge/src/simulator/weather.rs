@@ -220,10 +220,12 @@ impl Simulator {
             before = weather.to_vec();
             let is_wrong = !value.is_some_and(|value| write.is_met_by(value));
             let is_over = self.description.replayed && is_wrong && unchanged >= REPLAYED_POLLS;
-            let patience = match slides {
-                true if is_taken_for_a_moment => PATIENCE_WHILE_IT_SLIDES,
-                true => PATIENCE_WITH_TEMPERATURE,
-                false => self.weather_patience(),
+            let patience = if !slides {
+                self.weather_patience()
+            } else if is_taken_for_a_moment {
+                PATIENCE_WHILE_IT_SLIDES
+            } else {
+                PATIENCE_WITH_TEMPERATURE
             };
             if is_over || passed_s >= patience.as_secs_f32() {
                 let source = found.get(expected.len() - 1).copied().flatten();

@@ -265,7 +265,7 @@ fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
     } else {
         Err(Error::corpus(
             path,
-            "is in the place of a claim and is none; expected nothing there, or a file of ours that names a process; move it away",
+            "is not a lock file of dtd, which would name a process; move it away",
         ))
     }
 }

@@ -48,7 +48,7 @@ pub fn check_identity(id: &str, seal: &Seal, content: &[u8], path: &Path) -> Res
         )
     } else if said.config_hash != seal.config_hash {
         format!(
-            "has the config_hash {:?}, expected {:?}, that of {DONE}",
+            "has the config_hash {:?}, expected {:?} as in {DONE}",
             said.config_hash, seal.config_hash
         )
     } else {

@@ -89,7 +89,7 @@ impl PixelBox {
     }
 }
 
-/// The true box of the aircraft in one view at one tick.
+/// The ground-truth box of the aircraft in one view at one tick.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct TruthBox {
     /// Number of the tick.

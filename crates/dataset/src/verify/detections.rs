@@ -231,7 +231,7 @@ fn check_registration_counts(
         && let Some(other) = rows.iter().find(|row| row.reference != *reference)
     {
         let message = format!(
-            "registration.reference is {reference:?}, expected {:?}, that of the table",
+            "registration.reference is {reference:?}, expected {:?} as in the table",
             other.reference
         );
         faults.file(file, message);

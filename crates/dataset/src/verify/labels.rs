@@ -38,7 +38,7 @@ fn is_labelled(frames: &Frames) -> bool {
     frames.rows.iter().any(|frame| frame.labels.is_some())
 }
 
-/// The true boxes, if there are any: they exist exactly if the distances do. All numbers outside their limits are faults.
+/// The ground-truth boxes, if there are any: they exist exactly if the distances do. All numbers outside their limits are faults.
 pub(super) fn read_boxes(
     folder: &ScenarioFolder,
     frames: Option<&Frames>,
@@ -50,9 +50,9 @@ pub(super) fn read_boxes(
     let labelled = frames.map_or(boxes_exist, is_labelled);
     if labelled != boxes_exist {
         let fault = if labelled {
-            "the scenario has distances, but no true boxes; put the file back, or record the scenario again"
+            "the scenario has distances, but no ground-truth boxes; put the file back, or record the scenario again"
         } else {
-            "the scenario has true boxes, but no distances; run `dtd label` again"
+            "the scenario has ground-truth boxes, but no distances; run `dtd label` again"
         };
         faults.file(ScenarioFolder::TRUTH_BOXES, fault);
     }

@@ -1,6 +1,6 @@
-//! Compares the true boxes with the pixels: does every picture show the aircraft where and when the tables say?
+//! Compares the ground-truth boxes with the pixels: does every picture show the aircraft where and when the tables say?
 //!
-//! Input: the decoded pictures of a view, one by one, and the true boxes of the scenario. Each box that is clear enough is examined
+//! Input: the decoded pictures of a view, one by one, and the ground-truth boxes of the scenario. Each box that is clear enough is examined
 //! ([`sight`]). Then all of them are judged together:
 //!
 //! - **Filled**: something stands out from the sky in the box. If most boxes of a view are empty, its pictures belong to another
@@ -85,7 +85,7 @@ pub struct ViewProof {
     pub view: String,
     /// Pictures decoded.
     pub pictures: u64,
-    /// True boxes that are clear enough to show the aircraft.
+    /// Ground-truth boxes that are clear enough to show the aircraft.
     pub clear_boxes: usize,
     /// Those that would be clear, but have no smooth background.
     pub rough_boxes: usize,
@@ -105,7 +105,7 @@ pub struct ViewProof {
 pub(super) struct Watcher<'a> {
     view: &'a str,
     scenario: &'a Scenario<'a>,
-    /// True boxes of this view by tick, with their rows.
+    /// Ground-truth boxes of this view by tick, with their rows.
     boxes: Vec<Option<(usize, &'a TruthBox)>>,
     /// Their places in the images, which air and mast may move, by tick.
     places: Vec<Option<PixelBox>>,
@@ -275,7 +275,7 @@ impl<'a> Watcher<'a> {
         let enough = clear.len() >= LEAST_BOXES;
         if enough && (filled.len() as f64) < LEAST_FILLED * clear.len() as f64 {
             let message = format!(
-                "the aircraft is visible in {} of {} true boxes that are clear enough to show it{}",
+                "the aircraft is visible in {} of {} ground-truth boxes that are clear enough to show it{}",
                 filled.len(),
                 clear.len(),
                 self.hint()
@@ -365,7 +365,7 @@ impl<'a> Watcher<'a> {
         let are_few = (clear.len() as f64) < LEAST_SMOOTH * all as f64;
         if all >= LEAST_BOXES && are_few && noise >= LEAST_ROUGH {
             let message = format!(
-                "the pictures show no sky: around {} of {all} true boxes of an aircraft in the air the noise is {noise:.0} grey levels, expected less than {LEAST_ROUGH:.0}",
+                "the pictures show no sky: around {} of {all} ground-truth boxes of an aircraft in the air the noise is {noise:.0} grey levels, expected less than {LEAST_ROUGH:.0}",
                 rough.len()
             );
             faults.view(file, self.view, message);
@@ -404,7 +404,7 @@ impl<'a> Watcher<'a> {
             let expected = typical * empty.truth.transmission;
             if expected >= SURE * empty.sight.least_to_be_filled() {
                 let message = format!(
-                    "in the true box (row {} of boxes_truth.parquet) nothing stands out by more than {:.1} grey levels, expected {expected:.0}",
+                    "in the ground-truth box (row {} of boxes_truth.parquet) nothing stands out by more than {:.1} grey levels, expected {expected:.0}",
                     empty.row, empty.sight.contrast
                 );
                 faults.view_row(

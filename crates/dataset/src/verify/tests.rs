@@ -688,7 +688,7 @@ fn a_missing_column_and_missing_boxes_are_found() {
     assert_found(&findings, "has no column latitude_deg");
     let findings =
         Example::with(|example| fs::remove_file(example.path("boxes_truth.parquet")).unwrap());
-    assert_found(&findings, "has distances, but no true boxes");
+    assert_found(&findings, "has distances, but no ground-truth boxes");
 }
 
 #[test]

@@ -105,7 +105,7 @@ impl About {
 
     /// Description of the labels' origin.
     pub(crate) fn annotation(&self) -> String {
-        let mut text = "Distances and true boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; \
+        let mut text = "Distances and ground-truth boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; \
                         nobody drew them."
             .to_owned();
         if !self.models.is_empty() {

@@ -192,7 +192,7 @@ pub(crate) const TICKS: TableText = TableText {
 
 pub(crate) const BOXES: TableText = TableText {
     name: "boxes",
-    row: "true box: scenario, view and tick that show the aircraft",
+    row: "ground-truth box: scenario, view and tick that show the aircraft",
     columns: columns![
         SCENARIO,
         VIEW,

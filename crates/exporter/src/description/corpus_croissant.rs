@@ -150,7 +150,7 @@ fn description(corpus: &Corpus, license: Option<String>) -> Result<Value> {
             TRUTH_BOXES,
             in_each(&labelled, ScenarioFolder::TRUTH_BOXES),
             PARQUET,
-            "True boxes.",
+            "Ground-truth boxes.",
         ),
         (DETECTED, detected, PARQUET, "Boxes that a model found."),
     ];

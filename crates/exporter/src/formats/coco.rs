@@ -226,7 +226,7 @@ fn contents(boxes: BoxSource) -> Contents {
         annotation(
             "iscrowd",
             Kind::U32,
-            "1 if nobody can be expected to find it",
+            "1 if it cannot be expected to be found",
         ),
     ];
     annotations.extend(match boxes {

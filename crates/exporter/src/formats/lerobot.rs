@@ -194,7 +194,7 @@ impl Form {
 
 impl std::fmt::Display for Form {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} pictures a second", self.fps)?;
+        write!(f, "{} images per second", self.fps)?;
         for (view, [width_px, height_px]) in &self.views {
             write!(f, ", {view} of {width_px}x{height_px}")?;
         }
@@ -717,7 +717,7 @@ mod tests {
         }
         for (numerator, denominator, ticks, words) in [
             (30_000, 1_001, Ticks::ALL, "from 1 to 29 with --rate"),
-            (30, 1, every(7), "30/7 pictures a second"),
+            (30, 1, every(7), "30/7 images per second"),
             (30_000, 1_001, per_second(30), "fewer than --rate 30"),
             (1, 2, Ticks::ALL, "choose another format"),
             (1, 2, per_second(1), "choose another format"),

@@ -11,7 +11,7 @@ pub(crate) struct LabelledBox {
     /// Of a detection.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) score: Option<f64>,
-    /// Of a true box: part of the aircraft in the picture, part of the box outside it, contrast that remains.
+    /// Of a ground-truth box: part of the aircraft in the picture, part of the box outside it, contrast that remains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) truth: Option<TruthFigures>,
 }

@@ -84,7 +84,7 @@ impl Shown {
         Err(Error::NoPicture { dtd_nm: SHOWN_NM })
     }
 
-    /// The picture with the trajectory of the whole flight and the true box.
+    /// The picture with the trajectory of the whole flight and the ground-truth box.
     pub(super) fn with_trajectory(&self) -> Result<Vec<u8>> {
         let mut picture = self.picture.clone();
         let places = self.rows.iter().filter_map(|row| {

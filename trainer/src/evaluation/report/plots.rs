@@ -7,7 +7,7 @@ use report_page::chart::{
 };
 
 use crate::estimators::paper_lstm::calibration_training::CalibrationLogEntry;
-use crate::evaluation::metrics::{BoxFigures, DistanceBin, Outcome};
+use crate::evaluation::metrics::{BoxFigures, DistanceBin, Outcome, quantile};
 use crate::run::estimator::Estimator;
 use crate::run::trained::Convergence;
 use crate::samples::Sample;
@@ -17,16 +17,11 @@ const MOST_LABELS: usize = 60;
 /// Maximum end of an axis of percentage errors.
 const FARTHEST_PCT: f64 = 1_000.0;
 
-/// The quantile of a share of all values.
-fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let place = (values.len() as f64 * part) as usize;
-    values.get(place).copied()
-}
-
-/// End of an axis of percentage errors, on either side.
-fn reach_pct(typical: Option<f64>, least: f64, margin: f64) -> f64 {
-    typical.unwrap_or(1.0).clamp(least, FARTHEST_PCT) * margin
+/// End of an axis of percentage errors, on either side: the margin times the quantile of a share.
+fn reach_pct(mut errors_pct: Vec<f64>, share: f64, least: f64, margin: f64) -> f64 {
+    errors_pct.sort_by(f64::total_cmp);
+    let typical = quantile(&errors_pct, share).unwrap_or(1.0);
+    typical.clamp(least, FARTHEST_PCT) * margin
 }
 
 /// True if boxes and points of an estimator are hollow: there are more estimators than colours that everybody can distinguish.
@@ -101,7 +96,7 @@ pub(in crate::evaluation) fn errors_by_distance(
     let labels = (((last - first) / width_nm).round() as usize + 1).min(MOST_LABELS);
     let ends = boxes.iter().flat_map(|b| b.3.whiskers_pct).map(f64::abs);
     // Whiskers of the worst estimators must not flatten all boxes: they are cut off at the picture's edge.
-    let reach = reach_pct(quantile(ends.collect(), 0.7), 0.02, 1.15);
+    let reach = reach_pct(ends.collect(), 0.7, 0.02, 1.15);
     let decimals = if reach < 0.5 { 2 } else { 1 };
     svg("the spread of errors by distance", 430, |area| {
         let mut chart = ChartBuilder::on(area)
@@ -187,7 +182,7 @@ pub(in crate::evaluation) fn convergence(log: &Convergence) -> Result<String> {
     let last = points().map(|p| p.0).fold(1.0, f64::max);
     // The first entries, of hardly trained networks, may leave the plot.
     let errors = points().map(|p| p.1).filter(|error| error.is_finite());
-    let high = reach_pct(quantile(errors.collect(), 0.95), 0.01, 1.2);
+    let high = reach_pct(errors.collect(), 0.95, 0.01, 1.2);
     let [steps, errors] = [axis(0.0, last), axis(0.0, high)];
     svg("errors during training", 360, |area| {
         let mut chart = ChartBuilder::on(area)
@@ -287,7 +282,7 @@ pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -
         let errors = ticks.iter().map(|(_, outcome)| outcome.signed_error_pct());
         errors.flatten().map(f64::abs)
     });
-    let reach = reach_pct(quantile(errors.collect(), 0.98), 0.05, 1.2);
+    let reach = reach_pct(errors.collect(), 0.98, 0.05, 1.2);
     let errors_pct = -reach..reach;
     svg("distances and errors of a held-out flight", 560, |area| {
         let (above, below) = area.split_vertically(300);

@@ -54,7 +54,7 @@ pub(super) struct Droppings {
 }
 
 impl Droppings {
-    /// Compares the training side as recorded with its true boxes.
+    /// Compares the training side as recorded with its ground-truth boxes.
     pub(super) fn of(cameras: &TrainingCameras, samples: &Samples, training: &[&Sample]) -> Self {
         let mut by_view = DroppedByView::new();
         let mut scenarios = Vec::new();

@@ -46,7 +46,7 @@ fn add_lamps(samples: &mut Samples) -> usize {
     replaced
 }
 
-/// The training side with its true boxes.
+/// The training side with its ground-truth boxes.
 fn kept(samples: &Samples) -> Vec<Sample> {
     samples.with_true_boxes()
 }

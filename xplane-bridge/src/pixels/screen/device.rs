@@ -49,7 +49,7 @@ impl Platform {
     pub(super) fn advice(self) -> &'static str {
         match self {
             Self::X11 => {
-                "is DISPLAY that of X-Plane's X server (under Wayland: XWayland), and may this user connect to it?"
+                "does DISPLAY name X-Plane's X server (under Wayland: XWayland), and may this user connect to it?"
             }
             Self::Gdi => {
                 "is this the desktop session that X-Plane runs in, not a service or a remote shell?"

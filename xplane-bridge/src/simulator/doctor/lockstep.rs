@@ -85,10 +85,12 @@ pub(super) async fn lockstep(
         let hint = "Do not record like this. More settle frames may help; a plugin that moves the camera or the aircraft must go";
         return Check::failed(NAME, found, hint);
     }
-    let seen = match frames.iter().all(|(_, frame)| frame.rgb.is_empty()) {
-        true => "; what they show was not seen",
-        false if restless => "; they move by themselves, so that they were not compared",
-        false => "",
+    let seen = if frames.iter().all(|(_, frame)| frame.rgb.is_empty()) {
+        "; what they show was not seen"
+    } else if restless {
+        "; they move by themselves, so that they were not compared"
+    } else {
+        ""
     };
     let found = format!(
         "{} pictures, each {:.0} ms, all as asked{seen}",

@@ -90,13 +90,12 @@ impl PictureFindings {
         };
         vec![
             Check::measured("still pictures", &self.still_pictures_move, |moves| {
-                match moves {
-                    true => {
-                        "move by themselves in a pause (water): nothing waits for two that agree"
-                    }
-                    false => "two of the same scene, a second apart, are the same",
-                }
-                .into()
+                let found = if *moves {
+                    "move by themselves in a pause (water): nothing waits for two that agree"
+                } else {
+                    "two of the same scene, a second apart, are the same"
+                };
+                found.into()
             }),
             pause,
             Check::measured("frames", &self.frames_until_still, |frames| {

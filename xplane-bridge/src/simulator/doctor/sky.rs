@@ -108,9 +108,9 @@ impl SkyFindings {
     /// For a person.
     pub(super) fn checks(&self) -> Vec<Check> {
         let needs = |what: &'static str| {
-            move |needed: &bool| match needed {
-                true => format!("{what} shows only after {COMMAND_REGENERATE_WEATHER}"),
-                false => format!("{what} shows without {COMMAND_REGENERATE_WEATHER}"),
+            move |needed: &bool| {
+                let when = if *needed { "only after" } else { "without" };
+                format!("{what} shows {when} {COMMAND_REGENERATE_WEATHER}")
             }
         };
         vec![

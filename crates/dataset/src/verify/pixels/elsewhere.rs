@@ -39,7 +39,7 @@ pub(super) struct Suspect {
 }
 
 impl Suspect {
-    /// Looks for the aircraft of a picture in the boxes of other ticks and views. `own`: its true box, which is empty.
+    /// Looks for the aircraft of a picture in the boxes of other ticks and views. `own`: its ground-truth box, which is empty.
     pub(super) fn find(
         picture: &DecodedPicture,
         tick: usize,
@@ -99,7 +99,7 @@ impl Suspect {
             Other::View(other) => format!("view {other} has it"),
         };
         let message = format!(
-            "its true box is empty, and the aircraft is where {whose}, {:.0} grey levels clear",
+            "its ground-truth box is empty, and the aircraft is where {whose}, {:.0} grey levels clear",
             self.contrast
         );
         faults.view_row(view, file, self.tick, "another picture", message);

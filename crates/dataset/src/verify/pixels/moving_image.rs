@@ -1,6 +1,6 @@
 //! Places of the aircraft in images that turbulent air and a swaying mast move.
 //!
-//! True boxes assume still air and a still mast. The calibration has the settings of both motions and their seed, and
+//! Ground-truth boxes assume still air and a still mast. The calibration has the settings of both motions and their seed, and
 //! [`image_motion`](crate::geometry::image_motion) computes them, so that images are compared with the place where they have to show the
 //! aircraft, as strictly as images of a fixed camera.
 
@@ -33,7 +33,7 @@ impl MovingImage {
         })
     }
 
-    /// The place at which the aircraft of a true box appears.
+    /// The place at which the aircraft of a ground-truth box appears.
     pub(super) fn place(&self, truth: PixelBox, row: &TickRow) -> PixelBox {
         let time_s = row.time_ns as f64 / 1e9;
         let aircraft_m = row.pose.position().to_ecef();

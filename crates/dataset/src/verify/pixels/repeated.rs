@@ -23,7 +23,8 @@ struct Anchor {
 
 impl Reference {
     /// The tick of the earlier picture that this one repeats and the way of the aircraft since then in pixels, if it moved far enough for
-    /// motion to be visible. `own`: the true box, `sight`: its content, `would_be_seen`: whether neither air nor clouds hide the aircraft.
+    /// motion to be visible. `own`: the ground-truth box, `sight`: its content, `would_be_seen`: whether neither air nor clouds hide the
+    /// aircraft.
     pub(super) fn repeated(
         &mut self,
         tick: usize,

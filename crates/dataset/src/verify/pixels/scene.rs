@@ -53,7 +53,7 @@ pub(super) struct CoarsePicture {
 }
 
 impl CoarsePicture {
-    /// Reduces a picture. `aircraft`: its true box.
+    /// Reduces a picture. `aircraft`: its ground-truth box.
     pub(super) fn of(picture: &DecodedPicture, aircraft: Option<&PixelBox>) -> Self {
         let [width_px, height_px] = picture.size_px().map(|size_px| size_px as usize);
         let (mut sums, mut counts) = ([0.0; BLOCKS], [0.0; BLOCKS]);
