@@ -168,7 +168,7 @@ pub(crate) enum Verb {
     /// Labels and detections are part of it.
     #[command(after_help = help::PUSH)]
     Push(PushArgs),
-    /// Compute distances to touchdown and ground-truth boxes; resumes
+    /// Compute DTD and ground-truth boxes; resumes
     #[command(after_help = help::LABEL)]
     Label(LabelArgs),
     /// Find the aircraft, and register the views; resumes
@@ -218,7 +218,7 @@ pub(crate) enum Verb {
     /// Install the plugin for poses and images into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
-    /// Run the bundled simulator, which has X-Plane's network protocols
+    /// Run the bundled simulator, with X-Plane's protocols
     #[command(after_help = help::MOCK_XPLANE)]
     MockXplane(MockXplaneArgs),
     /// Examine the connection to X-Plane, and say how to fix it

@@ -327,11 +327,11 @@ mod tests {
     /// Options that several verbs describe in their own words, and the words that all of them share. `out` is where a verb writes.
     const OWN_WORDS: &[(&str, &str)] = &[
         ("corpus", "Folder of "),
-        ("mode", "Which parts of which pictures to search"),
+        ("mode", "Parts of the images to search"),
         ("out", ""),
         ("port", "; 0 takes any free one"),
         ("restart-every", "X-Plane after every N live flights"),
-        ("rows", "Rows of the pictures to search: "),
+        ("rows", "Rows of the images to search: "),
         ("run", "un whose "),
         ("seed", "Seed of "),
         ("side", "Side of the split to "),

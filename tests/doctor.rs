@@ -268,7 +268,7 @@ fn a_web_api_is_well_only_if_it_is_that_of_this_simulator_with_a_flight_loaded()
     let menu = stand_in(&["--state", "main-menu"]);
     for (sim, web_api, expected, words) in [
         (&one, one.web_api(), "ok", "the same simulator"),
-        (&one, other.web_api(), "warning", "of another simulator"),
+        (&one, other.web_api(), "warning", "to another simulator"),
         (&menu, menu.web_api(), "warning", "no flight is loaded"),
     ] {
         let (_, checks) = outcome(doctor(&["--sim", sim.udp(), "--web-api", web_api]));

@@ -94,6 +94,8 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
             .current_dir(&python)
             .env("PYTHONPATH", &python)
             .env("PYTHONDONTWRITEBYTECODE", "1")
+            // If a worker crashes, it says where.
+            .env("PYTHONFAULTHANDLER", "1")
             .env("DTD_CORPUS", &corpus)
             .env("DTD_EXPECTED", &judged)
             .output()

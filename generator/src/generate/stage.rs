@@ -80,6 +80,9 @@ mod tests {
         mark(&stage, "s3://bucket/a").unwrap();
         check(&root, "s3://bucket/a").unwrap();
         let message = check(&root, "s3://bucket/b").unwrap_err().to_string();
-        assert!(message.contains("the stage of s3://bucket/a"), "{message}");
+        assert!(
+            message.contains("the staging folder of s3://bucket/a"),
+            "{message}"
+        );
     }
 }
