@@ -27,7 +27,7 @@ pub(crate) struct TrainArgs {
     /// All resulting settings are saved in RUN/config.json, which this option also accepts.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
-    /// Hyperparameter search over the settings and seeds of a TOML file: a run in RUN for each (docs/training.md)
+    /// Hyperparameter search over the settings and seeds of a TOML file: a run in RUN for each, and their comparison (docs/training.md)
     #[arg(long, value_name = "SEARCH.toml", conflicts_with_all = ["quick", "config", "seed"])]
     pub(crate) search: Option<PathBuf>,
     /// Model whose detections to use, by its file name or hash
@@ -99,7 +99,7 @@ pub(crate) struct PredictArgs {
     /// The default is the model of the training.
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
-    /// Use only past ticks for each answer, as for a live camera
+    /// Use only the ticks up to each answer, as for a live camera
     #[arg(long)]
     pub(crate) online: bool,
     /// Print the result as JSON

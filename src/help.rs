@@ -53,7 +53,7 @@ Examples:
 
 pub(crate) const GENERATE: &str = "\
 Examples:
-  dtd generate demo.toml --out corpus               with the stand-in
+  dtd generate demo.toml --out corpus               bundled simulator
   dtd generate demo.toml --out corpus --sim mock:2  with two of them
   dtd generate demo.toml --out corpus --sim 127.0.0.1:49000
                                                     with X-Plane; first: doctor
@@ -64,7 +64,7 @@ Examples:
 Environment:
   DTD_LINK_TOKEN        the secret of a capture link on another computer
   DTD_WEB_API           address of X-Plane 12's Web API, or off
-  DTD_SHARED_MEMORY     off: pictures go through the socket
+  DTD_SHARED_MEMORY     off: images go through the socket
   SLURM_ARRAY_TASK_ID, or JOB_COMPLETION_INDEX with DTD_SHARDS
                         the default of --shard
   Credentials of object stores: docs/corpus.md";
@@ -78,7 +78,7 @@ Examples:
   dtd detect corpus
   dtd detect corpus --model detector.onnx
   dtd detect corpus --shard 0/4          a quarter of the scenarios
-  dtd detect corpus --mode full          every picture whole, at several times
+  dtd detect corpus --mode full          every image whole, at several times
                                          the cost (docs/tracks.md)
   dtd detect corpus --registration-of run
                                          for a wrong calibration.json
@@ -215,7 +215,7 @@ pub(crate) const PAPER: &str = "\
 Examples:
   dtd paper --out paper --scale small         a first look, in three minutes
   dtd paper --out paper                       100 scenarios: hours; resumes
-  dtd paper --out paper --frame-rate 1/4      an eighth of the pictures
+  dtd paper --out paper --frame-rate 1/4      an eighth of the images
   dtd paper --out paper --pretrained-detector yolo11n.onnx
 
 Environment:

@@ -97,7 +97,7 @@ fn local_udp(args: &GenerateArgs) -> Result<LocalUdp, Failure> {
     if let Some(port) = args.local_udp.udp_port {
         if running == 0 {
             return Err(Failure::bad_input_message(
-                "--udp-port is for a simulator that runs already (--sim HOST:PORT or auto); the stand-ins and tapes of this run take any port",
+                "--udp-port is for a simulator that runs already (--sim HOST:PORT or auto); the bundled simulators and tapes of this run take any port",
             ));
         }
         if usize::from(port) + running - 1 > usize::from(u16::MAX) {

@@ -30,7 +30,7 @@ pub enum BridgeError {
     /// No datagram came back over UDP.
     #[error(
         "no simulator answered at {address} (UDP) within {waited:.1?}{}. Is X-Plane running, is Settings > Network > \
-         \"Accept incoming connections\" on, and is this its address? Without X-Plane, use the stand-in: --sim mock",
+         \"Accept incoming connections\" on, and is this its address? Without X-Plane, use the bundled simulator: --sim mock",
         if *.refused { ": no program listens on that port" } else { "" }
     )]
     NobodyAnswers {
@@ -55,7 +55,7 @@ pub enum BridgeError {
     /// No beacon was heard.
     #[error(
         "no simulator announced itself within {:.1} s. The beacon is multicast, which firewalls and other networks drop: \
-         give the address, --sim HOST:PORT, e.g. --sim 127.0.0.1:49000. Without X-Plane, use the stand-in: --sim mock",
+         give the address, --sim HOST:PORT, e.g. --sim 127.0.0.1:49000. Without X-Plane, use the bundled simulator: --sim mock",
         waited.as_secs_f64()
     )]
     NobodyAnnounced {
@@ -94,7 +94,7 @@ pub enum BridgeError {
     },
     /// The simulator draws ideal pictures only.
     #[error(
-        "{simulator} draws the pictures of ideal pinholes along straight lines, but view {view} is to have {wanted}. Only the stand-in \
+        "{simulator} draws images of ideal pinholes along straight lines, but view {view} is to have {wanted}. Only the bundled simulator \
          (--sim mock) can: take [imaging] and the cameras' distortion out of the sweep"
     )]
     NoImaging {
@@ -215,7 +215,7 @@ pub enum BridgeError {
     #[error(
         "X-Plane answers at {address} but offers no capture link: dataref {} is missing or 0 after {waited:.1?}. Put \
          our plugin into Resources/plugins/PythonPlugins (dtd install-plugin XPLANE_DIR) and restart X-Plane, or use the \
-         stand-in: --sim mock",
+         bundled simulator: --sim mock",
         crate::datarefs::CAPTURE_PORT
     )]
     NoPlugin {

@@ -19,7 +19,7 @@ pub struct Settings {
     pub without: Vec<String>,
     /// Estimator that answers; the training's choice by default. `--estimator` overrides it.
     pub estimator: Option<String>,
-    /// The detector, an ONNX file; the one that ships by default. `--model` overrides it.
+    /// The detector, an ONNX file; the bundled one by default. `--model` overrides it.
     pub model: Option<PathBuf>,
     /// Rows of the pictures to search, `TOP:BOTTOM`; all by default. `--rows` overrides it.
     pub rows: Option<String>,

@@ -265,22 +265,27 @@ impl fmt::Display for Quirks {
 /// A text that names no quirks.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "unknown quirk {found:?}, the nearest is {nearest}; expected all, none, quick, or names of docs/simulator.md separated by commas, \
-     each with a - before it to exclude it"
+    "unknown quirk {found:?}{nearest}; expected all, none, quick, or names from docs/reference/quirks.md separated by commas, each with a \
+     - before it to exclude it"
 )]
 pub struct UnknownQuirk {
     found: String,
-    nearest: &'static str,
+    /// Words for the nearest name, if one is near.
+    nearest: String,
 }
+
+/// Names that are less alike are not offered for one another (Jaro and Winkler, 0 to 1).
+const LEAST_LIKENESS: f64 = 0.7;
 
 impl UnknownQuirk {
     fn new(word: &str, name: &str) -> Self {
         let likeness = |quirk: &str| strsim::jaro_winkler(quirk, name);
-        let names = FACTS.map(|facts| facts.name).into_iter();
-        let nearest = names.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+        let names = FACTS.iter().map(|facts| facts.name);
+        let nearest = (names.filter(|quirk| likeness(quirk) > LEAST_LIKENESS))
+            .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
         Self {
             found: word.into(),
-            nearest: nearest.expect("there are quirks"),
+            nearest: nearest.map_or_else(String::new, |quirk| format!(", the nearest is {quirk}")),
         }
     }
 }

@@ -123,7 +123,7 @@ impl Durations {
         };
         self.restarts_h = restarts as f64 * restart_s / 3_600.0;
         self.restarts_basis = match (is_x_plane, every) {
-            (false, _) => "the stand-in needs none".into(),
+            (false, _) => "the bundled simulator needs none".into(),
             (true, None) => "none; --restart-every N counts one after every N live flights".into(),
             (true, Some(every)) => {
                 format!("{restarts}, after every {every} live flights, {basis}")
@@ -167,9 +167,9 @@ impl Count {
             pictures_basis: format!(
                 "{per_s:.0} per second, measured with the bundled simulator on two cores at 30 images per second of flight; --sim mock measures yours"
             ),
-            live_flying_basis: "the stand-in does not fly in real time".into(),
+            live_flying_basis: "the bundled simulator does not fly in real time".into(),
             loading_basis: "not counted; --sim mock measures it".into(),
-            weather_basis: "the stand-in changes its weather at once".into(),
+            weather_basis: "the bundled simulator changes its weather at once".into(),
             ..Durations::default()
         }
     }
@@ -189,7 +189,7 @@ impl Count {
                 (
                     pace.pictures_per_s,
                     format!(
-                        "{:.1} a second, measured by {}{other}, {}",
+                        "{:.1} per second, measured by {}{other}, {}",
                         pace.pictures_per_s,
                         pace.measured_by,
                         pace.procedure()
@@ -198,7 +198,9 @@ impl Count {
             }
             None => (
                 ASSUMED_PICTURES_PER_S,
-                format!("{ASSUMED_PICTURES_PER_S:.0} a second, assumed; `dtd doctor` measures it"),
+                format!(
+                    "{ASSUMED_PICTURES_PER_S:.0} per second, assumed; `dtd doctor` measures it"
+                ),
             ),
         };
         let (loading_s, loading_basis) =
@@ -267,10 +269,10 @@ fn trial(
             durations.live_flying_h += cost.flying_s / 3_600.0;
         }
     }
-    const BASIS: &str = "measured now, by a trial with the stand-in";
+    const BASIS: &str = "measured now, by a trial with the bundled simulator";
     durations.pictures_basis = match durations.pictures_h {
         0.0 => BASIS.into(),
-        hours => format!("{:.1} a second, {BASIS}", pictures / (hours * 3_600.0)),
+        hours => format!("{:.1} per second, {BASIS}", pictures / (hours * 3_600.0)),
     };
     durations.live_flying_basis = BASIS.into();
     durations.loading_basis = format!(

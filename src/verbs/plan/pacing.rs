@@ -41,7 +41,7 @@ pub(super) fn pacing(args: &PlanArgs, sweep: &Sweep) -> Result<Pacing, Failure> 
 
 fn tried(target: &SimulatorTarget, sweep: &Sweep) -> Result<Pacing, Failure> {
     eprintln!(
-        "plan: recording a few pictures of every weather with the stand-in, to measure how long they take here"
+        "plan: recording a few images of every weather with the bundled simulator, to measure how long they take here"
     );
     let options = options(target.clone().into())?;
     let stop = CleanStop::begin();

@@ -165,7 +165,7 @@ impl Report<'_> {
         print_after(
             "free space  ",
             &format!(
-                "{} should be free on the disk: X-Plane's scenery needs more than the stand-in's",
+                "{} should be free on the disk: X-Plane's scenery needs more than the bundled simulator's",
                 DecimalBytes(estimate.room_bytes)
             ),
         );
@@ -329,7 +329,7 @@ fn show_cost(name: &str, estimate: &Estimate) {
     println!("{name:<11} {}, of which", hours(estimate.making_h));
     let durations = &estimate.durations;
     for (part, part_h, basis) in [
-        ("pictures", durations.pictures_h, &durations.pictures_basis),
+        ("images", durations.pictures_h, &durations.pictures_basis),
         (
             "live flying",
             durations.live_flying_h,

@@ -64,7 +64,7 @@ pub enum CorpusFault {
     BadCamera { view: String, fault: String },
     /// A scenario with another rig than the first.
     #[error(
-        "its rig {} ({}) differs from scenario {first}, {} ({}); a network learns one rig: keep scenarios of different rigs in different \
+        "its rig {} ({}) differs from the rig of scenario {first}, {} ({}); a network learns one rig: keep scenarios of different rigs in different \
          corpora",
         found.name, sizes(&found.form), expected.name, sizes(&expected.form)
     )]
@@ -85,7 +85,7 @@ pub enum CorpusFault {
     },
     /// Corpora with different rigs.
     #[error(
-        "its planned cameras differ from {}, and a training learns one rig; here, and there: {}. Train on one at a time, or start from \
+        "its planned cameras differ from the cameras of {}, and a training learns one rig; here, and there: {}. Train on one at a time, or start from \
          its run (--start-from)",
         first.display(),
         differences.join("; ")

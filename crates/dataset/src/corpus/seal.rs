@@ -212,7 +212,7 @@ pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
     files_in(&manifest).map_err(|bad| {
         Error::corpus(
             folder,
-            format!("cannot be sealed, readers would reject it: {bad}"),
+            format!("cannot be sealed because readers would reject it: {bad}"),
         )
     })?;
     write_atomically(&folder.join(MANIFEST), manifest.as_bytes())?;
