@@ -22,7 +22,7 @@ program=${DTD:-}
 if [ -z "$program" ]; then
     bash scripts/setup-build.sh ${with_ffmpeg:+patchelf}
     # The program's rpath (in its old form, which applies to libraries of libraries as well) leads to the libraries of --with-ffmpeg. Without
-    # the prefix, messages of panics would name folders of this machine. Packed relocations save 4 MB.
+    # the prefix, messages of panics would name folders of this machine. Packed relocations make it smaller, and need glibc 2.36.
     # shellcheck disable=SC2016
     link='-Wl,--disable-new-dtags,-rpath,$ORIGIN/../lib/dtd,-z,pack-relative-relocs'
     RUSTFLAGS="--remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}/registry/src=/crates" \

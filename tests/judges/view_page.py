@@ -1,4 +1,4 @@
-"""The page of `dtd view` in Chromium: it opens with pictures, frames lie around the ground-truth boxes at every zoom and cover nothing of
+"""The page of `dtd view` in Chromium: it opens with pictures, frames lie around the ground-truth boxes at every zoom and do not cover
 them, keys step, links restore, names are text, paths have colours with a legend, nothing is wider than a phone, and axe finds nothing
 inaccessible. The page keeps its own content security policy.
 
@@ -26,7 +26,7 @@ GAP = 4
 # Width below which a frame does not shrink.
 LEAST_FRAME = 22
 LONGEST_ARM = 14
-# Greenness of the line of a ground-truth box, above that of any ground.
+# Greenness of the line of a ground-truth box; no ground is as green.
 GREEN = 70
 
 

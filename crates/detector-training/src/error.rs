@@ -79,7 +79,7 @@ pub enum CorpusFault {
     },
     /// The training scenarios show no visible aircraft.
     #[error(
-        "shows no visible aircraft in its training scenarios; are the ground-truth boxes those of these videos?"
+        "shows no visible aircraft in its training scenarios; do the ground-truth boxes belong to these videos?"
     )]
     NothingVisible,
 }

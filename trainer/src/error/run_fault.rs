@@ -24,7 +24,7 @@ pub enum RunFault {
     OtherEvaluation,
     /// A third run is where two of a replacement belong.
     #[error(
-        "appeared while {} was about to replace the run that is now {}; keep one of the three and move the others away",
+        "appeared while {} was about to replace the run that is now at {}; keep one of the three and move the others away",
         new.display(),
         old.display()
     )]

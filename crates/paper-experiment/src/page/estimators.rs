@@ -10,7 +10,7 @@ use trainer::{EndedBy, ErrorFigures, EstimatorMetrics, Metrics, SplitFigures};
 use super::table::{Table, number};
 use crate::results::{PAPER, Results};
 
-/// The true cameras, from the same boxes.
+/// The formula that knows the true cameras, on the same boxes.
 const FROM_BOXES: &str = "triangulation";
 /// The formula that sees the same boxes, and the registered shifts between the views.
 const WITH_SHIFTS: &str = "inverse_range";

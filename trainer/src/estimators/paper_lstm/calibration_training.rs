@@ -59,6 +59,20 @@ impl CalibrationNetworks {
         }
     }
 
+    /// Untrained networks of two views with 7 features.
+    #[cfg(test)]
+    pub(crate) fn narrow(device: &Device) -> Self {
+        use rand::SeedableRng;
+
+        let config = CalibrationConfig {
+            hidden: vec![12, 9],
+            features: 7,
+            head_hidden: vec![5],
+            ..CalibrationConfig::default()
+        };
+        Self::new(2, &config, &mut ChaCha12Rng::seed_from_u64(0), device)
+    }
+
     /// Feature vectors of one view's boxes, `[batch, 4]` to `[batch, features]`.
     pub(crate) fn features(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
         self.views[view].forward(boxes)

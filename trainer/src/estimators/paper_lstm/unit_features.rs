@@ -54,34 +54,24 @@ pub(crate) fn with_unit_features(
 #[cfg(test)]
 mod tests {
     use burn::tensor::Device;
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha12Rng;
 
     use super::*;
-    use crate::config::CalibrationConfig;
     use crate::networks::encoded::boxes_of_two_views;
 
     #[test]
     fn features_have_mean_0_and_deviation_1_and_predictions_stay() {
         let samples = boxes_of_two_views();
         let device = Device::flex();
-        let config = CalibrationConfig {
-            hidden: vec![12, 9],
-            features: 7,
-            head_hidden: vec![5],
-            ..CalibrationConfig::default()
-        };
-        let random = &mut ChaCha12Rng::seed_from_u64(0);
-        let before = CalibrationNetworks::new(2, &config, random, &device);
+        let before = CalibrationNetworks::narrow(&device);
         let after = with_unit_features(before.clone(), &samples, &device);
-        let mut columns = vec![Vec::new(); config.features];
+        let mut columns = vec![Vec::new(); 7];
         for view in 0..2 {
             let boxes = samples.inputs(&samples.seen_by(view), view, &device);
             let predicted =
                 |networks: &CalibrationNetworks| numbers(networks.predict(view, boxes.clone()));
             let pairs = predicted(&before).into_iter().zip(predicted(&after));
             pairs.for_each(|(before, after)| assert!((before - after).abs() < 1e-5));
-            for row in numbers(after.features(view, boxes.clone())).chunks_exact(config.features) {
+            for row in numbers(after.features(view, boxes.clone())).chunks_exact(7) {
                 (columns.iter_mut().zip(row)).for_each(|(column, feature)| column.push(*feature));
             }
         }

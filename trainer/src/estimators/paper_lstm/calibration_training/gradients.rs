@@ -163,12 +163,10 @@ fn sum(a: Vec<LinearGradients>, b: Vec<LinearGradients>) -> Vec<LinearGradients>
 #[cfg(test)]
 mod tests {
     use burn::module::{Module, ModuleVisitor, Param};
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha12Rng;
 
     use super::super::{batch_loss, traced_gradients};
     use super::*;
-    use crate::config::{CalibrationConfig, Loss, Target};
+    use crate::config::{Loss, Target};
     use crate::estimators::paper_lstm::gap_balance::GapBalance;
     use crate::networks::encoded::boxes_of_two_views;
 
@@ -204,14 +202,7 @@ mod tests {
         let samples = boxes_of_two_views();
         let batch: Vec<usize> = (0..samples.len()).cycle().take(600).collect();
         let device = Device::flex().autodiff();
-        let config = CalibrationConfig {
-            hidden: vec![12, 9],
-            features: 7,
-            head_hidden: vec![5],
-            ..CalibrationConfig::default()
-        };
-        let random = &mut ChaCha12Rng::seed_from_u64(0);
-        let networks = CalibrationNetworks::new(2, &config, random, &device);
+        let networks = CalibrationNetworks::narrow(&device);
         let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
         for lags in [false, true] {
             if lags {
