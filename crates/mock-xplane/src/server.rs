@@ -140,7 +140,7 @@ impl ServerOptions {
 pub struct Addresses {
     /// X-Plane's UDP protocol.
     pub udp: SocketAddr,
-    /// The capture link, TCP; the port is not open under [`LinkServer::Nobody`].
+    /// The capture link, TCP; not open under [`LinkServer::Nobody`]. Port 0: the one that the plugin takes and publishes.
     pub capture_link: SocketAddr,
     /// X-Plane 12's Web API, TCP on this computer only; X-Plane 11 has none.
     pub web_api: Option<SocketAddr>,
@@ -217,7 +217,7 @@ pub async fn serve_with(
     options.check_token()?;
     let mut ports = Ports::take(options.bind, options.port).await?;
     if !matches!(options.link, LinkServer::BuiltIn) {
-        ports.leave_capture_link().await?;
+        ports.leave_capture_link(options.port).await?;
     }
     let web_port = options.web_port.unwrap_or(match options.port {
         0 => 0,
@@ -278,9 +278,13 @@ impl Ports {
     }
 
     /// Moves the built-in link to another port, on which no clients are accepted: a plugin opens its own port in its place.
-    async fn leave_capture_link(&mut self) -> Result<(), MockError> {
+    /// If any free port was `wanted`, the plugin takes one when it starts: one taken now could be another program's by then.
+    async fn leave_capture_link(&mut self, wanted: u16) -> Result<(), MockError> {
         let aside = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         (_, self.capture_link) = listen(aside, "capture link").await?;
+        if wanted == 0 {
+            self.link_address.set_port(0);
+        }
         Ok(())
     }
 

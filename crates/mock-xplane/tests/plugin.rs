@@ -256,7 +256,7 @@ async fn x_plane_behind_its_plugin_refuses_what_it_cannot_draw() {
         .await;
     let error = error.unwrap_err().to_string();
     assert!(
-        error.contains("X-Plane draws the pictures of ideal pinholes") && error.contains("view 1"),
+        error.contains("X-Plane draws images of ideal pinholes") && error.contains("view 1"),
         "{error}"
     );
     simulator

@@ -36,7 +36,7 @@ use crate::tables::pixel_box::{PixelBox, TruthBox};
 use elsewhere::{Other, Suspect};
 pub use lag::PairProof;
 pub(super) use lag::judge_lags;
-use lag::{Lag, MeasuredView, Offset};
+use lag::{Lag, MeasuredView, Offset, is_whole};
 use moving_image::MovingImage;
 use repeated::Reference;
 use scene::CoarsePicture;
@@ -454,9 +454,13 @@ impl<'a> Watcher<'a> {
         let own = found.truth.pixel_box;
         let row = self.scenario.frames?.rows.get(found.tick)?;
         let [north_mps, east_mps, _] = row.velocity_ned_mps;
+        let whole = found.sight.outline.filter(|outline| {
+            is_whole(outline.size_px.x, own.width_px) && is_whole(outline.size_px.y, own.height_px)
+        });
         Some(timing::Point {
             tick: found.tick,
             offset_px: found.sight.offset_px,
+            outline_px: whole.map(|outline| outline.offset_px),
             per_tick_px: glam::DVec2::new(
                 (after.cx_px - before.cx_px) / 2.0,
                 (after.cy_px - before.cy_px) / 2.0,

@@ -16,6 +16,8 @@ pub(super) struct Point {
     pub(super) tick: usize,
     /// Centre of what stands out relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
+    /// Middle of the outline relative to the same, if all of the outline stands out, pixels.
+    pub(super) outline_px: Option<DVec2>,
     /// Motion of the box in one tick, pixels.
     pub(super) per_tick_px: DVec2,
     pub(super) size_px: DVec2,
@@ -77,10 +79,11 @@ fn in_words(ahead: f64) -> &'static str {
     if ahead > 0.0 { "later" } else { "earlier" }
 }
 
-/// Single pictures that are out of line with their neighbours along the path of the aircraft.
+/// Single images that are out of line with their neighbours along the path of the aircraft. Light moves the centre of brightness when the
+/// aircraft turns, so its outline must be out of line in the same direction where it can be seen.
 fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
     let out_of_line: Vec<Option<f64>> = (0..points.len())
-        .map(|index| out_of_line(points, index))
+        .map(|index| out_of_line(points, index, |point| Some(point.offset_px)))
         .collect();
     let part = |index: usize, off_px: f64| off_px / points[index].size_px.max_element();
     let offs = || {
@@ -97,6 +100,8 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
         if ticks.abs() >= LEAST_TICKS
             && off_px.abs() >= sure_px
             && part(index, off_px).abs() >= 2.5 * SURE * usual
+            && out_of_line(points, index, |point| point.outline_px)
+                .is_none_or(|outline_px| outline_px * off_px.signum() >= off_px.abs() / 2.0)
         {
             let message = format!(
                 "shows the aircraft {:.1} pixels from where it should be: where it is {:.1} ticks {}",
@@ -109,21 +114,28 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
     }
 }
 
-/// How far a point is ahead along the path of the aircraft, given the offset of its neighbours, pixels.
-fn out_of_line(points: &[Point], index: usize) -> Option<f64> {
+/// How far an offset of a point is ahead along the path of the aircraft, given the same offset of its neighbours, pixels. `None` if it is
+/// missing at the point or at most of its neighbours.
+fn out_of_line(
+    points: &[Point],
+    index: usize,
+    offset_px: impl Fn(&Point) -> Option<DVec2>,
+) -> Option<f64> {
     let point = &points[index];
+    let own_px = offset_px(point)?;
     let way = point.per_tick_px.try_normalize()?;
     let first = index.saturating_sub(NEIGHBOURS);
     let last = (index + NEIGHBOURS).min(points.len() - 1);
-    let others = || (first..=last).filter(|other| *other != index);
-    if others().count() < NEIGHBOURS {
+    let parts: Vec<DVec2> = (points[first..=last].iter())
+        .filter(|other| other.tick != point.tick)
+        .filter_map(|other| Some(offset_px(other)? / other.size_px))
+        .collect();
+    if parts.len() < NEIGHBOURS {
         return None;
     }
-    let share = |axis: usize| {
-        median(others().map(|other| points[other].offset_px[axis] / points[other].size_px[axis]))
-    };
+    let share = |axis: usize| median(parts.iter().map(|part| part[axis]));
     let usual_px = DVec2::new(share(0)?, share(1)?) * point.size_px;
-    Some((point.offset_px - usual_px).dot(way))
+    Some((own_px - usual_px).dot(way))
 }
 
 /// A fit to all points, with a time ahead that starts at one of them.
@@ -206,6 +218,7 @@ mod tests {
                     offset_px: size_px * DVec2::new(0.0, 0.1)
                         + per_tick_px * ahead(tick)
                         + DVec2::new(jitter, -jitter),
+                    outline_px: Some(per_tick_px * ahead(tick)),
                     per_tick_px,
                     size_px,
                     speed_mps: 70.0,
@@ -248,5 +261,15 @@ mod tests {
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!(found[0].0, Some(30));
         assert!(found[0].1.contains("1.0 ticks earlier"), "{found:?}");
+    }
+
+    #[test]
+    fn light_on_one_side_of_the_aircraft_is_no_picture_of_another_tick() {
+        let mut points = approach(|_| 0.0);
+        points[30].offset_px += points[30].per_tick_px;
+        assert_eq!(found(&points), []);
+        points[30].outline_px = None;
+        let found = found(&points);
+        assert_eq!(found.len(), 1, "without an outline it counts: {found:?}");
     }
 }
