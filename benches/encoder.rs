@@ -1,7 +1,7 @@
-//! Our encoder compared with the `ffmpeg` program: the same raw pictures, the same settings, alternating in one run.
+//! Our encoder compared with the `ffmpeg` program: the same raw images, the same settings, alternating in one run.
 //!
 //! `benches/encoder.sh` runs it. It compares wall-clock rates, best of all rounds, and processor time, which is also valid on a
-//! busy machine. Both read the same file of raw pictures from the page cache, convert them to BT.709 with the same switches of
+//! busy machine. Both read the same file of raw images from the page cache, convert them to BT.709 with the same switches of
 //! swscale, encode on one thread and write the same fragments; ours adds the index at the end. Rounds alternate, so that a busy
 //! machine is busy for both.
 
@@ -31,13 +31,13 @@ const RATE: FrameRate = FrameRate {
 };
 
 fn main() {
-    let folder = tempfile::tempdir().expect("a folder for pictures and videos");
+    let folder = tempfile::tempdir().expect("a folder for images and videos");
     let raw = folder.path().join("pictures.rgb");
     let pictures = 120;
     write_pictures(&raw, pictures);
-    println!("{pictures} pictures of {WIDTH_PX}x{HEIGHT_PX}, {ROUNDS} rounds, best of each");
+    println!("{pictures} images of {WIDTH_PX}x{HEIGHT_PX}, {ROUNDS} rounds, best of each");
     println!(
-        "| codec | ours, pictures/s | ffmpeg, pictures/s | ratio of the bests | ratios of the rounds | CPU ms a picture, ours and ffmpeg's | ratio | bytes, ours and ffmpeg's |"
+        "| codec | ours, images/s | ffmpeg, images/s | ratio of the bests | ratios of the rounds | CPU ms an image, ours and ffmpeg's | ratio | bytes, ours and ffmpeg's |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     for codec in [VideoCodec::H264, VideoCodec::H264Lossless] {
@@ -94,29 +94,29 @@ fn counted(cpu: &mut [Duration; 2], whose: usize, work: impl FnOnce() -> f64) ->
 
 fn write_pictures(path: &Path, pictures: u32) {
     let scenery = Scenery::new(&cloudy(), 12.0);
-    let mut file = File::create(path).expect("the pictures' file");
+    let mut file = File::create(path).expect("the images' file");
     for number in 0..pictures {
         file.write_all(&scenery.picture(number))
-            .expect("a picture is written");
+            .expect("an image is written");
     }
 }
 
-/// Pictures per second of our encoder.
+/// Images per second of our encoder.
 fn encode(raw: &Path, pictures: u32, settings: &VideoSettings, path: &Path) -> f64 {
     let began = Instant::now();
-    let mut file = BufReader::with_capacity(1 << 20, File::open(raw).expect("the pictures"));
+    let mut file = BufReader::with_capacity(1 << 20, File::open(raw).expect("the images"));
     let mut rgb = vec![0; WIDTH_PX as usize * HEIGHT_PX as usize * 3];
     let mut writer =
         VideoWriter::create(path, settings, WIDTH_PX, HEIGHT_PX, RATE).expect("the encoder");
     for _ in 0..pictures {
-        file.read_exact(&mut rgb).expect("a picture");
-        writer.write(&rgb).expect("a picture is encoded");
+        file.read_exact(&mut rgb).expect("an image");
+        writer.write(&rgb).expect("an image is encoded");
     }
     writer.finish().expect("the video is finished");
     f64::from(pictures) / began.elapsed().as_secs_f64()
 }
 
-/// Pictures per second of the `ffmpeg` program.
+/// Images per second of the `ffmpeg` program.
 fn run_ffmpeg(raw: &Path, pictures: u32, settings: &VideoSettings, path: &Path) -> f64 {
     let crf = settings.crf.to_string();
     let (yuv, encoder) = if settings.codec == VideoCodec::H264 {
@@ -137,7 +137,7 @@ fn run_ffmpeg(raw: &Path, pictures: u32, settings: &VideoSettings, path: &Path) 
     f64::from(pictures) / elapsed_s
 }
 
-/// The comparison is fair only if both made the same pictures.
+/// The comparison is fair only if both made the same images.
 fn check_same(ours: &Path, theirs: &Path) {
     let mut readers = [ours, theirs].map(|path| VideoReader::open(path).expect("the video opens"));
     let mut pictures = [Vec::new(), Vec::new()];
@@ -145,7 +145,7 @@ fn check_same(ours: &Path, theirs: &Path) {
         let [a, b] = [0, 1].map(|side| {
             readers[side]
                 .next_frame(&mut pictures[side])
-                .expect("a picture")
+                .expect("an image")
         });
         assert_eq!(a, b, "timestamps differ");
         if a.is_none() {
@@ -153,7 +153,7 @@ fn check_same(ours: &Path, theirs: &Path) {
         }
         assert!(
             pictures[0] == pictures[1],
-            "the pictures at {a:?} differ: the settings are not the same"
+            "the images at {a:?} differ: the settings are not the same"
         );
     }
 }

@@ -51,5 +51,5 @@ paste "$out.dtd" "$out.ffmpeg" | awk -v n="$pictures" '
     NR == 1 || $1 < ours { ours = $1 }
     NR == 1 || $2 < theirs { theirs = $2 }
     END {
-        printf "dtd export  %7.1f pictures/s\nffmpeg      %7.1f pictures/s\nratio       %7.2f\n", n / ours, n / theirs, theirs / ours
+        printf "dtd export  %7.1f images/s\nffmpeg      %7.1f images/s\nratio       %7.2f\n", n / ours, n / theirs, theirs / ours
     }'

@@ -1,7 +1,7 @@
 //! The effect of video settings on an aircraft at 10 nautical miles: how far its centre moves and how much of its contrast remains.
 //!
-//! `cargo bench --bench video_quality` prints the table of `docs/video.md`. Pictures of the stand-in in full size are encoded and
-//! decoded. What the aircraft adds to the backdrop, in the raw picture and in the decoded one, is compared by least squares:
+//! `cargo bench --bench video_quality` prints the table of `docs/video.md`. Images of the stand-in in full size are encoded and
+//! decoded. What the aircraft adds to the backdrop, in the raw image and in the decoded one, is compared by least squares:
 //! `decoded(p) = contrast * raw(p - shift)`, to first order in the shift (Lucas and Kanade 1981), on brightness.
 //!
 //! Before our settings come the pixel formats without any codec, and settings that we do not offer, encoded by the `ffmpeg` program
@@ -27,7 +27,7 @@ use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, clear, cloudy};
 use testkit::processor_time;
 
 const PICTURES: u32 = 30;
-/// Half the size of the piece of picture around the aircraft, pixels: it is 20 wide.
+/// Half the size of the piece of image around the aircraft, pixels: it is 20 wide.
 const HALF_PX: (i64, i64) = (16, 10);
 const RATE: FrameRate = FrameRate {
     numerator: 30,
@@ -40,7 +40,7 @@ fn main() {
         ("clear evening", Scenery::new(&clear(), 18.0)),
         ("cloudy noon", Scenery::new(&cloudy(), 12.0)),
     ];
-    let folder = tempfile::tempdir().expect("a folder for pictures and videos");
+    let folder = tempfile::tempdir().expect("a folder for images and videos");
     let recordings: Vec<Recording> = sceneries
         .into_iter()
         .map(|(name, scenery)| Recording::new(name, &scenery, folder.path()))
@@ -164,7 +164,7 @@ impl Way {
                 let mut writer = VideoWriter::create(path, settings, WIDTH_PX, HEIGHT_PX, RATE)
                     .expect("the encoder starts");
                 for picture in &recording.pictures {
-                    writer.write(picture).expect("a picture is encoded");
+                    writer.write(picture).expect("an image is encoded");
                 }
                 writer.finish().expect("the video is finished");
             }
@@ -215,11 +215,11 @@ fn candidates() -> Vec<VideoSettings> {
     .collect()
 }
 
-/// Raw pictures, and what the aircraft adds to each.
+/// Raw images, and what the aircraft adds to each.
 struct Recording {
     name: &'static str,
     pictures: Vec<Vec<u8>>,
-    /// The same pictures for the program.
+    /// The same images for the program.
     raw_file: PathBuf,
     backdrops: Vec<Patch>,
     raw: Vec<Patch>,
@@ -258,9 +258,9 @@ impl Recording {
             .map(|added| added.abs())
             .fold(0.0, f64::max);
         let raw_file = folder.join(format!("{name}.rgb"));
-        let mut file = File::create(&raw_file).expect("the pictures' file");
+        let mut file = File::create(&raw_file).expect("the images' file");
         for picture in &pictures {
-            file.write_all(picture).expect("a picture is written");
+            file.write_all(picture).expect("an image is written");
         }
         Self {
             name,
@@ -307,7 +307,7 @@ fn compare(raw: &Patch, decoded: &Patch) -> (f64, DVec2) {
     (found.x, DVec2::new(found.y, found.z) / found.x)
 }
 
-/// The result for the pictures of one scene.
+/// The result for the images of one scene.
 #[derive(Default)]
 struct Comparison {
     shifts_px: Vec<f64>,
@@ -402,9 +402,9 @@ fn measure(way: &Way, recordings: &[Recording], folder: &Path) -> String {
         for number in 0..PICTURES as usize {
             reader
                 .next_frame(&mut rgb)
-                .expect("a picture is decoded")
-                .expect("as many pictures as were written");
-            // Of the order of a hundredth of a decoded picture.
+                .expect("an image is decoded")
+                .expect("as many images as were written");
+            // Of the order of a hundredth of a decoded image.
             comparison.add(recording, number, &patch(&rgb, recording.places[number]));
         }
         decode_s += (processor() - began).as_secs_f64();

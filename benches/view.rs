@@ -2,7 +2,7 @@
 //! `cargo bench --bench view [-- FOLDER]`.
 //!
 //! The corpus has 100 scenarios of about 7,700 ticks with detections and registrations (`testkit::synthetic`), the first of them with two
-//! videos of 1920x1280: pictures of the stand-in's renderer, coded as `dtd generate` does and repeated until each tick has one. It is made
+//! videos of 1920x1280: images of the stand-in's renderer, coded as `dtd generate` does and repeated until each tick has one. It is made
 //! in FOLDER, and used again if it is there. `benches/view/in_chromium.py` measures. Needs ffmpeg, Chromium and Playwright
 //! (scripts/setup.sh).
 
@@ -22,7 +22,7 @@ use testkit::synthetic::SyntheticCorpus;
 use testkit::{program_of_venv, repository};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
-/// Pictures that are drawn: two groups that begin with a keyframe.
+/// Images that are drawn: two groups that begin with a keyframe.
 const DRAWN: u32 = 120;
 /// The scenario that gets videos.
 const WATCHED: &str = "0000";
@@ -62,7 +62,7 @@ fn add_videos(folder: &ScenarioFolder) {
     let mut writer = writer.expect("a video");
     let scenery = Scenery::new(&cloudy(), 12.0);
     for number in 0..DRAWN {
-        writer.write(&scenery.picture(number)).expect("a picture");
+        writer.write(&scenery.picture(number)).expect("an image");
     }
     writer.finish().expect("a video");
     for view in &record.views {

@@ -1,4 +1,4 @@
-//! Options of every verb that searches pictures for aircraft.
+//! Options of every verb that searches images for aircraft.
 
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -76,7 +76,7 @@ impl Shipped {
         self.folder.path().join(PAPER_SWEEP)
     }
 
-    /// The detector for pictures of the stand-in.
+    /// The detector for images of the stand-in.
     pub(crate) fn detector(&self) -> PathBuf {
         self.folder.path().join(DETECTOR)
     }

@@ -1,5 +1,5 @@
 //! Corpora recorded through our plugin from stand-ins with all habits of a live X-Plane at once, each alone, and some at random.
-//! Recorded flights must give the pictures of a well-behaved simulator; live ones must be valid.
+//! Recorded flights must give the images of a well-behaved simulator; live ones must be valid.
 #![cfg(target_os = "linux")]
 
 use std::env;
@@ -28,7 +28,7 @@ const AT_ONCE: usize = 4;
 const COMBINATIONS_VARIABLE: &str = "DTD_QUIRK_COMBINATIONS";
 const COMBINATIONS: usize = 2;
 
-/// Pictures of storm and haze from well-behaved simulators, of X-Plane 11 and 12.
+/// Images of storm and haze from well-behaved simulators, of X-Plane 11 and 12.
 static WANTED: LazyLock<[[Vec<Vec<u8>>; 2]; 2]> = LazyLock::new(|| {
     ["11", "12"].map(|xplane| {
         let simulator = SimulatorProcess::start(DTD, xplane, Some("none"), &plugin::folder());
@@ -75,7 +75,7 @@ fn wrong_with(xplane: &str, quirks: Option<&str>, only: &str) -> Option<String> 
             let apart = farthest(&pictures(&corpus, id), wanted(xplane, id));
             if apart > ALIKE {
                 return Some(format!(
-                    "{id}: pictures are {apart:.2} levels from those wanted"
+                    "{id}: images are {apart:.2} levels from those wanted"
                 ));
             }
         }
@@ -150,7 +150,7 @@ fn awkward_habits_at_random_give_the_pictures_of_a_well_behaved_simulator() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }
 
-/// All that a client handles without preparation. For those that reports disagree on it checks pictures itself; the weather needs
+/// All that a client handles without preparation. For those that reports disagree on it checks images itself; the weather needs
 /// `dtd doctor` first (crates/mock-xplane/tests/profile.rs).
 fn habits() -> impl Iterator<Item = &'static Facts> {
     const LOOKED_AT: [&str; 2] = ["pause_keeps_pose", "slow_exposure"];
@@ -253,7 +253,7 @@ async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one
     watch.end().await;
 }
 
-/// How far the haze's pictures are from the expected ones if the plugin lacks its remedy for a habit.
+/// How far the haze's images are from the expected ones if the plugin lacks its remedy for a habit.
 fn without_remedy(quirk: &str, change: (&str, &str, &str)) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let plugin = plugin::with(folder.path(), &[change]);

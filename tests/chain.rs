@@ -23,7 +23,7 @@ fn make(sweep: &str, folder: &Path) {
     assert_eq!(count, 6, "{labelled}");
 }
 
-/// Six recorded flights in tiny pictures.
+/// Six recorded flights in tiny images.
 fn recorded() -> PathBuf {
     static MADE: LazyLock<MadeOnce> = LazyLock::new(|| {
         MadeOnce::made("recorded", |folder| {
@@ -199,7 +199,7 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
     }
     // Of the best, the typical and the worst tick; a view may have seen nothing there.
     let pictures = report.matches("<image href=\"data:image/").count();
-    assert!((3..=6).contains(&pictures), "{pictures} pictures");
+    assert!((3..=6).contains(&pictures), "{pictures} images");
     assert_eq!(report.matches("<svg").count(), 4 + pictures, "plots");
     let place = |words: &str| report.find(words).unwrap_or_else(|| panic!("no {words:?}"));
     assert!(place("Recommended: <code>") < place("The best 5 by distance"));

@@ -1,4 +1,4 @@
-//! `dtd evaluate-detector` from outside: every picture is accounted for, pycocotools agrees on the average precision, and nothing is
+//! `dtd evaluate-detector` from outside: every image is accounted for, pycocotools agrees on the average precision, and nothing is
 //! written to the corpus.
 
 mod tiny;
@@ -22,10 +22,10 @@ use testkit::{
 };
 use tiny::{MODEL, SCENARIOS, Tiny};
 
-/// A picture: its aircraft, and what was found.
+/// An image: its aircraft, and what was found.
 type Pictured = (Option<TrueAircraft>, Vec<(PixelBox, f64)>);
 
-/// What pycocotools says about some pictures.
+/// What pycocotools says about some images.
 fn pycocotools(pictures: &[Pictured]) -> Value {
     let bbox = |pixel_box: &PixelBox| {
         let [left, top, ..] = pixel_box.edges();
@@ -226,7 +226,7 @@ fn openvino_finds_what_onnx_runtime_finds_on_the_processor() {
             };
             assert!(
                 rounded.iter().any(|other| same(&other)),
-                "picture {index}: {pixel_box:?} {score}, with OpenVINO {rounded:?}"
+                "image {index}: {pixel_box:?} {score}, with OpenVINO {rounded:?}"
             );
             found += 1;
         }
@@ -284,7 +284,7 @@ fn every_picture_is_accounted_for_and_the_corpus_stays_as_it_is() {
 
     judge_in_chromium("report_page.py", tiny.path("judged/report.html"));
     let report = fs::read_to_string(tiny.path("judged/report.html")).unwrap();
-    for words in ["<svg", "data:image/png;base64,", "Where every picture went"] {
+    for words in ["<svg", "data:image/png;base64,", "Where every image went"] {
         assert!(report.contains(words), "{words}");
     }
     // The name of SVG's vocabulary is no address: nothing is loaded from it.

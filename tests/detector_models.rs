@@ -25,7 +25,7 @@ use testkit::files::copy_folder;
 use testkit::sweep::SmallSweep;
 use testkit::{repository, skipped};
 
-/// A few pictures of an approach's end.
+/// A few images of an approach's end.
 fn sweep_toml() -> String {
     SmallSweep {
         name: "few",
@@ -121,7 +121,7 @@ fn empty_answers_are_no_detections() {
     }
 }
 
-/// That each picture has the hidden box and no other, with this middle.
+/// That each image has the hidden box and no other, with this middle.
 fn assert_found(case: &str, output: &Output, corpus: &Path, middle: [f64; 2]) {
     assert_eq!(output.status.code(), Some(0), "{case}: {}", said(output));
     let outcome = json(output);
@@ -248,7 +248,7 @@ fn every_layout_of_a_wide_model_gives_the_aircraft_at_its_place() {
     }
 }
 
-/// Detects with a model of wide windows, and expects the hidden box in every picture.
+/// Detects with a model of wide windows, and expects the hidden box in every image.
 fn assert_reads(case: &str, model: Model<'_>) {
     let [width, height] = PICTURE_PX.map(|side_px| Dimension::Fixed(side_px as i64));
     let folder = tempfile::tempdir().unwrap();

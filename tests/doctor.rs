@@ -162,7 +162,7 @@ fn every_point_that_is_not_well_comes_with_a_hint() {
 
 #[test]
 fn our_own_plugin_is_found_well_although_nobody_knows_where_its_window_lies() {
-    // X-Plane 12 has its pictures only on the screen, and there is none here.
+    // X-Plane 12 has its images only on the screen, and there is none here.
     for (generation, window) in [("11", "ok"), ("12", "warning")] {
         let simulator = stand_in(&[
             "--xplane",

@@ -29,7 +29,7 @@ fn a_software_encoder_passes_its_trial_and_is_named_in_the_record() {
         let words = said(&output);
         assert_eq!(output.status.code(), Some(0), "{words}");
         assert!(
-            words.contains(&format!("encoder {encoder}: 100 pictures")),
+            words.contains(&format!("encoder {encoder}: 100 images")),
             "{words}"
         );
         let scenario = Corpus::open(&folder.path().join("corpus"))

@@ -287,7 +287,7 @@ fn data_yaml_names_a_side_by_its_own_pictures_only_and_says_where_val_repeats_tr
 fn data_yaml_names_no_side_whose_pictures_are_all_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let small = fs::read_to_string("tests/data/small.toml").unwrap();
-    // A stratus between cameras and aircraft: it cannot be said whether the first picture shows it.
+    // A stratus between cameras and aircraft: it cannot be said whether the first image shows it.
     let low = "[weather.clear]\nclouds = [{ kind = \"stratus\", cover_ratio = 0.9, base_msl_m = 20, top_msl_m = 3000 }]\n";
     let (before, recorded) = small.split_once("[[recorded]]").unwrap();
     let (_, weathers) = recorded.split_once("[weather.clear]\n").unwrap();
@@ -308,7 +308,7 @@ fn data_yaml_names_no_side_whose_pictures_are_all_left_out() {
     let printed = run(&[
         "export", "corpus", "--to", "yolo", "--out", "yolo", "--every", "100",
     ]);
-    assert!(printed.contains("0 pictures"), "{printed}");
+    assert!(printed.contains("0 images"), "{printed}");
     let yaml = fs::read_to_string(folder.path().join("yolo/data.yaml")).unwrap();
     assert!(!yaml.contains("images/"), "{yaml}");
     assert!(yaml.contains("there is no training side"), "{yaml}");
@@ -777,7 +777,7 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     described([&path("mcap"), &path("coco"), &path("yolo")]);
 }
 
-/// The coded pictures of a video, with their times in units of the frame rate.
+/// The coded images of a video, with their times in units of the frame rate.
 fn coded_pictures(path: &Path, rate: FrameRate) -> Vec<CodedPicture> {
     let mut packets = PacketReader::open(path, rate).unwrap().unwrap();
     let mut all = Vec::new();
@@ -788,7 +788,7 @@ fn coded_pictures(path: &Path, rate: FrameRate) -> Vec<CodedPicture> {
 }
 
 /// Judges a LeRobot dataset by the published layout, and by the library itself: every `step`th frame has the state of its tick, and
-/// pictures like those of its tick. Returns the dataset's rate and number of frames, and the furthest that a frame's time is from its
+/// images like those of its tick. Returns the dataset's rate and number of frames, and the furthest that a frame's time is from its
 /// tick's, seconds.
 fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> (u64, u64, f64) {
     let readers = [
@@ -853,7 +853,7 @@ fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> 
         // Encoded again, an aircraft of two pixels may look like that of another tick, but not always of the next of the dataset, which is
         // three ticks away.
         let off = offs.iter().sum::<f64>() / offs.len() as f64;
-        assert!(off.abs() < 1.0, "{reader}: pictures are {off} ticks off");
+        assert!(off.abs() < 1.0, "{reader}: images are {off} ticks off");
         let found = (
             read["fps"].as_u64().unwrap(),
             read["total"].as_u64().unwrap(),
@@ -864,7 +864,7 @@ fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> 
     said_of_it.unwrap()
 }
 
-/// A folder with the labelled corpus of three views at 30 pictures a second, to which tests add exports under different names.
+/// A folder with the labelled corpus of three views at 30 images a second, to which tests add exports under different names.
 fn at_30_hz() -> &'static Path {
     static MADE: LazyLock<TempDir> =
         LazyLock::new(|| DTD.recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30")));

@@ -403,7 +403,7 @@ fn what_needs_more_memory_than_allowed_says_how_much() {
         .map(|entry| entry.unwrap().path())
         .find(|path| path.extension().is_some_and(|ending| ending == "parquet"))
         .unwrap();
-    // As many as the scenario may have pictures: 12,000.
+    // As many as the scenario may have images: 12,000.
     let rows = 12_000;
     TableWriter::new()
         .u32("tick", std::iter::repeat_n(0, rows))

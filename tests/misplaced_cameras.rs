@@ -1,4 +1,4 @@
-//! Cameras that look elsewhere in each scenario, from recorded pictures to errors: with and without the alignment of backgrounds.
+//! Cameras that look elsewhere in each scenario, from recorded images to errors: with and without the alignment of backgrounds.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! The Python package in `python/`, on a corpus of three views that was just recorded: a lens, refraction and 10000/1001 pictures a
+//! The Python package in `python/`, on a corpus of three views that was just recorded: a lens, refraction and 10000/1001 images a
 //! second. Cameras and pixels are judged against this project's own, samples against torch's own loaders.
 
 use std::fs;
@@ -14,7 +14,7 @@ use testkit::sweep::THREE_VIEWS;
 use testkit::{program_of_venv, python_with_torch, repository, skipped};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
-/// A picture away from key frames.
+/// An image away from key frames.
 const TICK: usize = 47;
 
 /// A flight to learn from, and one to judge by.
@@ -25,7 +25,7 @@ validation = 0
 test = 0.5
 ";
 
-/// Where this project's own camera sees points around the path, and a decoded picture.
+/// Where this project's own camera sees points around the path, and a decoded image.
 fn expected(corpus: &Path) -> Value {
     let corpus = Corpus::open(corpus).unwrap();
     let scenario = corpus.scenarios().unwrap().remove(0).open().unwrap();

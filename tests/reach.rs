@@ -170,7 +170,7 @@ fn sends(relay: &Relay) -> bool {
     relay.answers() > before
 }
 
-/// Begins to record some 2,000 pictures a view from a simulator, into `corpus` beside the folder of notes, until pictures come.
+/// Begins to record some 2,000 images a view from a simulator, into `corpus` beside the folder of notes, until images come.
 fn recording_from(sim: &str, folder: &Path, state: &Path) -> Child {
     let sweep = SmallSweep {
         name: "killed",
@@ -243,7 +243,7 @@ fn the_next_client_ends_the_subscriptions_of_a_recorder_that_was_killed() {
     assert_ended_by_the_next(&sim, &relay, folder.path(), &state);
 }
 
-/// Whether a scenario has come to its pictures: its settings are watched then.
+/// Whether a scenario has come to its images: its settings are watched then.
 fn is_recording(corpus: &Path) -> bool {
     let Ok(scenarios) = fs::read_dir(corpus.join("scenarios")) else {
         return false;

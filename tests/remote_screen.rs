@@ -1,4 +1,4 @@
-//! X-Plane 12 on another computer: a `dtd` without a display gets its pictures from the screen that the plugin grabs there.
+//! X-Plane 12 on another computer: a `dtd` without a display gets its images from the screen that the plugin grabs there.
 //!
 //! One computer plays both. The plugin is changed in two places: it takes every client for one of another computer, and it may show
 //! its screen, as with `grab = on`.
@@ -65,7 +65,7 @@ fn pictures_that_the_plugin_grabs_are_those_that_are_grabbed_beside_it_to_the_la
         said(&output)
     );
     let (grabbed, wanted) = (pictures(&corpus, HAZE), pictures(&beside, HAZE));
-    assert!(wanted.len() > 10 && grabbed == wanted, "pictures differ");
+    assert!(wanted.len() > 10 && grabbed == wanted, "images differ");
 }
 
 #[test]

@@ -144,7 +144,7 @@ const CASES: &[Case] = &[
     ("times = [\"06:00\"]\nweathers = [\"foggy\"]\n", "", "exclude]]", "every combination", Schema),
     ("times = [\"20:00\"]\nweathers = [\"foggy\"]", "times = [\"12:00\"]", "[[include]]", "includes nothing", CommandOnly),
     ("repeats = [1]", "repeats = [0]", "0]\n\n[[recorded", "0 is not a repeat", Schema),
-    // Picture and video.
+    // Image and video.
     ("width_px = 96", "width_px = 97", "97", "even number", Schema),
     ("width_px = 96", "width_px = 0", "0\nheight", "from 64 to 8192", Schema),
     ("\"1/2\"", "-30", "-30", "expected frames per second", Schema),
@@ -182,9 +182,9 @@ const CASES: &[Case] = &[
     ("beyond_touchdown_m = 1500\n", "", "[[rig.pair", "either beyond_touchdown_m or beyond_threshold_m", Schema),
     ("inward_deg = 5.3", "inward_deg = 5.3\nheading_true_deg = 200", "200\npitch", "either inward_deg or heading_true_deg", Schema),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 0\n\n[[rig", "0\n\n[[rig", "field of view", Schema),
-    ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k1 = -200 }\n\n[[rig", "distortion", "folds the picture over", CommandOnly),
+    ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k1 = -200 }\n\n[[rig", "distortion", "folds the image over", CommandOnly),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k4 = 1 }\n\n[[rig", "k4", "unknown field `k4`", Schema),
-    // Misplaced cameras, degraded pictures.
+    // Misplaced cameras, degraded images.
     ("[video]", "[aim]\ndtd_nm = 5\npitch_deg = 1\n\n[video]", "aim]", "expected either dtd_nm", Schema),
     ("[video]", "[aim]\ndtd_nm = { min = 3, max = 70 }\n\n[video]", "dtd_nm = { min = 3", "from -0.5 to 40", Schema),
     ("[video]", "[jitter]\nheading_deg = 20\n\n[video]", "20\n\n[video", "from -10 to 10", Schema),

@@ -1,4 +1,4 @@
-//! `dtd verify` against faults that only a recorded corpus can have: pictures, poses and cameras that do not belong together, sealed again,
+//! `dtd verify` against faults that only a recorded corpus can have: images, poses and cameras that do not belong together, sealed again,
 //! so that the content must reveal them. The checks of single files are tested in `crates/dataset/src/verify/tests.rs`.
 
 use std::fs;
@@ -112,7 +112,7 @@ impl Copy {
         verify(&self.corpus).findings
     }
 
-    /// The findings without decoding a picture.
+    /// The findings without decoding an image.
     fn findings_without_pictures(&self) -> Vec<Finding> {
         let options = VerifyOptions {
             decode: false,
@@ -147,7 +147,7 @@ impl Copy {
         frames.write(&self.clear().frames_path()).unwrap();
     }
 
-    /// Decodes a video, changes its pictures, and encodes them again.
+    /// Decodes a video, changes its images, and encodes them again.
     fn change_pictures(&self, view: &str, change: impl FnOnce(&mut Vec<Vec<u8>>)) {
         let path = self.clear().video_path(view);
         let mut reader = VideoReader::open(&path).unwrap();
@@ -298,7 +298,7 @@ fn a_dropped_picture_is_found_by_the_number_and_if_that_is_right_by_what_the_pic
     let ticks = ScenarioRecord::read(&copy.clear().record_path())
         .unwrap()
         .ticks;
-    let words = format!("has {} pictures, but scenario.json says {ticks}", ticks - 1);
+    let words = format!("has {} images, but scenario.json says {ticks}", ticks - 1);
     assert_found(
         &copy.findings(),
         "views/left.mp4",
@@ -393,7 +393,7 @@ fn swapped_views_are_found_though_all_hashes_are_right() {
 
 #[test]
 fn poses_that_are_one_tick_late_in_all_tables_are_found_in_the_pictures() {
-    // Every pose is that of the next tick, consistent with velocities, echoes, labels and boxes: only the pictures reveal it.
+    // Every pose is that of the next tick, consistent with velocities, echoes, labels and boxes: only the images reveal it.
     let copy = Copy::new();
     copy.change_frames(|frames| {
         let rows = &mut frames.rows;

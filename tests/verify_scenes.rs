@@ -1,5 +1,5 @@
-//! `dtd verify` and whole pictures: noise, blank pictures and pictures of another scenario are faults where the aircraft is hidden or out
-//! of the picture as well, and where most pictures of a view are wrong, the right ones are not accused.
+//! `dtd verify` and whole images: noise, blank images and images of another scenario are faults where the aircraft is hidden or out
+//! of the image as well, and where most images of a view are wrong, the right ones are not accused.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -23,7 +23,7 @@ const WIDTH_PX: u32 = 192;
 const HEIGHT_PX: u32 = 128;
 
 type Picture = Vec<u8>;
-/// Makes the picture of a row from the recorded one.
+/// Makes the image of a row from the recorded one.
 type Change<'a> = &'a dyn Fn(usize, &[u8]) -> Picture;
 
 /// Two recorded scenarios, made once per run of the tests.
@@ -46,14 +46,14 @@ fn sound() -> &'static Path {
     Box::leak(folder.path().join("corpus").into_boxed_path())
 }
 
-/// The pictures of a view of a scenario as it was recorded.
+/// The images of a view of a scenario as it was recorded.
 fn recorded(id: &str, view: &str) -> Vec<Picture> {
     let mut left = pictures(sound(), id);
     let right = left.split_off(left.len() / 2);
     if view == "left" { left } else { right }
 }
 
-/// Findings after the pictures of some views were changed and the scenario was sealed again.
+/// Findings after the images of some views were changed and the scenario was sealed again.
 fn found(id: &str, views: &[&str], change: impl Fn(usize, &[u8]) -> Picture) -> Vec<Finding> {
     let folder = tempfile::tempdir().unwrap();
     copy_folder(sound(), folder.path());
@@ -104,7 +104,7 @@ fn noise(row: usize, like: &[u8]) -> Picture {
     noise
 }
 
-/// The picture with some noise over it.
+/// The image with some noise over it.
 fn noisy(row: usize, picture: &[u8]) -> Picture {
     let levels = |noise: u8| (i16::from(noise) - 128) / 6;
     let noise = noise(row, picture).into_iter().map(levels);
@@ -113,7 +113,7 @@ fn noisy(row: usize, picture: &[u8]) -> Picture {
         .collect()
 }
 
-/// One colour, the mean of the picture.
+/// One colour, the mean of the image.
 fn mean_colour(picture: &[u8]) -> Picture {
     let mean = |channel: usize| {
         let levels = picture.iter().skip(channel).step_by(3);

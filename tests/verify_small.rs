@@ -1,4 +1,4 @@
-//! `dtd verify` in small corpora: single pictures that are frozen, exchanged or noise are faults wherever they differ from the truth by
+//! `dtd verify` in small corpora: single images that are frozen, exchanged or noise are faults wherever they differ from the truth by
 //! more than their box, and untouched corpora have none. The corpora are windows of 4 to 28 ticks, cut out of a few recorded flights.
 
 use std::fs;
@@ -56,7 +56,7 @@ fn sweep_toml() -> String {
 }
 
 const TICKS: std::ops::RangeInclusive<usize> = 4..=28;
-/// Ticks from one picture of a window to the next.
+/// Ticks from one image of a window to the next.
 const STRIDES: [usize; 4] = [1, 2, 4, 8];
 
 /// The recorded flights, made once per run of the tests.
@@ -90,7 +90,7 @@ struct Flight {
     calibration: Calibration,
     frames: Frames,
     boxes: Vec<TruthBox>,
-    /// Pictures by view.
+    /// Images by view.
     pictures: Vec<Vec<Vec<u8>>>,
     size_px: [u32; 2],
 }
@@ -140,13 +140,13 @@ impl Flight {
     }
 }
 
-/// Some ticks of a flight, and what their pictures show.
+/// Some ticks of a flight, and what their images show.
 struct Window<'a> {
     flight: &'a Flight,
     /// Ticks of the flight.
     of_flight: Vec<usize>,
     stride: usize,
-    /// By view, whose pictures it has, and of which ticks of the flight; `None` is noise.
+    /// By view, whose images it has, and of which ticks of the flight; `None` is noise.
     views: Vec<usize>,
     shown: Vec<Vec<Option<usize>>>,
     noise: u64,
@@ -232,7 +232,7 @@ impl Window<'_> {
         boxes.find(|found| found.view == *name && found.tick as usize == of_flight)
     }
 
-    /// The pictures that differ from the truth by more than their box, in which the aircraft would be visible: view, tick; and the number
+    /// The images that differ from the truth by more than their box, in which the aircraft would be visible: view, tick; and the number
     /// of the others that differ.
     fn wrong(&self) -> (Vec<(String, u64)>, usize) {
         let (mut wrong, mut others) = (Vec::new(), 0);
@@ -323,10 +323,10 @@ fn a_thousand_untouched_small_corpora_have_no_fault() {
     assert_eq!(found, Vec::<String>::new());
 }
 
-/// Exchanged pictures that are not found: just above the runway, where grass and paint behind the aircraft are as rough as it is.
+/// Exchanged images that are not found: just above the runway, where grass and paint behind the aircraft are as rough as it is.
 const MOST_MISSED: usize = 2;
 
-/// How pictures are damaged.
+/// How images are damaged.
 type Damage = fn(&mut Window<'_>, &mut Random);
 
 const DAMAGES: [(&str, Damage); 5] = [
@@ -395,7 +395,7 @@ fn frozen_exchanged_and_noise_pictures_of_small_corpora_are_faults_if_they_diffe
                 }
             }
         }
-        println!("{name}: {wrong_ones} pictures differ by more than their box, {others} by less");
+        println!("{name}: {wrong_ones} images differ by more than their box, {others} by less");
     }
     println!("missed: {missed:?}");
     assert!(missed.len() <= MOST_MISSED, "{missed:?}");

@@ -1,4 +1,4 @@
-//! Pictures of another size than the calibration's are no pictures of that camera: every box in them would be elsewhere.
+//! Images of another size than the calibration's are no images of that camera: every box in them would be elsewhere.
 
 use std::fs;
 
@@ -30,7 +30,7 @@ fn videos_of_another_size_than_the_calibration_are_not_searched() {
         .unwrap()
         .to_string();
     assert!(
-        message.contains("has pictures of 480 x 320 px, expected 640 x 320 px"),
+        message.contains("has images of 480 x 320 px, expected 640 x 320 px"),
         "{message}"
     );
     let output = DTD

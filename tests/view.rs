@@ -458,7 +458,7 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
         (&json!([]), &Value::Null)
     );
 
-    // Without labels or detections, all of its last picture.
+    // Without labels or detections, all of its last image.
     let last = page.thumbnail(unlabelled).image();
     assert_eq!(last.dimensions(), (480, 320));
     let refused = page.thumbnail(without_pictures);

@@ -2,7 +2,7 @@
 
     compare.py DTD CORPUS [MODEL.onnx]
 
-The first scenario of the training side is searched, all of its views; the corpus must be labelled. SAHI gets a few pictures of each: it is
+The first scenario of the training side is searched, all of its views; the corpus must be labelled. SAHI gets a few images of each: it is
 slow.
 """
 
@@ -99,11 +99,11 @@ def main():
                 best[name] = (max(rate, old_rate), min(cpu_ms, old_cpu_ms), boxes / pictures)
     plain = best[PYTHON_WHOLE]
     print(f"{len(videos)} views, best of {ROUNDS} rounds each; {Path(model).name}")
-    print("| | pictures/s | CPU ms a picture | boxes a picture | pictures/s, ratio to the plain loop | CPU, ratio |")
+    print("| | images/s | CPU ms an image | boxes an image | images/s, ratio to the plain loop | CPU, ratio |")
     print("|---|---|---|---|---|---|")
     for name, (rate, cpu_ms, boxes) in best.items():
         print(f"| {name} | {rate:.1f} | {cpu_ms:.1f} | {boxes:.2f} | {rate / plain[0]:.2f} | {plain[1] / cpu_ms:.2f} |")
-    print(f"{ROWS}: {best[ROWS][0] / best[PYTHON_ROWS][0]:.2f} times the pictures/s of the plain loop on the same rows")
+    print(f"{ROWS}: {best[ROWS][0] / best[PYTHON_ROWS][0]:.2f} times the images/s of the plain loop on the same rows")
 
 
 main()

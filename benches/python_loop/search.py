@@ -2,10 +2,10 @@
 
     search.py plain|sahi MODEL.onnx PICTURES BANDS VIDEO...
 
-`plain` looks at the same windows as `dtd detect --mode full`: the whole picture, or tiles if the model has a fixed size, and then a window
+`plain` looks at the same windows as `dtd detect --mode full`: the whole image, or tiles if the model has a fixed size, and then a window
 around each hit. BANDS is a JSON list of `[top, bottom, shrink]`: a model that takes any size sees only these rows, each band shrunk by its
-factor; `[]` is the whole picture. `sahi` gives each picture to SAHI's `get_sliced_prediction` with slices of 640 pixels. Each video is read
-up to PICTURES pictures. Prints one JSON object: pictures, boxes, seconds and processor seconds, start and loading left out.
+factor; `[]` is the whole image. `sahi` gives each image to SAHI's `get_sliced_prediction` with slices of 640 pixels. Each video is read
+up to PICTURES images. Prints one JSON object: pictures, boxes, seconds and processor seconds, start and loading left out.
 
 The model's output is `[batch, candidates, 6]`: centre, size (pixels), objectness, class score, as `models/README.md` says.
 """
@@ -42,7 +42,7 @@ class Model:
         self.size = (width, height) if isinstance(width, int) and isinstance(height, int) else None
 
     def boxes(self, picture, left, top, width, height, floor, shrink=1):
-        """Boxes in a window of a picture, in its coordinates: rows of edges and score."""
+        """Boxes in a window of an image, in its coordinates: rows of edges and score."""
         window = picture[top : top + height * shrink, left : left + width * shrink]
         if shrink > 1:
             window = cv2.resize(window, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)

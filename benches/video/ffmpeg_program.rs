@@ -1,11 +1,11 @@
-//! The `ffmpeg` program as an encoder of raw pictures: for settings that ours does not offer, and for comparing rates.
+//! The `ffmpeg` program as an encoder of raw images: for settings that ours does not offer, and for comparing rates.
 
 use std::path::Path;
 use std::process::Command;
 
 use super::scenery::{HEIGHT_PX, WIDTH_PX};
 
-/// A command that encodes a file of raw RGB pictures on one thread, in the same groups and fragments as our encoder. `yuv`: pixel format
+/// A command that encodes a file of raw RGB images on one thread, in the same groups and fragments as our encoder. `yuv`: pixel format
 /// and range (`tv` or `pc`) to which BT.709 is converted first, with the same switches of swscale; without it RGB is encoded.
 pub(crate) fn encode(
     raw: &Path,

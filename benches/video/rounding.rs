@@ -18,7 +18,7 @@ pub(crate) struct Levels {
     pub(crate) shared: bool,
 }
 
-/// A piece of picture with an even number of rows and columns, converted there and back.
+/// A piece of image with an even number of rows and columns, converted there and back.
 pub(crate) fn there_and_back(rgb: &[[f64; 3]], width: usize, levels: Levels) -> Vec<[f64; 3]> {
     let round = |value: f64, levels: f64| (value * levels / 255.0).round() * 255.0 / levels;
     let bright = |[r, g, b]: [f64; 3]| LUMA[0] * r + LUMA[1] * g + LUMA[2] * b;

@@ -1,4 +1,4 @@
-//! Pictures for both benches: an approach at 10 nautical miles, drawn by the stand-in's renderer in full size, as the left camera
+//! Images for both benches: an approach at 10 nautical miles, drawn by the stand-in's renderer in full size, as the left camera
 //! of the sweeps sees it.
 
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Weather};
@@ -9,7 +9,7 @@ use testkit::changi_02l;
 
 pub(crate) const WIDTH_PX: u32 = 1920;
 pub(crate) const HEIGHT_PX: u32 = 1280;
-/// Distance to touchdown at the first picture.
+/// Distance to touchdown at the first image.
 pub(crate) const DTD_M: f64 = 18_520.0;
 const SPEED_MPS: f64 = 82.0;
 const PICTURES_PER_S: f64 = 30.0;
@@ -75,7 +75,7 @@ impl Scenery {
         }
     }
 
-    /// Where the aircraft is in picture `number`: on the glide path.
+    /// Where the aircraft is in image `number`: on the glide path.
     fn pose(number: u32) -> Pose {
         let runway = changi_02l();
         let to_go_m = DTD_M - f64::from(number) * SPEED_MPS / PICTURES_PER_S;
@@ -95,7 +95,7 @@ impl Scenery {
         self.draw(&Self::pose(number), number)
     }
 
-    /// The same picture without the aircraft.
+    /// The same image without the aircraft.
     #[allow(dead_code, reason = "one of the two benches asks for it")]
     pub(crate) fn backdrop(&self, number: u32) -> Vec<u8> {
         let elsewhere = Pose {

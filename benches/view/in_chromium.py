@@ -156,7 +156,7 @@ def main() -> None:
         bare = page.evaluate(WATCH, [PLAYED_S, rate])
         for name, found in [("dtd view", ours), ("bare videos", bare)]:
             per_s = " and ".join(f"{value:.1f}" for value in found["per_s"])
-            print(f"play, {name:11}: {per_s} pictures/s of {rate:.0f}; the same tick in {found['same']:.0%} of the screen's frames, "
+            print(f"play, {name:11}: {per_s} images/s of {rate:.0f}; the same tick in {found['same']:.0%} of the screen's frames, "
                   f"at most one apart in {found['in_step']:.0%}")
         print(f"ratio to bare videos: {min(ours['per_s']) / min(bare['per_s']):.2f}; ticks with boxes drawn: {ours['ticks_per_s']:.1f}/s")
         print(f"load {os.getloadavg()[0]:.1f}")

@@ -1,7 +1,7 @@
 //! Draws a sweep's weathers and times for visual inspection, without a simulator, and prints the cost of a frame.
 //!
 //! `cargo run --release -p dtd-generator --example look -- scenarios.toml OUT [NM ...]` writes, for every weather and time of the
-//! sweep and every distance (6 NM if none is given), the picture of the rig's first camera with an enlarged crop of the aircraft
+//! sweep and every distance (6 NM if none is given), the image of the rig's first camera with an enlarged crop of the aircraft
 //! as OUT/<weather>-<time>-<NM>nm.png and ...-crop.png, and all of a distance side by side as OUT/sheet-<NM>nm.jpg: a row for
 //! each weather, a column for each time, the crop in the upper left corner.
 
@@ -21,7 +21,7 @@ use mock_xplane::render::Scene;
 
 /// Size of the crop, pixels, and how much it is enlarged.
 const CROP: (u32, u32, u32) = (80, 48, 10);
-/// Width of a picture in the sheet, and of its crop, pixels.
+/// Width of an image in the sheet, and of its crop, pixels.
 const SHEET: (u32, u32) = (640, 256);
 const USAGE: &str = "usage: look SWEEP.toml OUT [NM ...]";
 
@@ -33,7 +33,7 @@ fn main() {
     if distances_nm.is_empty() {
         distances_nm.push(6.0);
     }
-    std::fs::create_dir_all(&folder).expect("the folder for pictures can be made");
+    std::fs::create_dir_all(&folder).expect("the folder for images can be made");
 
     let sweep = Sweep::read(&sweep).unwrap_or_else(|error| panic!("{error}"));
     let mut kinds: BTreeMap<(String, String), Parameters> = BTreeMap::new();
@@ -58,7 +58,7 @@ fn main() {
     }
 }
 
-/// One picture and its crop.
+/// One image and its crop.
 fn look(
     name: &str,
     common: &Common,
@@ -88,8 +88,7 @@ fn look(
     };
     let mut rgb = vec![0; (width * height * 3) as usize];
     scene.render(&pose, &controls, 0.4, &mut rgb);
-    let picture =
-        RgbImage::from_raw(width, height, rgb).expect("the buffer has the picture's size");
+    let picture = RgbImage::from_raw(width, height, rgb).expect("the buffer has the image's size");
     let pixel = camera
         .project(pose.position().to_ecef())
         .expect("the aircraft is ahead of the camera");
@@ -101,7 +100,7 @@ fn look(
     (picture, crop)
 }
 
-/// A picture of the sheet with its crop in the corner.
+/// An image of the sheet with its crop in the corner.
 fn cell(picture: &RgbImage, crop: &RgbImage) -> RgbImage {
     let (width, crop_width) = SHEET;
     let scaled = |picture: &RgbImage, width: u32| {

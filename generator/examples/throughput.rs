@@ -1,7 +1,7 @@
 //! Compares recording from end to end with encoding alone: `cargo run --release -p dtd-generator --example throughput`.
 //!
 //! The stand-in, in this process, flies the last nautical miles of an approach; its two views of 1920x1280 are drawn, sent, encoded
-//! and committed with their tables, as in `dtd generate`. Then the same pictures are drawn again and only encoded, one thread per
+//! and committed with their tables, as in `dtd generate`. Then the same images are drawn again and only encoded, one thread per
 //! view, and only the encoding is timed; byte-identical videos prove that it was the same work. Rounds alternate. Arguments: a
 //! weather (`clear`, `cloudy`, `stormy` or `foggy`; default cloudy), the number of rounds (3), and from how many nautical miles the
 //! approach is recorded (2): the longer it is, the less one-time work such as preparing the backdrops matters; in a corpus it is
@@ -29,7 +29,7 @@ use xplane_bridge::fly::FlyRequest;
 
 /// Ticks that are drawn before they are encoded when encoding is timed alone. Limits memory: 14.7 MB a tick.
 const TICKS_AT_ONCE: usize = 16;
-/// Targets: share of the rate of encoding alone, and pictures a second.
+/// Targets: share of the rate of encoding alone, and images a second.
 const GOAL: (f64, f64) = (0.7, 45.0);
 
 /// The stand-in's engine, remembering what it draws.
@@ -137,7 +137,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         fs::read_to_string("/proc/loadavg")?.trim_end()
     );
     println!(
-        "| round | pictures | recording, pictures/s | encoding alone, pictures/s | ratio | recording, CPU ms | encoding alone, CPU ms | CPU ratio | bytes a picture |"
+        "| round | images | recording, images/s | encoding alone, images/s | ratio | recording, CPU ms | encoding alone, CPU ms | CPU ratio | bytes an image |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for round in 1..=rounds {
@@ -160,7 +160,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         fs::remove_dir_all(&corpus)?;
     }
     println!(
-        "to be reached on two free cores: a ratio of {}, {} pictures/s; load after: {}",
+        "to be reached on two free cores: a ratio of {}, {} images/s; load after: {}",
         GOAL.0,
         GOAL.1,
         fs::read_to_string("/proc/loadavg")?.trim_end()
@@ -234,7 +234,7 @@ fn record(sweep: &Sweep, corpus: &Path, engine: Arc<Remembering>) -> Result<Cost
     }
 }
 
-/// Draws the same pictures again and encodes them; returns their number and the cost of the encoding alone.
+/// Draws the same images again and encodes them; returns their number and the cost of the encoding alone.
 fn encode_again(corpus: &Path, engine: &Remembering) -> Result<(usize, Cost), Box<dyn Error>> {
     let scenario = Corpus::open(corpus)?
         .scenarios()?
@@ -249,14 +249,14 @@ fn encode_again(corpus: &Path, engine: &Remembering) -> Result<(usize, Cost), Bo
     let began = Instant::now();
     let mut cost = Cost::default();
 
-    // The pictures of each view, in order.
+    // The images of each view, in order.
     let mut views = Vec::new();
     for view in &record.views {
         let camera = calibration.cameras[view].camera();
         let scene = scenes
             .iter()
             .position(|(drawn_by, _)| *drawn_by == camera)
-            .ok_or_else(|| format!("no picture of view {view} was drawn"))?;
+            .ok_or_else(|| format!("no image of view {view} was drawn"))?;
         let mut pictures: Vec<Drawn> = drawn.iter().filter(|d| d.scene == scene).copied().collect();
         pictures.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         views.push((view, camera, scene, pictures));
@@ -316,9 +316,7 @@ fn encode_again(corpus: &Path, engine: &Remembering) -> Result<(usize, Cost), Bo
     for (view, ..) in &views {
         let recorded = fs::read(scenario.video_path(view))?;
         if recorded != fs::read(path(view))? {
-            return Err(
-                format!("view {view}: encoding the same pictures gave another video").into(),
-            );
+            return Err(format!("view {view}: encoding the same images gave another video").into());
         }
     }
     Ok((ticks * views.len(), cost))

@@ -183,7 +183,7 @@ impl Against {
     }
 }
 
-/// Bytes and pictures of complete scenarios.
+/// Bytes and images of complete scenarios.
 fn measure(records: &[ScenarioRecord], corpus: &Corpus) -> dataset::Result<Option<MeasuredSize>> {
     let mut size = MeasuredSize {
         bytes: 0,

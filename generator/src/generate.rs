@@ -85,9 +85,9 @@ pub struct GenerateOptions {
     pub stand_in_program: PathBuf,
     /// The local side of UDP towards simulators that run already; with several, the port of the first, and the next ones follow.
     pub local_udp: LocalUdp,
-    /// Source of the pictures.
+    /// Source of the images.
     pub pixels: PixelChoice,
-    /// The screen to grab, if the pictures come from one.
+    /// The screen to grab, if the images come from one.
     pub screen: Arc<dyn Screen>,
     /// What encodes the videos, if the user chose: it is tried before anything is recorded.
     pub encoder: Option<VideoEncoder>,
@@ -254,9 +254,9 @@ pub fn generate<'a>(
     })
 }
 
-/// Memory for one simulator's pictures that wait to be drawn, sent and encoded.
+/// Memory for one simulator's images that wait to be drawn, sent and encoded.
 fn recording_bytes(picture: Picture, views: u64, may_use_screen: bool) -> u64 {
-    /// Pictures held by simulator and link, all views together, and by one encoder, which looks ahead.
+    /// Images held by simulator and link, all views together, and by one encoder, which looks ahead.
     const UNDER_WAY: (u64, u64) = (8, 12);
     let rgb_bytes = u64::from(picture.width_px) * u64::from(picture.height_px) * 3;
     let encoders = UNDER_WAY.1 * views;
@@ -270,7 +270,7 @@ fn recording_bytes(picture: Picture, views: u64, may_use_screen: bool) -> u64 {
     simulator + encoders * rgb_bytes
 }
 
-/// True if pictures may be taken from a screen, in blocks: not from stand-ins and tapes of this run, unless that is asked for.
+/// True if images may be taken from a screen, in blocks: not from stand-ins and tapes of this run, unless that is asked for.
 fn may_use_screen(pixels: PixelChoice, simulators: &[SimulatorTarget]) -> bool {
     match pixels {
         PixelChoice::Only(kind) => kind == PixelKind::Screen,
@@ -389,7 +389,7 @@ mod tests {
             PixelChoice::Auto,
             &[SimulatorTarget::StandIn]
         ));
-        // 93 pictures in blocks, and 12 in each encoder.
+        // 93 images in blocks, and 12 in each encoder.
         let rgb_bytes = 1920 * 1280 * 3;
         assert_eq!(recording_bytes(picture, 2, true), (93 + 24) * rgb_bytes);
         assert_eq!(recording_bytes(picture, 2, false), (8 + 24) * rgb_bytes);

@@ -64,7 +64,7 @@ pub struct Sweep {
     pub aim: Option<AimTable>,
     /// Placement errors of each scenario's cameras.
     pub jitter: Option<JitterTable>,
-    /// Air, mast, sensor and stream of the pictures, completed by their preset.
+    /// Air, mast, sensor and stream of the images, completed by their preset.
     pub imaging: Option<ImagingTable>,
     /// The combinations, in recording order; never empty, all different.
     pub combinations: Vec<Combination>,
@@ -74,7 +74,7 @@ pub struct Sweep {
     pub utc_offset_h: f64,
     /// The same by the time zone of the airport, if it is known.
     pub zone_offset_h: Option<f64>,
-    /// Size and rate of the pictures.
+    /// Size and rate of the images.
     pub picture: Picture,
     /// Video settings.
     pub video: VideoSettings,

@@ -70,7 +70,7 @@ async fn a_bad_network_and_a_restart_in_the_middle_change_no_byte_of_the_tables(
     assert_eq!(undisturbed.committed.len(), 1, "{undisturbed:?}");
     assert_eq!(begun, 1);
 
-    // The restart comes with the 21st picture, some ten ticks into the recording.
+    // The restart comes with the 21st image, some ten ticks into the recording.
     let faults = "loss=0.2,dup=0.1,reorder=0.1,seed=11,restart=captures:21:0.5";
     let (outcome, begun) = made(disturbed.path(), faults).await;
     assert_eq!(outcome.committed, undisturbed.committed, "{outcome:?}");

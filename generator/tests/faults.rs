@@ -127,7 +127,7 @@ async fn a_simulator_that_is_gone_for_good_ends_the_run_early_and_the_next_one_g
 struct Faulty {
     /// Flights in fog are refused.
     lost_in_fog: AtomicBool,
-    /// Pictures until one takes a long time.
+    /// Images until one takes a long time.
     freeze_in: AtomicU32,
 }
 

@@ -21,7 +21,7 @@ use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{DoctorOptions, examine};
 use xplane_bridge::profile::{Finding, KnownProfile, PacedBy, Profile};
 
-/// One recorded flight from 1.5 NM, a picture every four seconds.
+/// One recorded flight from 1.5 NM, an image every four seconds.
 fn sweep_toml() -> String {
     SmallSweep {
         name: "plugin",
@@ -63,7 +63,7 @@ wind_from_true_deg = 60
     .toml()
 }
 
-/// Maximum mean difference between pictures of the same pose, of 255.
+/// Maximum mean difference between images of the same pose, of 255.
 const MEAN_LEVELS_APART: f64 = 0.25;
 
 async fn stand_in(link: LinkServer) -> SimulatorTarget {
@@ -101,7 +101,7 @@ async fn record(
         .unwrap();
     assert_eq!(told.len(), profiles, "once for each: {told:?}");
     for known in told {
-        assert!(known.contains("its pictures were looked at now"), "{known}");
+        assert!(known.contains("its images were looked at now"), "{known}");
     }
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
     assert_eq!(outcome.committed.len(), scenarios);
@@ -123,7 +123,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
     let [a, b] = [&built_in, &plugged].map(|corpus| corpus.scenarios().unwrap().remove(0));
     let [a_frames, b_frames] = [&a, &b].map(|scenario| scenario.open().unwrap().frames().unwrap());
     assert_eq!(a_frames.rows.len(), b_frames.rows.len());
-    // Everything except what the simulator itself reports of each picture.
+    // Everything except what the simulator itself reports of each image.
     let told = |frame: &TickRow| TickRow {
         views: Vec::new(),
         ..frame.clone()
@@ -154,7 +154,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
             worst = worst.max(differences.sum::<f64>() / a_rgb.len() as f64);
             pictures += 1;
         }
-        println!("{view}: pictures are up to {worst:.4} levels apart in the mean");
+        println!("{view}: images are up to {worst:.4} levels apart in the mean");
         assert!(worst < MEAN_LEVELS_APART, "{view}: {worst} levels apart");
         assert_eq!(pictures, a_frames.rows.len());
     }
@@ -174,7 +174,7 @@ async fn live_flights_through_the_plugin_make_a_sound_corpus() {
         let [first, .., last] = &frames.rows[..] else {
             panic!("{} frames", frames.rows.len());
         };
-        // From 1.5 NM down to the touchdown target, 2.8 km at 72 m/s in pictures of four seconds.
+        // From 1.5 NM down to the touchdown target, 2.8 km at 72 m/s in images of four seconds.
         assert!(
             (9..=12).contains(&frames.rows.len()),
             "{}",

@@ -1,4 +1,4 @@
-//! Sources of pictures: the same scenario sent over the link and grabbed from a real screen, and sources that are missing.
+//! Sources of images: the same scenario sent over the link and grabbed from a real screen, and sources that are missing.
 #![cfg(target_os = "linux")]
 
 mod small_corpus;
@@ -17,7 +17,7 @@ use small_corpus::{IDS, options, sweep_of, sweep_toml};
 use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelKind};
 
-/// The scenario that flies a recording; its pictures differ in every pixel of the aircraft from tick to tick.
+/// The scenario that flies a recording; its images differ in every pixel of the aircraft from tick to tick.
 const ID: &str = IDS[1];
 
 /// The stand-in in this process with a window of this size, if any; it ends with the test's runtime.
@@ -38,7 +38,7 @@ fn grabbing(target: SimulatorTarget, display: &str, kind: PixelKind) -> Generate
     }
 }
 
-/// All pictures of a video, with their timestamps.
+/// All images of a video, with their timestamps.
 fn pictures(path: &Path) -> Vec<(i64, Vec<u8>)> {
     let mut reader = VideoReader::open(path).unwrap();
     let mut all = Vec::new();
@@ -79,12 +79,12 @@ async fn a_scenario_grabbed_from_the_screen_is_the_one_sent_over_the_link_to_the
     }
     for view in ["left", "right"] {
         let [sent, grabbed] = [link, screen].map(|folder| pictures(&folder.video_path(view)));
-        assert!(sent.len() > 10, "{} pictures", sent.len());
-        assert!(sent == grabbed, "pictures of view {view} differ");
+        assert!(sent.len() > 10, "{} images", sent.len());
+        assert!(sent == grabbed, "images of view {view} differ");
         let different = sent.windows(2).filter(|pair| pair[0].1 != pair[1].1);
         assert!(
             different.count() > 5,
-            "the pictures of view {view} stand still"
+            "the images of view {view} stand still"
         );
     }
     let [mut of_link, mut of_screen] = [link, screen].map(record);

@@ -9,7 +9,7 @@ pub(crate) struct BlobFinder {
     /// Number of windows that it received.
     pub(crate) windows_seen: usize,
     size: WindowSize,
-    /// Factor by which pictures are shrunk for the first pass.
+    /// Factor by which images are shrunk for the first pass.
     pub(crate) first_pass_shrink: u32,
 }
 

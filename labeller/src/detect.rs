@@ -71,7 +71,7 @@ pub struct DetectOptions {
     pub device: Device,
     /// Thresholds and windows of the search. Detections made with other settings are repeated.
     pub settings: TilingSettings,
-    /// Parts of the pictures that are searched; detections made with other settings are also repeated.
+    /// Parts of the images that are searched; detections made with other settings are also repeated.
     pub modes: ModeSettings,
     /// Number of views processed in parallel.
     pub workers: usize,

@@ -1,4 +1,4 @@
-//! The detector interface: finds aircraft in windows of a picture.
+//! The detector interface: finds aircraft in windows of an image.
 //!
 //! The real one runs an ONNX model ([`OrtDetector`]); tests use a finder of bright blobs behind the same trait. A window is as
 //! large as the model's input, which may be of one size or any; `crate::tiling` chooses the windows.
@@ -48,12 +48,12 @@ pub struct ScoredBox {
     pub score: f64,
 }
 
-/// Finds aircraft in windows of a picture.
+/// Finds aircraft in windows of an image.
 pub trait Detector {
     /// Sizes that a window may have.
     fn window_size(&self) -> WindowSize;
 
-    /// For every window, all boxes of aircraft with at least `score_floor`, in the coordinates of the picture, unordered and with
+    /// For every window, all boxes of aircraft with at least `score_floor`, in the coordinates of the image, unordered and with
     /// duplicates ([`keep_best`] drops them).
     fn detect(
         &mut self,
@@ -62,7 +62,7 @@ pub trait Detector {
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>>;
 
-    /// Factor by which pictures are shrunk for the first pass over them.
+    /// Factor by which images are shrunk for the first pass over them.
     fn first_pass_shrink(&self) -> u32;
 
     /// Description for the record next to the detections.

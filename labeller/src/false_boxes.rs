@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::matching::Match;
 use crate::statistics::TruthInSight;
 
-/// The confirmed boxes of a view that do not touch the ground-truth box of their picture.
+/// The confirmed boxes of a view that do not touch the ground-truth box of their image.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FalseBoxes {
     /// The scenario.

@@ -8,7 +8,7 @@
 //! tracking", 1998), in which outlier pixels count less (Cauchy's weights). Scale and rotation are not fitted: views from two sides see
 //! nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse.
 //!
-//! Pictures that show the aircraft in sizes that differ by more than 5 % are matched in resolution first: the finer one is blurred more,
+//! Images that show the aircraft in sizes that differ by more than 5 % are matched in resolution first: the finer one is blurred more,
 //! and it is the one that is resampled, because interpolation degrades it less.
 
 mod expected;
@@ -32,10 +32,10 @@ pub(crate) const METHOD: u32 = 3;
 /// A view that shows the aircraft smaller than the other by more than this factor has coarser pixels. Views from two sides differ by some
 /// percent even with equal cameras, which makes no difference.
 const COARSER: f64 = 0.95;
-/// Standard deviation of a lamp or an edge in any picture, however coarse its pixels: lens, sampling and compression. With this value the
+/// Standard deviation of a lamp or an edge in any image, however coarse its pixels: lens, sampling and compression. With this value the
 /// formula of a zoomed camera has the least error in leave-one-out tests on the approaches of docs/results.md.
 const SPOT_PX: f64 = 1.4;
-/// A picture that shows the aircraft larger by more than this factor is blurred no more: a patch ends 26 px beyond its box.
+/// An image that shows the aircraft larger by more than this factor is blurred no more: a patch ends 26 px beyond its box.
 const MOST_MATCHED: f64 = 3.0;
 /// Pixels around the larger box that are compared.
 const MARGIN_PX: f64 = 4.0;
@@ -46,11 +46,11 @@ const SEARCH_PART: f64 = 0.1;
 const LEAST_CORRELATION: f64 = 0.6;
 /// The brightest or darkest pixel of the aircraft over the noise around it. The largest of a few hundred pixels of noise is about 3.
 const LEAST_CONTRAST: f64 = 4.0;
-/// Range of the ratio of contrasts; beyond it, one of the pictures does not show the aircraft, or as a negative.
+/// Range of the ratio of contrasts; beyond it, one of the images does not show the aircraft, or as a negative.
 const GAINS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
 /// A shift with a larger standard deviation says less than the boxes.
 const MOST_SD_PX: f64 = 0.7;
-/// Error that remains in ideal pictures: interpolation and compression.
+/// Error that remains in ideal images: interpolation and compression.
 const FLOOR_SD_PX: f64 = 0.025;
 /// The scatter of the residuals underestimates the error by this factor.
 const SD_FACTOR: f64 = 1.4;
@@ -89,7 +89,7 @@ pub(crate) fn register(
     shift_of(&reference, &fit, expected)
 }
 
-/// The blur of a picture that shows everything larger than the other by this factor: it makes spots as large, relative to the aircraft, as
+/// The blur of an image that shows everything larger than the other by this factor: it makes spots as large, relative to the aircraft, as
 /// they are in the other after its blur.
 fn blur_of_finer_px(larger: f64, spot_px: f64) -> f64 {
     let spot_of_other_px = larger * spot_px.hypot(BLUR_PX);

@@ -1,4 +1,4 @@
-//! The rows of the pictures in which aircraft are looked for: approaches cross a narrow band of them.
+//! The rows of the images in which aircraft are looked for: approaches cross a narrow band of them.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -14,12 +14,12 @@ use crate::error::Result;
 
 /// Share of a band's height that is added above and below it: flights of the other sides differ a little.
 const MARGIN: f64 = 0.1;
-/// Wider aircraft are found as well in a picture at half its scale, pixels.
+/// Wider aircraft are found as well in an image at half its scale, pixels.
 const SMALL_PX: f64 = 48.0;
-/// Part of an aircraft that may be outside the picture for its width to be its own.
+/// Part of an aircraft that may be outside the image for its width to be its own.
 const CUT_OFF: f64 = 0.01;
 
-/// Rows of a picture.
+/// Rows of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RowBand {
@@ -32,7 +32,7 @@ pub struct RowBand {
 /// Rows in which to look for aircraft of two sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SearchBands {
-    /// For those that need the picture as it is.
+    /// For those that need the image as it is.
     pub small: RowBand,
     /// For those that are found at half its scale as well, which takes a quarter of the time.
     pub large: Option<RowBand>,
@@ -111,7 +111,7 @@ impl Rows {
 }
 
 impl RowBand {
-    /// As far as it is inside a picture of this height.
+    /// As far as it is inside an image of this height.
     pub(crate) fn within(band: Option<Self>, height_px: u32) -> Range<u32> {
         let Self { top_px, bottom_px } = band.unwrap_or(Self {
             top_px: 0,

@@ -1,7 +1,7 @@
-//! Windows of a picture that a detector searches.
+//! Windows of an image that a detector searches.
 //!
-//! Input: sizes of the picture and of the windows that the model takes. Output: [`Window`]s. A model that takes any size sees the
-//! whole picture at once, and the surroundings of an aircraft in a crop just large enough; one of a fixed size sees tiles (six of 640
+//! Input: sizes of the image and of the windows that the model takes. Output: [`Window`]s. A model that takes any size sees the
+//! whole image at once, and the surroundings of an aircraft in a crop just large enough; one of a fixed size sees tiles (six of 640
 //! pixels for 1920x1280, as in the paper), and an aircraft in the middle of a window as large as a tile.
 
 use std::ops::Range;
@@ -17,8 +17,8 @@ const CROP_PX: Range<f64> = 160.0..256.0;
 /// Part of a window's side that an aircraft may fill; a larger one is shrunk.
 const LARGEST_SHARE: f64 = 0.65;
 
-/// The windows of the first pass over these rows of a picture of this width and height, row by row: tiles, or a single one if the model
-/// takes any size and no tile size is requested. They may extend past the picture at the right and at the bottom.
+/// The windows of the first pass over these rows of an image of this width and height, row by row: tiles, or a single one if the model
+/// takes any size and no tile size is requested. They may extend past the image at the right and at the bottom.
 pub(crate) fn first_windows(
     [width_px, height_px]: [u32; 2],
     size: WindowSize,
@@ -58,7 +58,7 @@ pub(crate) fn first_windows(
         .collect()
 }
 
-/// Starts of the tiles that cover a range. A single tile is moved inside the picture if it fits.
+/// Starts of the tiles that cover a range. A single tile is moved inside the image if it fits.
 fn starts(covered: Range<u32>, tile_px: u32, overlap_px: u32, picture_px: u32) -> Vec<u32> {
     let length_px = covered.end - covered.start;
     if length_px == 0 {
@@ -74,7 +74,7 @@ fn starts(covered: Range<u32>, tile_px: u32, overlap_px: u32, picture_px: u32) -
         .collect()
 }
 
-/// The whole picture in one window of the usual size, as a detector without tiles sees it.
+/// The whole image in one window of the usual size, as a detector without tiles sees it.
 pub(crate) fn shrunk_picture([width_px, height_px]: [u32; 2], size: WindowSize) -> Window {
     let [most_wide, most_high] = size.usual_px();
     let shrink = width_px
@@ -95,7 +95,7 @@ pub(crate) fn shrunk_picture([width_px, height_px]: [u32; 2], size: WindowSize) 
     }
 }
 
-/// The window around a box, moved inside the picture if the picture is large enough. An aircraft that would fill it is shrunk.
+/// The window around a box, moved inside the image if the image is large enough. An aircraft that would fill it is shrunk.
 pub(crate) fn window_around(around: &PixelBox, picture_px: [u32; 2], size: WindowSize) -> Window {
     let longer_px = around.width_px.max(around.height_px);
     let [width_px, height_px] = match size {

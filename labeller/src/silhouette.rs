@@ -34,7 +34,7 @@ impl HalfSpace {
     }
 }
 
-/// A grid of samples over a rectangle of the picture plane. Each sample collects marks from the polygons that cover it.
+/// A grid of samples over a rectangle of the image plane. Each sample collects marks from the polygons that cover it.
 pub(crate) struct SampleGrid {
     origin_px: DVec2,
     step_px: f64,

@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use crate::matching::Match;
 
-/// Counts over pictures. One picture is one view at one tick.
+/// Counts over images. One image is one view at one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct DetectionCounts {
-    /// Number of pictures.
+    /// Number of images.
     pub pictures: u64,
     /// Detections in all of them.
     pub detections: u64,
@@ -27,18 +27,18 @@ pub(crate) struct TruthInSight {
     pub(crate) sight: Sight,
 }
 
-/// Counts over pictures with labels.
+/// Counts over images with labels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct TruthCounts {
-    /// Pictures with more than half of the aircraft, in sight: neither haze nor a cloud hides it.
+    /// Images with more than half of the aircraft, in sight: neither haze nor a cloud hides it.
     pub expected: u64,
-    /// Other pictures with more than half of the aircraft: it is beyond the visibility.
+    /// Other images with more than half of the aircraft: it is beyond the visibility.
     pub hidden_by_haze: u64,
     /// The rest: it is in or above clouds.
     pub maybe_hidden_by_cloud: u64,
-    /// Number of the pictures with the aircraft in sight that have a detection of it ([`Match::Hit`]).
+    /// Number of the images with the aircraft in sight that have a detection of it ([`Match::Hit`]).
     pub found: u64,
-    /// Detections that do not touch a ground-truth box, in all pictures.
+    /// Detections that do not touch a ground-truth box, in all images.
     pub false_detections: u64,
     /// Sum over the found aircraft: distance of the centres, pixels.
     pub sum_center_error_px: f64,
@@ -140,7 +140,7 @@ impl TruthCounts {
         }
     }
 
-    /// Share of the pictures with the aircraft in sight in which it was found, 0 to 1; `None` without such pictures.
+    /// Share of the images with the aircraft in sight in which it was found, 0 to 1; `None` without such images.
     pub fn detection_rate(&self) -> Option<f64> {
         (self.expected > 0).then(|| self.found as f64 / self.expected as f64)
     }

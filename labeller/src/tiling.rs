@@ -1,6 +1,6 @@
-//! Small aircraft in large pictures: the paper's Auto Segmentation.
+//! Small aircraft in large images: the paper's Auto Segmentation.
 //!
-//! A first pass covers the picture, in tiles or at once (`crate::search_windows`). A window is centred on every hit, so that an
+//! A first pass covers the image, in tiles or at once (`crate::search_windows`). A window is centred on every hit, so that an
 //! aircraft on the border of two tiles is complete, and the detector runs again; its boxes there count. Several aircraft get a window
 //! each. From the paper's section on detection (S11, S12).
 
@@ -16,7 +16,7 @@ use crate::search_windows::{first_windows, window_around};
 const MOST_WINDOWS: usize = 1_000;
 /// Smaller tiles show too little around an aircraft, pixels.
 const LEAST_TILE_PX: u32 = 64;
-/// Larger than any picture's side, pixels.
+/// Larger than any image's side, pixels.
 const MOST_TILE_PX: u32 = 16_384;
 
 /// Thresholds and windows of the search.
@@ -31,9 +31,9 @@ pub struct TilingSettings {
     pub faint_score: f64,
     /// Boxes that overlap by more than this (intersection over union) are one aircraft, 0 to 1.
     pub merge_iou: f64,
-    /// Maximum number of hits per picture that get a second pass, the best first: limits the time spent on clutter.
+    /// Maximum number of hits per image that get a second pass, the best first: limits the time spent on clutter.
     pub most_windows: usize,
-    /// Side of the tiles, pixels, rounded up to the model's stride, for a model that takes any size; missing: the whole picture at
+    /// Side of the tiles, pixels, rounded up to the model's stride, for a model that takes any size; missing: the whole image at
     /// once. Models of a fixed size have tiles of that size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tile_px: Option<u32>,
@@ -43,7 +43,7 @@ pub struct TilingSettings {
     /// Rows that the first pass covers; missing: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<RowBand>,
-    /// Rows that the first pass covers at half the picture's scale as well, where aircraft are large; missing: none.
+    /// Rows that the first pass covers at half the image's scale as well, where aircraft are large; missing: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_scale_rows: Option<RowBand>,
 }
@@ -118,13 +118,13 @@ impl TilingSettings {
         [self.rows, self.half_scale_rows].into_iter().flatten()
     }
 
-    /// Checks that some of the rows are in a picture of this height.
+    /// Checks that some of the rows are in an image of this height.
     fn check_rows(&self, height_px: u32) -> Result<()> {
         match self.bands().find(|band| band.top_px >= height_px) {
             Some(band) => Err(Error::Option {
                 name: "--rows",
                 found: band.to_string(),
-                expected: format!("a first row below {height_px}, the height of the pictures"),
+                expected: format!("a first row below {height_px}, the height of the images"),
             }),
             None => Ok(()),
         }
@@ -138,7 +138,7 @@ impl TilingSettings {
                 return Err(Error::Option {
                     name: "--overlap",
                     found: self.overlap_px.to_string(),
-                    expected: "0, or --tile as well: this model searches the whole picture at once"
+                    expected: "0, or --tile as well: this model searches the whole image at once"
                         .into(),
                 });
             }
@@ -156,7 +156,7 @@ impl TilingSettings {
     }
 }
 
-/// An aircraft that was found in a picture.
+/// An aircraft that was found in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
     /// The box in the original frame.
@@ -167,7 +167,7 @@ pub struct Sighting {
     pub tile: u32,
 }
 
-/// Results of a search of a whole picture.
+/// Results of a search of a whole image.
 pub(crate) struct Found {
     /// All aircraft, best first, with faint ones.
     pub(crate) sightings: Vec<Sighting>,
@@ -175,7 +175,7 @@ pub(crate) struct Found {
     pub(crate) hits: usize,
 }
 
-/// Finds all aircraft in a picture, best first.
+/// Finds all aircraft in an image, best first.
 pub fn find_aircraft(
     detector: &mut dyn Detector,
     picture: &PictureView<'_>,

@@ -1,12 +1,12 @@
-//! Groups the boxes of a view's pictures into tracks, and decides which tracks are aircraft.
+//! Groups the boxes of a view's images into tracks, and decides which tracks are aircraft.
 //!
-//! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, whether it counts at this
+//! Input: the boxes of one image after another, with their times. Output: the number of each box's track, whether it counts at this
 //! moment, and the next expected places of the tracked aircraft. A track begins with any box that belongs to no track; it is confirmed by
-//! [`HITS`] clear boxes in [`OUTCOMES`] pictures. Faint boxes, which are too uncertain to count alone, also begin and continue tracks, but
+//! [`HITS`] clear boxes in [`OUTCOMES`] images. Faint boxes, which are too uncertain to count alone, also begin and continue tracks, but
 //! do not confirm them (Zhang et al., "ByteTrack", ECCV 2022). The filter is in [`motion`].
 //!
 //! ```text
-//! boxes of a picture -> Tracker (bounded memory) -> track, counts now     dtd detect and live
+//! boxes of an image -> Tracker (bounded memory) -> track, counts now     dtd detect and live
 //!                          |  boxes with tracks
 //!                          v
 //!                       Hindsight (whole video) -> tracks that count      dtd detect, at the end
@@ -30,18 +30,18 @@ use standing::{GROWTH_SHOWS_S, LONGEST_STILL_S, has_stood_still, hops};
 pub(crate) const METHOD: u32 = 1;
 /// Clear boxes that confirm a track...
 const HITS: u32 = 3;
-/// ... within this number of consecutive pictures in which it was looked for.
+/// ... within this number of consecutive images in which it was looked for.
 const OUTCOMES: u32 = 5;
 /// A box whose squared distance from the expected one is larger belongs to another aircraft. 18.5 leaves out one box in a thousand if all
 /// errors are normal; errors of boxes have longer tails.
 const GATE: f64 = 30.0;
 /// The same for a faint box: clutter is more likely than a long tail.
 const FAINT_GATE: f64 = 18.5;
-/// A confirmed track ends after this number of consecutive pictures without a box...
+/// A confirmed track ends after this number of consecutive images without a box...
 const MOST_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
 const LONGEST_GAP_S: f64 = 2.0;
-/// A track that lasted shorter than this is no aircraft, seconds: at 30 pictures per second a patch of cloud looks like one for three of
+/// A track that lasted shorter than this is no aircraft, seconds: at 30 images per second a patch of cloud looks like one for three of
 /// them, and is still there in the next ones.
 const SHORTEST_S: f64 = 2.0;
 
@@ -54,7 +54,7 @@ pub(crate) struct Tracker {
     followed: Vec<Track>,
     /// Number of the next track.
     next: u32,
-    /// Since the first picture.
+    /// Since the first image.
     now_s: f64,
 }
 
@@ -63,11 +63,11 @@ pub(crate) struct Tracker {
 struct Track {
     number: u32,
     motion: Motion,
-    /// The pictures in which it was looked for: the last one in the lowest bit, 1 with a box.
+    /// The images in which it was looked for: the last one in the lowest bit, 1 with a box.
     outcomes: u32,
     /// The same, 1 with a clear box.
     clear: u32,
-    /// Number of pictures in which it was looked for.
+    /// Number of images in which it was looked for.
     looks: u32,
     misses: u32,
     seen_s: f64,
@@ -87,12 +87,12 @@ pub(crate) struct Seen {
 pub(crate) struct Expected {
     pub(crate) track: u32,
     pub(crate) pixel_box: PixelBox,
-    /// Distance that it may move between two pictures, in lengths of its box.
+    /// Distance that it may move between two images, in lengths of its box.
     pub(crate) lengths_moved: f64,
     pub(crate) is_confirmed: bool,
 }
 
-/// Parts of a picture that were searched.
+/// Parts of an image that were searched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Searched<'a> {
     Everywhere,
@@ -101,7 +101,7 @@ pub(crate) enum Searched<'a> {
 }
 
 impl Tracker {
-    /// For a view with this number of pictures. If it has fewer than [`HITS`], a box in each confirms a track.
+    /// For a view with this number of images. If it has fewer than [`HITS`], a box in each confirms a track.
     pub(crate) fn of_pictures(pictures: usize) -> Self {
         Self {
             hits: HITS.min(u32::try_from(pictures).unwrap_or(HITS)),
@@ -116,7 +116,7 @@ impl Tracker {
         Self::of_pictures(usize::MAX)
     }
 
-    /// Goes on to the next picture, `seconds` after the last one.
+    /// Goes on to the next image, `seconds` after the last one.
     pub(crate) fn advance(&mut self, seconds: f64) {
         self.now_s += seconds;
         for track in &mut self.followed {
@@ -124,13 +124,13 @@ impl Tracker {
         }
     }
 
-    /// Time of the picture since the first one, seconds.
+    /// Time of the image since the first one, seconds.
     pub(crate) fn now_s(&self) -> f64 {
         self.now_s
     }
 
     /// The expected places of the tracked aircraft: confirmed ones first, then by the beginning of their tracks. Tracks with only faint
-    /// boxes lately are left out. `period_s`: time between two pictures, seconds.
+    /// boxes lately are left out. `period_s`: time between two images, seconds.
     pub(crate) fn expected(&self, period_s: f64) -> Vec<Expected> {
         let mut expected: Vec<_> = self
             .followed
@@ -147,7 +147,7 @@ impl Tracker {
         expected
     }
 
-    /// True if the boxes lack a confirmed aircraft that was in the previous picture.
+    /// True if the boxes lack a confirmed aircraft that was in the previous image.
     pub(crate) fn loses_any(&self, boxes: &[Seen]) -> bool {
         let matches = self.matches(boxes, Searched::Everywhere);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
@@ -156,7 +156,7 @@ impl Tracker {
     }
 
     /// Takes the boxes that were found at the current time, and returns the tracks that they belong to: none for a faint box that
-    /// continues none, unless the whole picture was searched.
+    /// continues none, unless the whole image was searched.
     pub(crate) fn take(&mut self, boxes: &[Seen], searched: Searched<'_>) -> Vec<Option<u32>> {
         let mut track_of: Vec<Option<u32>> = vec![None; boxes.len()];
         for (index, at) in self.matches(boxes, searched) {
@@ -202,7 +202,7 @@ impl Tracker {
     /// Boxes and positions of the tracks that they belong to: the closest pairs first, pairs of confirmed tracks before all others, and
     /// faint boxes last. A lamp's track must not latch onto an aircraft: a stationary track is either clear or faint, and not continued by
     /// boxes of the other kind, nor by a box at another place. Tracks that were never clear are only matched in searches of the whole
-    /// picture, because they are not searched for in between.
+    /// image, because they are not searched for in between.
     fn matches(&self, boxes: &[Seen], searched: Searched<'_>) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
@@ -301,14 +301,14 @@ impl Track {
         self.misses >= MOST_MISSES && now_s - self.seen_s >= LONGEST_GAP_S
     }
 
-    /// True if too few of the last pictures had a box for a track that is not confirmed.
+    /// True if too few of the last images had a box for a track that is not confirmed.
     fn has_failed(&self, hits: u32) -> bool {
         let is_known = self.looks >= OUTCOMES;
         self.misses > OUTCOMES - HITS || is_known && hits_in(self.outcomes) < hits
     }
 }
 
-/// Number of the last [`OUTCOMES`] pictures that had a box.
+/// Number of the last [`OUTCOMES`] images that had a box.
 fn hits_in(outcomes: u32) -> u32 {
     (outcomes & ((1 << OUTCOMES) - 1)).count_ones()
 }

@@ -1,4 +1,4 @@
-//! The ground-truth box of the aircraft in a picture: its mesh at its pose, seen by a calibrated camera.
+//! The ground-truth box of the aircraft in an image: its mesh at its pose, seen by a calibrated camera.
 //!
 //! The box spans the projected vertices in continuous pixel coordinates (pixel centres at whole numbers): its centre is the
 //! midpoint of their extremes, its edges touch the outermost ones.
@@ -16,20 +16,20 @@ const NEAR_M: f64 = 0.1;
 /// Samples along the longer side of the box when the visible part of a silhouette is counted: at 21 pixels a grid of 1/24 pixel.
 const SAMPLES: usize = 512;
 
-/// The visible aircraft in a camera's picture.
+/// The visible aircraft in a camera's image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Projection {
-    /// Box of the projected mesh, clipped to the picture.
+    /// Box of the projected mesh, clipped to the image.
     pub pixel_box: PixelBox,
-    /// Part of the silhouette inside the picture and above the ground, 0 to 1.
+    /// Part of the silhouette inside the image and above the ground, 0 to 1.
     pub visible_fraction: f64,
-    /// Part of the unclipped box outside the picture, 0 to 1.
+    /// Part of the unclipped box outside the image, 0 to 1.
     pub truncation: f64,
     /// Distance of the centre of gravity from the camera, metres.
     pub range_m: f64,
 }
 
-/// Projects the aircraft; `None` if none of it is visible in the picture. The ground is level at `ground_msl_m`: parts of the mesh
+/// Projects the aircraft; `None` if none of it is visible in the image. The ground is level at `ground_msl_m`: parts of the mesh
 /// below it are hidden, as the camera stands above.
 pub(crate) fn project(
     mesh: &Mesh,

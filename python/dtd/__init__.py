@@ -1,4 +1,4 @@
-"""Opens a corpus that `dtd` recorded: its tables as data frames, its pictures as arrays, its cameras.
+"""Opens a corpus that `dtd` recorded: its tables as data frames, its images as arrays, its cameras.
 
     from dtd import Corpus
 

@@ -1,4 +1,4 @@
-"""Cameras: where a point of the world appears in their picture."""
+"""Cameras: where a point of the world appears in their image."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +14,7 @@ _ECCENTRICITY_SQUARED = WGS84_FLATTENING * (2 - WGS84_FLATTENING)
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the earth (IUGG), by which `refraction_coefficient` is defined."""
 FIELD_OVER_HALF_DIAGONAL = 1.5
-"""Up to this multiple of the picture's half diagonal a lens follows its polynomials; beyond, it continues linearly."""
+"""Up to this multiple of the image's half diagonal a lens follows its polynomials; beyond, it continues linearly."""
 
 
 def ecef_m(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike, altitude_m: npt.ArrayLike) -> Floats:
@@ -90,7 +90,7 @@ class Camera:
         return np.asarray(seen @ self.ecef_from_camera)
 
     def project(self, points_ecef_m: npt.ArrayLike) -> Floats:
-        """Pixels (..., 2), right and down, of ECEF points (..., 3); NaN behind the camera. They may be outside the picture."""
+        """Pixels (..., 2), right and down, of ECEF points (..., 3); NaN behind the camera. They may be outside the image."""
         point = self.to_camera(points_ecef_m)
         depth = np.where(point[..., 2:] > 0, point[..., 2:], np.nan)
         image = self._distorted(point[..., :2] / depth)

@@ -1,4 +1,4 @@
-"""A corpus: its tables over all scenarios, its cameras, its pictures."""
+"""A corpus: its tables over all scenarios, its cameras, its images."""
 
 import warnings
 from collections.abc import Collection, Iterable, Iterator
@@ -97,7 +97,7 @@ class Corpus:
         return _together(shared(scenario, folder) for scenario, folder in self._scenarios.items())
 
     def views(self) -> pl.DataFrame:
-        """One row per scenario, tick and view: the picture's timestamp, the pose and the camera that the simulator reports."""
+        """One row per scenario, tick and view: the image's timestamp, the pose and the camera that the simulator reports."""
 
         def of_views(scenario: str, folder: Path) -> Iterator[tuple[Path, pl.LazyFrame]]:
             path, table, by_view = self._frames(scenario, folder)
@@ -184,11 +184,11 @@ class Corpus:
         return Camera.of_calibration(cameras[view])
 
     def video(self, scenario: str, view: str) -> Video:
-        """The pictures of a view, to be read in order or by tick."""
+        """The images of a view, to be read in order or by tick."""
         return Video(*self.video_source(scenario, view))
 
     def video_source(self, scenario: str, view: str) -> tuple[Path, npt.NDArray[np.int64], Fraction, tuple[int, int]]:
-        """The file of a view's video, the timestamps of its pictures, their unit in seconds, and the width and height of its pictures."""
+        """The file of a view's video, the timestamps of its images, their unit in seconds, and the width and height of its images."""
         folder = self._folder(scenario)
         _refuse_other_than(self.views_of(scenario), view, f"view of scenario {scenario}")
         column = f"pts_{view}"
@@ -203,12 +203,12 @@ class Corpus:
         raise CorpusError(f"{folder / 'views'} has no video of view {view}")
 
     def frame(self, scenario: str, view: str, tick: int) -> Picture:
-        """A single picture: height x width x 3, RGB."""
+        """A single image: height x width x 3, RGB."""
         with self.video(scenario, view) as video:
             return video[tick]
 
     def frames(self, scenario: str, view: str) -> Iterator[Picture]:
-        """All pictures of a view in order, each decoded once."""
+        """All images of a view in order, each decoded once."""
         with self.video(scenario, view) as video:
             yield from video
 

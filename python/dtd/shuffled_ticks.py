@@ -1,4 +1,4 @@
-"""The ticks of a corpus in a shuffled order that decodes each picture once.
+"""The ticks of a corpus in a shuffled order that decodes each image once.
 
     from torch.utils.data import DataLoader
 
@@ -12,7 +12,7 @@
         for batch in DataLoader(train, batch_size=32, num_workers=2):
             ...
 
-A sample at random costs the decoding of all pictures since the key frame before it. Here scenarios are cut into runs of consecutive ticks,
+A sample at random costs the decoding of all images since the key frame before it. Here scenarios are cut into runs of consecutive ticks,
 the order of the runs is shuffled, and samples are taken from several runs at a time, one of each in a random order. The samples of a batch
 come from different scenarios, as far as the corpus has them; those of one run keep their order. Threads decode some samples of each run
 ahead.
@@ -55,12 +55,12 @@ else:
             return [0]
 
 RUN_TICKS = 240
-"""Length of a run. A multiple of the distance of key frames in a corpus (60), so that no picture is decoded for nothing."""
+"""Length of a run. A multiple of the distance of key frames in a corpus (60), so that no image is decoded for nothing."""
 
 MOST_AHEAD = 8
-"""Most samples of a run that are decoded ahead: a decoder that goes on for some pictures finds its own in the processor's caches."""
+"""Most samples of a run that are decoded ahead: a decoder that goes on for some images finds its own in the processor's caches."""
 AHEAD_BYTES = 64 << 20
-"""Most memory for the pictures that are decoded ahead, in each worker. Where it is too small, samples are decoded when they are asked for."""
+"""Most memory for the images that are decoded ahead, in each worker. Where it is too small, samples are decoded when they are asked for."""
 
 
 class ShuffledTicks(_IterableDataset):

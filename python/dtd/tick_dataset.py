@@ -39,7 +39,7 @@ _BOX = ["cx_px", "cy_px", "width_px", "height_px"]
 
 
 class Sample(TypedDict):
-    """What is known of a tick. Pictures, boxes and corners are by view."""
+    """What is known of a tick. Images, boxes and corners are by view."""
 
     scenario: str
     tick: int
@@ -48,11 +48,11 @@ class Sample(TypedDict):
     dtd_m: float
     """Distance to touchdown; NaN without labels."""
     pictures: dict[str, Picture]
-    """Height x width x 3, RGB, 8 bits: whole pictures, or crops."""
+    """Height x width x 3, RGB, 8 bits: whole images, or crops."""
     boxes: dict[str, Floats]
-    """Centre right, centre down, width, height in pixels of the whole picture; NaN where there is no box."""
+    """Centre right, centre down, width, height in pixels of the whole image; NaN where there is no box."""
     corners_px: dict[str, npt.NDArray[np.int64]]
-    """Right and down: the place of the crop's top-left pixel in the whole picture."""
+    """Right and down: the place of the crop's top-left pixel in the whole image."""
 
 
 class Run(NamedTuple):
@@ -84,7 +84,7 @@ class TickDataset(_Dataset):
         `views`: those of the first scenario, if not given; every scenario must have them.
         `every`: every n-th tick.
         `boxes`: a table with scenario, tick, view and box, such as the best of `corpus.detections()`; the true ones, if not given.
-        `crop_px`: width and height of crops around the boxes, moved into the picture where they would leave it; ticks without a box
+        `crop_px`: width and height of crops around the boxes, moved into the image where they would leave it; ticks without a box
         in each view are left out.
         `transform`: what is made of a sample before it is returned.
         `open_videos`: most videos that are open at once, in each worker.
@@ -165,7 +165,7 @@ class TickDataset(_Dataset):
 
     @property
     def sample_bytes(self) -> int:
-        """Most bytes that the pictures of a sample have."""
+        """Most bytes that the images of a sample have."""
         if self.crop_px is not None:
             return 3 * self.crop_px[0] * self.crop_px[1] * len(self.views)
         return len(self.views) * max(3 * width * height for _, _, _, (width, height) in self._sources.values())
@@ -178,14 +178,14 @@ class TickDataset(_Dataset):
         return list(runs.values())
 
     def open_video(self, scenario: str, view: str, *, is_threaded: bool = True) -> Video:
-        """The pictures of a view of a scenario of this dataset; to be closed by the caller."""
+        """The images of a view of a scenario of this dataset; to be closed by the caller."""
         return Video(*self._sources[scenario, view], is_threaded=is_threaded)
 
     def _corner(self, box: Floats, picture: Picture) -> npt.NDArray[np.int64]:
         assert self.crop_px is not None
         room = np.array([picture.shape[1] - self.crop_px[0], picture.shape[0] - self.crop_px[1]])
         if (room < 0).any():
-            raise CorpusError(f"a crop of {self.crop_px} does not fit into a picture of {picture.shape[1::-1]} pixels")
+            raise CorpusError(f"a crop of {self.crop_px} does not fit into an image of {picture.shape[1::-1]} pixels")
         corner = np.round(box[:2] - (np.array(self.crop_px) - 1) / 2)
         return np.clip(corner, 0, room).astype(np.int64)
 

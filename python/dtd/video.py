@@ -1,4 +1,4 @@
-"""The pictures of a view."""
+"""The images of a view."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,9 +22,9 @@ Picture = npt.NDArray[np.uint8]
 
 
 class Video:
-    """A view's video. Pictures are arrays of height x width x 3, RGB, 8 bits; picture k belongs to tick k.
+    """A view's video. Images are arrays of height x width x 3, RGB, 8 bits; image k belongs to tick k.
 
-    Reading in order decodes each picture once; a jump decodes from the key frame before it.
+    Reading in order decodes each image once; a jump decodes from the key frame before it.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Video:
         is_threaded: bool = True,
     ) -> None:
         """`timestamps`: the `pts` of every tick, in units of `unit_s` seconds; without it, in units of the file. `size_px`: width and height
-        that the pictures must have. `is_threaded`: whether the decoder has threads, which read ahead."""
+        that the images must have. `is_threaded`: whether the decoder has threads, which read ahead."""
         self.path = path
         with _named(path):
             self._container = av.open(str(path))
@@ -46,7 +46,7 @@ class Video:
         self._stream = self._container.streams.video[0]
         found = (self._stream.width, self._stream.height)
         if size_px is not None and size_px != found:
-            raise damaged(path, f"it has pictures of {found[0]} x {found[1]} px, the calibration {size_px[0]} x {size_px[1]} px")
+            raise damaged(path, f"it has images of {found[0]} x {found[1]} px, the calibration {size_px[0]} x {size_px[1]} px")
         self._stream.thread_type = "AUTO" if is_threaded else "NONE"
         # The file may count in other units; the times are the same.
         ratio = Fraction(1) if unit_s is None else unit_s / Fraction(self._stream.time_base or unit_s)
@@ -60,16 +60,16 @@ class Video:
         self._next_tick = 0
 
     def __len__(self) -> int:
-        """Number of pictures."""
+        """Number of images."""
         return len(self._pts)
 
     def __iter__(self) -> Iterator[Picture]:
-        """All pictures, from the first."""
+        """All images, from the first."""
         for tick in range(len(self)):
             yield self[tick]
 
     def __getitem__(self, tick: int) -> Picture:
-        """The picture of a tick."""
+        """The image of a tick."""
         if not 0 <= tick < len(self):
             raise IndexError(f"{self.path} has the ticks 0 to {len(self) - 1}, not {tick}")
         with _named(self.path):
@@ -83,17 +83,17 @@ class Video:
         for frame in self._decoder:
             at = self._tick_of.get(frame.pts) if frame.pts is not None else None
             if at is None:
-                raise CorpusError(f"{self.path} has a picture with timestamp {frame.pts}, which belongs to no tick")
+                raise CorpusError(f"{self.path} has an image with timestamp {frame.pts}, which belongs to no tick")
             self._next_tick = at + 1
             if at == tick:
                 return self._rgb(frame)
             if at > tick:
                 break
         self._decoder = None
-        raise CorpusError(f"{self.path} has no picture of tick {tick} (timestamp {wanted})")
+        raise CorpusError(f"{self.path} has no image of tick {tick} (timestamp {wanted})")
 
     def _is_far(self, tick: int) -> bool:
-        """Whether a key frame lies between the last picture and this one, as far as the container knows."""
+        """Whether a key frame lies between the last image and this one, as far as the container knows."""
         first, last = int(self._pts[self._next_tick]), int(self._pts[tick])
         if last - first <= 0:
             return False

@@ -184,7 +184,7 @@ class Changed(unittest.TestCase):
             calibration["cameras"]["mast"]["width_px"] += 2
 
         self.change("calibration.json", widen)
-        with self.assertRaisesRegex(CorpusError, "mast.mp4 .* it has pictures of .* px, the calibration"):
+        with self.assertRaisesRegex(CorpusError, "mast.mp4 .* it has images of .* px, the calibration"):
             Corpus(self.copy).frame(SCENARIO, "mast", 0)
 
     def test_links_are_rejected(self) -> None:

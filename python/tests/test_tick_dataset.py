@@ -20,7 +20,7 @@ PATH = Path(os.environ["DTD_CORPUS"])
 
 
 def sums(dataset: TickDataset, indices: list[int]) -> list[list[int]]:
-    """What tells pictures apart, cheaply sent between processes."""
+    """What tells images apart, cheaply sent between processes."""
     return [[int(picture.astype(int).sum()) for picture in dataset[index]["pictures"].values()] for index in indices]
 
 
@@ -96,7 +96,7 @@ class Samples(unittest.TestCase):
             TickDataset(self.corpus, views=["top"])
         with self.assertRaisesRegex(CorpusError, "no scenario with side 'nowhere'"):
             TickDataset(self.corpus, side="nowhere")
-        with self.assertRaisesRegex(CorpusError, "does not fit into a picture"):
+        with self.assertRaisesRegex(CorpusError, "does not fit into an image"):
             TickDataset(self.corpus, views=["mast"], crop_px=(161, 20))[0]
 
     def test_few_open_videos_and_a_transform_change_nothing_else(self) -> None:

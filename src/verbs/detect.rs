@@ -154,14 +154,14 @@ pub(crate) fn interrupted(outcome: &DetectOutcome) -> Option<Ending> {
     Some(Ending::Interrupted)
 }
 
-/// Detects in a corpus with a progress bar. Ctrl-C or SIGTERM ends it after the current pictures; scenarios that are done stay.
+/// Detects in a corpus with a progress bar. Ctrl-C or SIGTERM ends it after the current images; scenarios that are done stay.
 pub(crate) fn detect(
     corpus: &Corpus,
     model: &Path,
     options: DetectOptions,
 ) -> Result<DetectOutcome, Failure> {
     refuse_other_models(model)?;
-    let watch = VerbWatch::new("detect", "pictures");
+    let watch = VerbWatch::new("detect", "images");
     let outcome = detect_corpus(corpus, model, &options, &watch).map_err(|error| {
         if error.is_bad_input() {
             Failure::bad_input(error)
@@ -217,7 +217,7 @@ fn print_summary(outcome: &DetectOutcome) {
         outcome.model, outcome.device, outcome.model_hash
     );
     println!(
-        "{} detections in {} pictures, {} of them in confirmed tracks",
+        "{} detections in {} images, {} of them in confirmed tracks",
         outcome.counts.detections, outcome.counts.pictures, outcome.counts.confirmed
     );
     if let Some(truth) = &outcome.counts.against_truth {

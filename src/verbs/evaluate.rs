@@ -177,8 +177,8 @@ fn print_judged(metrics: &Metrics) {
     }
     match metrics.cut_off_boxes {
         0 => {}
-        1 => println!("1 picture has only boxes that its edge cuts off: ignored"),
-        many => println!("{many} pictures have only boxes that their edges cut off: ignored"),
+        1 => println!("1 image has only boxes that its edge cuts off: ignored"),
+        many => println!("{many} images have only boxes that their edges cut off: ignored"),
     }
 }
 

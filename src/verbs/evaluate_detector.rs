@@ -71,7 +71,7 @@ pub(crate) fn evaluate(
     corpus: &Corpus,
     options: &EvaluationOptions,
 ) -> Result<Option<Box<Evaluation>>, Failure> {
-    let watch = VerbWatch::new("evaluate", "pictures");
+    let watch = VerbWatch::new("evaluate", "images");
     let evaluation = match evaluate_detector(corpus, options, &watch).map_err(failure_of)? {
         Ended::Done(evaluation) => evaluation,
         Ended::Stopped { searched, left } => {
@@ -134,14 +134,14 @@ fn print_summary(evaluation: &Evaluation) {
     };
     let expected = &figures.pictures.expected;
     println!(
-        "{} pictures: {} show the aircraft in sight, {} beyond the visibility, {} in or above clouds",
+        "{} images: {} show the aircraft in sight, {} beyond the visibility, {} in or above clouds",
         figures.pictures.total,
         expected.in_sight.expected,
         expected.hidden_by_haze.expected,
         expected.maybe_hidden_by_cloud.expected
     );
     if expected.in_sight.expected == 0 {
-        println!("no picture shows the aircraft in sight, so nothing could be found or missed");
+        println!("no image shows the aircraft in sight, so nothing could be found or missed");
     }
 }
 

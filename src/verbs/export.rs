@@ -25,7 +25,7 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
             return describe(&corpus, license, args.json).map(|()| ending);
         }
     };
-    let watch = VerbWatch::new("export", "pictures");
+    let watch = VerbWatch::new("export", "images");
     let outcome = exporter::export(&corpus, &request, out, &watch).map_err(failure)?;
     drop(watch);
     let ending = ending.and(if outcome.lost.is_empty() {
@@ -82,7 +82,7 @@ fn print_summary(outcome: &ExportOutcome, format: Format) {
     };
     println!(
         "{}{boxes} of {}{}",
-        count(outcome.pictures as usize, "picture"),
+        count(outcome.pictures as usize, "image"),
         count(outcome.scenarios as usize, "scenario"),
         if outcome.unchanged {
             ", already complete"
@@ -96,7 +96,7 @@ fn print_summary(outcome: &ExportOutcome, format: Format) {
     if outcome.left_out > 0 {
         println!(
             "left out: {} {}",
-            count(outcome.left_out as usize, "picture"),
+            count(outcome.left_out as usize, "image"),
             format.left_out(),
         );
     }

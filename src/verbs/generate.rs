@@ -253,7 +253,7 @@ impl ShowEvents {
     fn show_done(&self) {
         let current: u64 = self.current.values().map(|current| current.done).sum();
         let done = self.before + current;
-        // The last picture is not the end: its scenario is sealed and committed first.
+        // The last image is not the end: its scenario is sealed and committed first.
         let is_over = self.current.is_empty();
         self.bar.set_done(if is_over {
             done
@@ -308,7 +308,7 @@ impl ShowEvents {
                 }
             }
             Event::EncoderTried { encoder, seconds } => self.bar.say(&format!(
-                "encoder {encoder}: {TRIAL_PICTURES} pictures, and again without an end, in {seconds:.1} s; order, timestamps, colours and \
+                "encoder {encoder}: {TRIAL_PICTURES} images, and again without an end, in {seconds:.1} s; order, timestamps, colours and \
                  what a kill leaves are right"
             )),
             Event::SetAsideBefore { id, reason } => self.bar.warn(&format!(

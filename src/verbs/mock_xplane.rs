@@ -75,7 +75,7 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     let has_no_plugin = args.state.contains(&MockState::NoPlugin);
     if has_no_plugin && (args.plugin.is_some() || args.window.is_some()) {
         return Err(Failure::bad_input_message(
-            "--state no-plugin has no plugin and no pictures; leave out --plugin and --window",
+            "--state no-plugin has no plugin and no images; leave out --plugin and --window",
         ));
     }
     if (has_no_plugin || args.plugin.is_some()) && !args.faults.cameras.is_empty() {

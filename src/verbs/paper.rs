@@ -43,7 +43,7 @@ use sweeps::PaperSweep;
 const TEST_SHARE: f64 = 0.3;
 /// Side of the paper's tiles, pixels.
 const TILE_PX: u32 = 640;
-/// Factor by which the weaker detector shrinks pictures for its first pass.
+/// Factor by which the weaker detector shrinks images for its first pass.
 const SHRINK: u32 = 2;
 /// Shares of ticks that one view alone sees that are near enough to the paper's.
 const SHARES: ops::Range<f64> = 0.13..0.17;
@@ -247,7 +247,7 @@ impl Experiment<'_> {
     }
 
     /// Searches with a detector that misses aircraft, so that one view alone sees as many ticks as in the paper: the first pass shrinks the
-    /// pictures, and if that is not enough, boxes with low scores do not count either.
+    /// images, and if that is not enough, boxes with low scores do not count either.
     fn detect_weaker(&mut self) -> Outcome {
         let corpus = self.corpus()?;
         let folder = self.place(Place::Weaker);

@@ -121,9 +121,9 @@ enum Description {
 
 fn summary(report: &VerifyReport, no_decode: bool) -> String {
     let pictures = if no_decode {
-        "pictures not decoded (--no-decode)".to_owned()
+        "images not decoded (--no-decode)".to_owned()
     } else {
-        count(report.pictures as usize, "picture")
+        count(report.pictures as usize, "image")
     };
     let faults = match report.findings.len() {
         0 => "no faults".to_owned(),
@@ -141,7 +141,7 @@ fn summary(report: &VerifyReport, no_decode: bool) -> String {
     )
 }
 
-/// The evidence from the pictures, and what has none.
+/// The evidence from the images, and what has none.
 fn print_proof(report: &VerifyReport) {
     let clear: usize = report.views.iter().map(|view| view.clear_boxes).sum();
     let filled: usize = report.views.iter().map(|view| view.filled_boxes).sum();
@@ -194,7 +194,7 @@ fn print_not_filled(report: &VerifyReport) {
     }
 }
 
-/// The views that no box proves: their pictures were only compared with each other.
+/// The views that no box proves: their images were only compared with each other.
 fn print_without_clear_box(report: &VerifyReport) {
     let views = report.views.iter();
     let mut views = views.filter(|view| view.clear_boxes == 0 && view.pictures > 0);
@@ -204,7 +204,7 @@ fn print_without_clear_box(report: &VerifyReport) {
             _ => ", as no background is smooth",
         };
         println!(
-            "  no ground-truth box is clear enough in {} view {}{rough}: its pictures were only compared with each other",
+            "  no ground-truth box is clear enough in {} view {}{rough}: its images were only compared with each other",
             view.scenario, view.view
         );
     }

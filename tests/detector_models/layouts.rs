@@ -4,14 +4,14 @@ use onnx_graph::proto::{AttributeProto, Dimension, GraphProto, TensorProto, Valu
 
 use crate::model::{Answer, encoded, node, open};
 
-/// Pictures of the corpus, pixels.
+/// Images of the corpus, pixels.
 pub(crate) const PICTURE_PX: [usize; 2] = [96, 64];
-/// The box in every answer, from the picture's corner, and its score.
+/// The box in every answer, from the image's corner, and its score.
 pub(crate) const HIDDEN: [f32; 4] = [40.5, 30.5, 20.0, 8.0];
 pub(crate) const CORNERS: [f32; 4] = [30.5, 26.5, 50.5, 34.5];
 pub(crate) const SCORE: f32 = 0.75;
 
-/// Cells of such a picture.
+/// Cells of such an image.
 pub(crate) fn cells(strides: &[usize]) -> usize {
     let of_stride = |&stride: &usize| {
         PICTURE_PX

@@ -1,4 +1,4 @@
-//! ONNX models that answer every picture alike.
+//! ONNX models that answer every image alike.
 
 use std::fs;
 use std::path::Path;
@@ -32,7 +32,7 @@ pub(crate) fn windows_of(size_px: i64) -> [Dimension; 4] {
     ]
 }
 
-/// A model that answers every picture alike.
+/// A model that answers every image alike.
 pub(crate) struct Model<'a> {
     input: [Dimension; 4],
     outputs: Vec<Answer>,
@@ -100,7 +100,7 @@ impl Answer {
         }
     }
 
-    /// Floats depend on the picture, if only by 0 times its largest value: an input must be used.
+    /// Floats depend on the image, if only by 0 times its largest value: an input must be used.
     fn node(&self) -> NodeProto {
         match self.numbers {
             Numbers::Floats(_) => node("Add", &[&self.value(), "nothing"], &[self.name]),

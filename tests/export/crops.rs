@@ -49,7 +49,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value}"))
 }
 
-/// A box in its whole picture, as left, top, width and height.
+/// A box in its whole image, as left, top, width and height.
 fn in_picture(of_view: &Value, corners: &Value) -> [f64; 4] {
     let crop = &of_view["crop"];
     let [left, top, width, height] = [0, 1, 2, 3].map(|at| number(&corners["bbox"][at]));
@@ -194,7 +194,7 @@ fn crops_around_detections_are_around_the_best_one_and_have_the_true_boxes_as_we
         for (view, centre) in ["left", "right"].into_iter().zip(centres) {
             let of_view = &samples[&key]["json"]["views"][view];
             let crop = &of_view["crop"];
-            // Moved at an edge, it still has the centre of the box, which is in the picture.
+            // Moved at an edge, it still has the centre of the box, which is in the image.
             let (left, top) = (number(&crop["left_px"]), number(&crop["top_px"]));
             let within = |centre: f64, start: f64, side: f64, picture: f64| {
                 let start_at = (centre - (side - 1.0) / 2.0).clamp(0.0, picture - side);
@@ -249,7 +249,7 @@ fn crops_that_cannot_be_cut_are_refused_and_write_nothing() {
     for (more, words) in [
         (
             &["crops", "--crop-px", "481x64"][..],
-            "a crop of 481x64 px does not fit into pictures of 480x320 px",
+            "a crop of 481x64 px does not fit into images of 480x320 px",
         ),
         (&["crops", "--crop-px", "0x64"], "is not a size"),
         (&["coco", "--crop-px", "96x64"], "no use for --crop-px"),

@@ -1,8 +1,8 @@
-"""Shards of crops as webdataset iterates over them, against the whole pictures of the same corpus and the crops of the Python package.
+"""Shards of crops as webdataset iterates over them, against the whole images of the same corpus and the crops of the Python package.
 
-Every crop must have the pixels of its picture at the place that it names, and the samples and places must be those of `TickDataset`.
+Every crop must have the pixels of its image at the place that it names, and the samples and places must be those of `TickDataset`.
 
-Usage: python crops.py SHARDS IMAGES CORPUS     (IMAGES: pictures of a COCO export)
+Usage: python crops.py SHARDS PICTURES CORPUS     (PICTURES: images of a COCO export)
 Prints JSON: per shard, the samples in their order: key, JSON, and by view how much the ground-truth box stands out: the mean
 difference from the crop's median colour inside the box, over the same on both sides of it; null if there is no room on the sides.
 """

@@ -17,7 +17,7 @@ REGISTRATION = ("dx_px", "dy_px", "sd_x_px", "sd_y_px", "scale", "gain", "correl
 
 
 def seen_in(folder, sizes):
-    """Confirmed boxes of a scenario by tick and view, without those at the edge of the picture."""
+    """Confirmed boxes of a scenario by tick and view, without those at the edge of the image."""
     boxes = {}
     rows = pq.read_table(glob.glob(f"{folder}/detections/*.parquet")[0]).to_pylist()
     confirmed = [row for row in rows if row["cx_px"] is not None and row["confirmed"] is not False]

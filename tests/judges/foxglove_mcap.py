@@ -1,5 +1,5 @@
 """An MCAP file as its own reader sees it, every checksum checked, with the messages decoded by Foxglove's published classes and the
-pictures decoded from the messages alone.
+images decoded from the messages alone.
 
 Usage: python foxglove_mcap.py FILE.mcap VIDEOS    VIDEOS: folder of the videos that it was made from; prints JSON
 """
@@ -59,6 +59,6 @@ for topic, (form, packets) in videos.items():
     found += [pixels(frame) for frame in decoder.decode(None)]
     with av.open(next(Path(sys.argv[2]).glob(topic.split("/")[1] + ".*"))) as video:
         recorded = [pixels(frame) for frame in video.decode(video=0)]
-    assert found == recorded, f"{topic}: {len(found)} pictures, recorded {len(recorded)}"
+    assert found == recorded, f"{topic}: {len(found)} images, recorded {len(recorded)}"
     equal[topic] = len(found)
 print(json.dumps({"messages": messages, "pictures": equal}))

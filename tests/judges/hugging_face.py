@@ -1,6 +1,6 @@
 """An export for Hugging Face's datasets, loaded without a network, and its videos decoded.
 
-Usage: python hugging_face.py FOLDER     prints JSON: per table and split the columns and rows; per video the pictures
+Usage: python hugging_face.py FOLDER     prints JSON: per table and split the columns and rows; per video the images
 """
 
 import json

@@ -3,8 +3,8 @@
 Usage: python lerobot_frames.py lerobot|layout FOLDER CORPUS STEP    every STEP-th frame; prints JSON
 
 `lerobot` needs the library, which brings torch. `layout` reads the files with pyarrow, pandas and PyAV alone, and checks indices,
-statistics, types and splits besides. Both print, for each frame, its state by name and which of the corpus's pictures, among those near its
-tick, each of its pictures resembles most.
+statistics, types and splits besides. Both print, for each frame, its state by name and which of the corpus's images, among those near its
+tick, each of its images resembles most.
 """
 
 import json
@@ -28,7 +28,7 @@ WITHIN_S = 1e-4
 
 
 def decoded(path):
-    """All pictures of a video by time in seconds."""
+    """All images of a video by time in seconds."""
     with av.open(str(path)) as video:
         # The videos are BT.709 and say so; FFmpeg's converter has to be told.
         return [
@@ -123,7 +123,7 @@ class Layout:
             wanted = row["frame_index"] / self.info["fps"] + episode[f"videos/{key}/from_timestamp"]
             pictures = self._video(self.path("video_path", episode, f"videos/{key}", video_key=key))
             time, picture = min(pictures, key=lambda one: abs(one[0] - wanted))
-            assert abs(time - wanted) < WITHIN_S, f"{key} has no picture at {wanted} s, the nearest is at {time} s"
+            assert abs(time - wanted) < WITHIN_S, f"{key} has no image at {wanted} s, the nearest is at {time} s"
             row[key] = picture
         return row
 
@@ -158,7 +158,7 @@ def recorded(corpus, scenario, view):
 
 
 def resembled(picture, pictures, tick):
-    """The tick near this one whose picture differs least where these pictures differ, and by how many levels this one's does on average."""
+    """The tick near this one whose image differs least where these images differ, and by how many levels this one's does on average."""
     near = range(max(tick - NEIGHBOURS, 0), min(tick + NEIGHBOURS + 1, len(pictures)))
     all_near = np.stack([pictures[other] for other in near]).astype(float)
     apart = abs(all_near - picture)
@@ -179,7 +179,7 @@ for index in range(0, dataset.info["total_frames"], step):
     for key in dataset.video_keys:
         view = key.removeprefix("observation.images.")
         pictures[view], apart = resembled(row[key], recorded(corpus, scenario, view), tick)
-        assert apart < 6, f"{scenario} {view} tick {tick}: {apart} levels from the recorded picture"
+        assert apart < 6, f"{scenario} {view} tick {tick}: {apart} levels from the recorded image"
     state = dict(zip(dataset.features["observation.state"]["names"], map(float, row["observation.state"])))
     times = {"timestamp_s": float(row["timestamp"]), "time_ns": int(row["time_ns"])}
     frames.append({"scenario": scenario, "tick": tick, "state": state, "pictures": pictures} | times)

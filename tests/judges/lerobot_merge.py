@@ -1,7 +1,7 @@
 """LeRobot datasets merged into one by their own library.
 
-Usage: python lerobot_merge.py OUT FOLDER...    prints JSON: episodes and frames of the result, and by camera how many pictures the files
-of its videos have and how many of the results' frames have a picture at their time
+Usage: python lerobot_merge.py OUT FOLDER...    prints JSON: episodes and frames of the result, and by camera how many images the files
+of its videos have and how many of the results' frames have an image at their time
 """
 
 import json

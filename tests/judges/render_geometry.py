@@ -1,4 +1,4 @@
-"""Predicts where wheels, wing tips and nose of rendered aircraft are in the picture, with its own WGS-84 and camera code.
+"""Predicts where wheels, wing tips and nose of rendered aircraft are in the image, with its own WGS-84 and camera code.
 
 Nothing of the project's geometry is used. Known are the aircraft's published dimensions (span 35.8 m; the nose 18.2 m ahead of the
 centre of gravity, which the main wheels follow by 1.4 m and the nose wheels precede by 14.2 m; wheels 3.2 m below it), the
@@ -8,11 +8,11 @@ The wing tips carry lamps whose glow reaches beyond them; against the noon sky t
 got darker. A pixel changes when the outline crosses any part of it, so one edge is up to half a pixel off the true one; over poses
 at sixteen fractions of a pixel that averages out.
 
-Some pictures are drawn with a lens and refraction. The lens is OpenCV's model, implemented here from OpenCV's documentation; a
+Some images are drawn with a lens and refraction. The lens is OpenCV's model, implemented here from OpenCV's documentation; a
 refracted ray is an arc of a circle of the earth's radius over the coefficient, whose tangent at the camera is the apparent
 direction.
 
-usage: render_geometry.py FOLDER     of scenes.json and the raw pictures that it names; prints JSON; exit 1 beyond 0.3 px
+usage: render_geometry.py FOLDER     of scenes.json and the raw images that it names; prints JSON; exit 1 beyond 0.3 px
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The page of `dtd view` in Chromium: it opens with pictures, frames lie around the ground-truth boxes at every zoom and do not cover
+"""The page of `dtd view` in Chromium: it opens with images, frames lie around the ground-truth boxes at every zoom and do not cover
 them, keys step, links restore, names are text, paths have colours with a legend, nothing is wider than a phone, and axe finds nothing
 inaccessible. The page keeps its own content security policy.
 
@@ -133,11 +133,11 @@ def check_uncovered(page: Page, url: str, scenario: str, tables: dict) -> None:
             assert inside.size and inside.max() <= 2, f"{view['id']} at zoom {zoom}: a mark covers the aircraft"
             assert np.abs(bare - marked).max() > 100, f"{view['id']} at zoom {zoom}: no mark"
             compared += 1
-    assert compared >= 3, f"only {compared} pictures were compared"
+    assert compared >= 3, f"only {compared} images were compared"
 
 
 def check_pictures(page: Page, tables: dict, scenario: str) -> None:
-    """The page opens with a picture of every scenario, and the paths have colours with a legend."""
+    """The page opens with an image of every scenario, and the paths have colours with a legend."""
     page.wait_for_function("document.querySelectorAll('.thumbnail img').length >= 5")
     loaded = "[...document.querySelectorAll('.thumbnail img')].every(image => image.complete && image.naturalWidth >= 96)"
     page.wait_for_function(loaded)
@@ -154,7 +154,7 @@ def check_pictures(page: Page, tables: dict, scenario: str) -> None:
 
 
 def check_play_after_jump(page: Page, url: str, scenario: str, ticks: int) -> None:
-    """Playing begins at the tick that was asked for last, even if its pictures are still under way."""
+    """Playing begins at the tick that was asked for last, even if its images are still under way."""
     first = ticks - 2
     page.goto("about:blank")
     page.goto(f"{url}#{urllib.parse.urlencode({'scenario': scenario, 'tick': first, 'speed': 16})}")
@@ -173,8 +173,8 @@ def check_all(page: Page, url: str) -> None:
     page.get_by_role("link", name=scenario, exact=True).wait_for()
     page.get_by_text("Reading the predictions").wait_for(state="detached")
     check_pictures(page, tables, scenario)
-    check_access(page, "pictures of all scenarios")
-    check_width(page, "pictures of all scenarios")
+    check_access(page, "images of all scenarios")
+    check_width(page, "images of all scenarios")
     assert page.locator(".card").get_by_text(HOSTILE).count() == 1, "the hostile name is not shown"
     page.get_by_label("Show", exact=True).select_option("table")
     assert page.get_by_role("rowheader", name=HOSTILE).count() == 1, "the hostile name is not in the table"
@@ -245,7 +245,7 @@ def check_on_a_phone(browser: Browser, url: str) -> None:
     scenario = next(row["id"] for row in api(url, "api/corpus")["scenarios"] if row["state"] == "detected")
     page.goto(url)
     page.get_by_role("link", name=scenario, exact=True).wait_for()
-    check_width(page, "pictures of all scenarios")
+    check_width(page, "images of all scenarios")
     page.get_by_role("link", name=scenario, exact=True).click()
     wait_for_tick(page, 0)
     check_width(page, "scenario")

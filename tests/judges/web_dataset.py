@@ -1,6 +1,6 @@
-"""Shards as webdataset iterates over them: every sample with its decoded pictures.
+"""Shards as webdataset iterates over them: every sample with its decoded images.
 
-Usage: python web_dataset.py FOLDER     prints JSON: shards, and per key of a sample its fields, the sizes of its pictures and its JSON
+Usage: python web_dataset.py FOLDER     prints JSON: shards, and per key of a sample its fields, the sizes of its images and its JSON
 """
 
 import json

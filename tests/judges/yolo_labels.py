@@ -1,8 +1,8 @@
-"""A dataset for YOLO as Ultralytics' own check of pictures and labels sees it.
+"""A dataset for YOLO as Ultralytics' own check of images and labels sees it.
 
 The package imports torch, which weighs gigabytes. Its check does not need it: the functions are taken from the package's source.
 
-Usage: python yolo_labels.py FOLDER     prints JSON: per side of data.yaml, pictures with labels, pictures without, and boxes
+Usage: python yolo_labels.py FOLDER     prints JSON: per side of data.yaml, images with labels, images without, and boxes
 """
 
 import ast

@@ -51,7 +51,7 @@ const LEAST_SD_PX: f64 = 0.03;
 const MOST_SD_PX: f64 = 0.5;
 /// An image of a shaking camera that is off by less shows the usual direction, pixels.
 const MOST_USUAL_PX: f64 = 0.5;
-/// Levels of the stored pictures per grey level.
+/// Levels of the stored images per grey level.
 const PARTS: f32 = 256.0;
 
 /// The references of a training.
@@ -72,7 +72,7 @@ struct ViewPlace {
     view: String,
     planned: CameraEntry,
     camera: Camera,
-    /// Row of the horizon in the planned camera's picture.
+    /// Row of the horizon in the planned camera's image.
     horizon_px: f64,
     /// First row of its backgrounds; `None` if there is too little below.
     top: Option<usize>,
@@ -119,7 +119,7 @@ impl fmt::Display for Alignment {
     }
 }
 
-/// `backgrounds` of `baselines.json`: what the pictures of `backgrounds.png` are, from top to bottom.
+/// `backgrounds` of `baselines.json`: what the images of `backgrounds.png` are, from top to bottom.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StoredView {
@@ -443,7 +443,7 @@ impl Backgrounds {
         views.collect()
     }
 
-    /// Their pictures, one below the other: a PNG with 16 bits.
+    /// Their images, one below the other: a PNG with 16 bits.
     pub(crate) fn png(&self) -> Vec<u8> {
         let pictures = || {
             self.views
@@ -467,11 +467,11 @@ impl Backgrounds {
         let picture = DynamicImage::ImageLuma16(picture.expect("as many levels as pixels"));
         picture
             .write_to(&mut png, ImageFormat::Png)
-            .expect("memory takes any picture");
+            .expect("memory takes any image");
         png.into_inner()
     }
 
-    /// The references of a run; `None` if the pictures are not those that were stored.
+    /// The references of a run; `None` if the images are not those that were stored.
     pub(crate) fn of(stored: &[StoredView], png: &[u8]) -> Option<Self> {
         let picture = image::load_from_memory_with_format(png, ImageFormat::Png)
             .ok()?

@@ -110,7 +110,7 @@ pub fn schema() -> String {
 pub enum FeatureScale {
     /// Mean and standard deviation of a view's training boxes, for each feature.
     Deviation,
-    /// Width and height of the picture, without an offset.
+    /// Width and height of the image, without an offset.
     Picture,
 }
 

@@ -726,7 +726,7 @@ fn refuse_unplanned(planned: &PlannedScenarios, folders: &[ScenarioFolder]) -> R
     Ok(())
 }
 
-/// The whole boxes per tick and view, the highest score first; none where the picture's edge cuts off all of them.
+/// The whole boxes per tick and view, the highest score first; none where the image's edge cuts off all of them.
 fn whole_boxes(
     detections: Vec<Detection>,
     cameras: &BTreeMap<String, Camera>,
@@ -757,7 +757,7 @@ fn whole_boxes(
 /// A box with its score.
 pub(crate) type Scored = (f64, Candidate);
 
-/// The whole boxes of a picture, the highest score first.
+/// The whole boxes of an image, the highest score first.
 pub(crate) fn whole_of(found: impl IntoIterator<Item = Scored>, camera: &Camera) -> Vec<Candidate> {
     let mut whole: Vec<Scored> = Vec::new();
     for (score, candidate) in found {
@@ -769,7 +769,7 @@ pub(crate) fn whole_of(found: impl IntoIterator<Item = Scored>, camera: &Camera)
     whole.into_iter().map(|(_, candidate)| candidate).collect()
 }
 
-/// Share of contrast that remains over the distance to the nearest camera whose picture contains the aircraft.
+/// Share of contrast that remains over the distance to the nearest camera whose image contains the aircraft.
 fn best_transmission(cameras: &[Camera], position: Geodetic, visibility_m: f64) -> Option<f64> {
     let aircraft_m = position.to_ecef();
     cameras

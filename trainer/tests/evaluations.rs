@@ -94,7 +94,7 @@ fn results_of_another_evaluation_are_never_replaced_and_go_to_a_folder_of_their_
     }
     assert_eq!(fs::read(trained.run.metrics_path()).unwrap(), bytes);
 
-    // The same pictures, searched otherwise.
+    // The same images, searched otherwise.
     let again = SyntheticCorpus {
         centre_noise_px: 2.0,
         ..SyntheticCorpus::tiny()

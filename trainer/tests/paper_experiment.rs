@@ -1,4 +1,4 @@
-//! Parts of the paper's experiment besides its estimator: its split, networks of one view, yardsticks without pictures, and a training
+//! Parts of the paper's experiment besides its estimator: its split, networks of one view, yardsticks without images, and a training
 //! that goes to its own end.
 
 mod hardly_trained;
@@ -115,7 +115,7 @@ fn yardsticks_answer_where_a_view_sees_and_single_views_have_figures_of_their_ow
         !best.contains("<code>no_vision_time"),
         "they are never ranked"
     );
-    assert!(rest.contains("see no picture.") && rest.contains("Against one view"));
+    assert!(rest.contains("see no image.") && rest.contains("Against one view"));
 
     assert_eq!(metrics.against_one_view.len(), 3);
     for row in &metrics.against_one_view {

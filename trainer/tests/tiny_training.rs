@@ -362,7 +362,7 @@ fn filters_answer_where_a_view_was_removed_and_state_intervals() {
     );
 }
 
-/// A speck that no aircraft on these approaches ever was, yet completely in the picture.
+/// A speck that no aircraft on these approaches ever was, yet completely in the image.
 fn speck(_: PixelBox) -> PixelBox {
     PixelBox {
         cx_px: 900.0,

@@ -63,7 +63,7 @@ class PythonInterface:
                 self._accessors.append(_publish(name, read))
         except Exception:
             self._log_failure("cannot publish its datarefs")
-        return f"{NAME} {VERSION}", "dtd.bridge", "Serves poses and pictures to dtd over the capture link"
+        return f"{NAME} {VERSION}", "dtd.bridge", "Serves poses and images to dtd over the capture link"
 
     def XPluginEnable(self) -> int:
         """Starts listening, and creates all flight loops. A plugin that cannot is still enabled: its log says why, and its port reads

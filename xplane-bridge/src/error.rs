@@ -92,7 +92,7 @@ pub enum BridgeError {
         /// Underlying error.
         r#source: std::io::Error,
     },
-    /// The simulator draws ideal pictures only.
+    /// The simulator draws ideal images only.
     #[error(
         "{simulator} draws images of ideal pinholes along straight lines, but view {view} is to have {wanted}. Only the bundled simulator \
          (--sim mock) can: take [imaging] and the cameras' distortion out of the sweep"
@@ -152,7 +152,7 @@ pub enum BridgeError {
         /// Duration of each wait.
         waited: Duration,
     },
-    /// Another aircraft would be in the pictures.
+    /// Another aircraft would be in the images.
     #[error(
         "the aircraft that is loaded is {found}, expected {wanted} ({path}): load it in X-Plane, and run the same command again"
     )]
@@ -296,7 +296,7 @@ pub enum BridgeError {
     /// A frame awaited without a request.
     #[error("no capture is outstanding: send one before receiving a frame")]
     NothingOutstanding,
-    /// Pictures are unavailable, or cannot be trusted.
+    /// Images are unavailable, or cannot be trusted.
     #[error(transparent)]
     Pixels(#[from] PixelError),
     /// Conditions that X-Plane cannot have.

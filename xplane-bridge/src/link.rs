@@ -1,6 +1,6 @@
 //! The capture link: a TCP connection to our plugin inside the simulator (or to the stand-in), for what UDP cannot carry.
 //!
-//! UDP values have 32 bits, a metre of longitude; poses and pictures need 64 bits and megabytes. Protocol: after an 8-byte greeting
+//! UDP values have 32 bits, a metre of longitude; poses and images need 64 bits and megabytes. Protocol: after an 8-byte greeting
 //! in both directions, messages of two lengths, a JSON header and bytes. Answers come in the order of the requests, which may be
 //! pipelined. `docs/capture-link.md` specifies it for other implementations.
 

@@ -1,13 +1,13 @@
 //! Sources of a drawn frame's pixels, and the proof that they belong to that frame.
 //!
-//! Four sources ([`PixelKind`]): the stand-in sends its pictures over the capture link (`link`); the plugin reads X-Plane's frame
-//! back from OpenGL and sends it (`gl`); the simulator only reports that the frame is drawn, and the picture is grabbed from the
+//! Four sources ([`PixelKind`]): the stand-in sends its images over the capture link (`link`); the plugin reads X-Plane's frame
+//! back from OpenGL and sends it (`gl`); the simulator only reports that the frame is drawn, and the image is grabbed from the
 //! screen (`screen`); or X-Plane writes a file, which the plugin sends (`screenshot`). To the client's core they are one trait,
 //! [`PixelSource`]. The plugin proves that what it sends is the requested frame; for the screen, [`ScreenSource`] proves by a check
-//! pattern, before the first picture and after the last, that what is grabbed is the window, complete and unscaled, and never an
+//! pattern, before the first image and after the last, that what is grabbed is the window, complete and unscaled, and never an
 //! older frame than the requested one.
 //!
-//! X-Plane 12 does not let plugins read its frame back, which leaves the screen, or screenshots where a picture may take a second.
+//! X-Plane 12 does not let plugins read its frame back, which leaves the screen, or screenshots where an image may take a second.
 
 mod cell_grid;
 pub mod check_pattern;
@@ -33,7 +33,7 @@ pub(crate) use screenshots::Screenshots;
 use crate::error::BridgeError;
 pub use crate::link::PixelKind;
 
-/// A pending picture.
+/// A pending image.
 pub type ComingPicture<'a> = Pin<Box<dyn Future<Output = Result<Vec<u8>, PixelError>> + Send + 'a>>;
 
 /// A pending proof.
@@ -55,7 +55,7 @@ pub trait PatternDisplay: Send {
     }
 }
 
-/// Returns the pictures of frames that the simulator reports as drawn.
+/// Returns the images of frames that the simulator reports as drawn.
 pub trait PixelSource: Debug + Send {
     /// The kind of the source.
     fn kind(&self) -> PixelKind;
@@ -63,7 +63,7 @@ pub trait PixelSource: Debug + Send {
     /// Maximum outstanding captures. A frame that must stay on the screen until it is grabbed allows one.
     fn most_outstanding(&self) -> usize;
 
-    /// Maximum delay of its pictures, if measured.
+    /// Maximum delay of its images, if measured.
     fn lag(&self) -> Option<Lag> {
         None
     }
@@ -73,14 +73,14 @@ pub trait PixelSource: Debug + Send {
         None
     }
 
-    /// The picture of the frame just drawn. `payload` came with the simulator's answer: the picture, or memory for it.
+    /// The image of the frame just drawn. `payload` came with the simulator's answer: the image, or memory for it.
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_>;
 
-    /// The part of the picture that something covers now; `None` as well if that cannot be found out.
+    /// The part of the image that something covers now; `None` as well if that cannot be found out.
     fn covered_part<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> CoveredPart<'a> {
         Box::pin(std::future::ready(Ok(None)))
     }
 
-    /// Proves after the last picture that the initial proof still holds.
+    /// Proves after the last image that the initial proof still holds.
     fn confirm<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> Confirmed<'a>;
 }

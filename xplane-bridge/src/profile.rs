@@ -260,8 +260,8 @@ impl fmt::Display for KnownProfile {
             Self::PicturesOnly(profile) => {
                 f.write_str("has no profile of this version: ")?;
                 match profile.pictures_in_doubt() {
-                    None => f.write_str("its pictures were looked at now")?,
-                    Some(why) => write!(f, "its pictures may be wrong, since it could not be seen how they settle ({why})")?,
+                    None => f.write_str("its images were looked at now")?,
+                    Some(why) => write!(f, "its images may be wrong, since it could not be seen how they settle ({why})")?,
                 }
                 f.write_str(", and its weather is taken as most sources have it. `dtd doctor` measures both")
             }

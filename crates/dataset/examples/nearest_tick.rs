@@ -1,4 +1,4 @@
-//! Prints, for each scenario of a corpus, the labelled tick nearest to touchdown, the bounding boxes there and the size of the pictures.
+//! Prints, for each scenario of a corpus, the labelled tick nearest to touchdown, the bounding boxes there and the size of the images.
 //!
 //! `cargo run --release -p dataset --example nearest_tick -- corpus`
 

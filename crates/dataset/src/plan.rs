@@ -69,7 +69,7 @@ pub struct Common {
     pub rig: String,
     /// Its cameras.
     pub cameras: Vec<PlannedCamera>,
-    /// Size and rate of the pictures.
+    /// Size and rate of the images.
     pub picture: Picture,
     /// Video settings.
     pub video: VideoSettings,

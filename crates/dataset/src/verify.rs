@@ -1,12 +1,12 @@
 //! Verifies a corpus and names every fault by scenario, file, row and view.
 //!
 //! Input: a corpus folder. Output: a [`VerifyReport`]. No earlier check and no correct hash is trusted: hashes are recomputed,
-//! every picture is decoded again, echoed poses and cameras are compared with the poses and the calibration, labels are recomputed
+//! every image is decoded again, echoed poses and cameras are compared with the poses and the calibration, labels are recomputed
 //! from the poses, and the ground-truth boxes are compared with the pixels ([`pixels`]): is the aircraft in them, at the time that the
 //! table states, and does it move when it should?
 //!
-//! Pixels cannot decide everything; the seal covers the rest: whether a picture in which fog hides the aircraft is the right one,
-//! and whether a picture was doubled while the aircraft moved by less than a pixel.
+//! Pixels cannot decide everything; the seal covers the rest: whether an image in which fog hides the aircraft is the right one,
+//! and whether an image was doubled while the aircraft moved by less than a pixel.
 
 mod corpus_files;
 mod detections;
@@ -64,7 +64,7 @@ pub struct Finding {
     pub scenario: Option<String>,
     /// File, relative to the scenario's folder or to the corpus.
     pub file: String,
-    /// Row of the table or picture of the video, from 0.
+    /// Row of the table or image of the video, from 0.
     pub row: Option<u64>,
     /// Identifier of the view, if the fault concerns one.
     pub view: Option<String>,
@@ -105,11 +105,11 @@ pub struct VerifyReport {
     pub not_checked: Vec<String>,
     /// Ticks of all of them.
     pub ticks: u64,
-    /// Pictures decoded.
+    /// Images decoded.
     pub pictures: u64,
     /// Scenarios that have labels.
     pub labelled: usize,
-    /// The evidence from the pictures, per scenario and view.
+    /// The evidence from the images, per scenario and view.
     pub views: Vec<ViewProof>,
     /// Lags between the views, per scenario and pair of views.
     pub pairs: Vec<PairProof>,

@@ -1,11 +1,11 @@
-//! Videos: one picture per tick, with exact timestamps, that preserve small targets.
+//! Videos: one image per tick, with exact timestamps, that preserve small targets.
 //!
-//! Pictures go in and come out as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and differs from the sky by
+//! Images go in and come out as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and differs from the sky by
 //! a few grey levels, so the settings are chosen by what they preserve of such targets (`docs/video.md`): at the usual qualities
 //! H.264 takes a fifth of their contrast and H.265 and AV1 erase them. There are no B-frames and no look-ahead, because with them
 //! some players and editors shift every timestamp, and a killed process loses what waits in the encoder. While a video is written,
-//! every picture is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file with an
-//! index. Pictures are BT.709, full range, and tagged so.
+//! every image is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file with an
+//! index. Images are BT.709, full range, and tagged so.
 
 mod camera_stream;
 mod codec;
@@ -52,7 +52,7 @@ pub const BYTES_PER_PIXEL: usize = 3;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "GivenSettings")]
 pub struct VideoSettings {
-    /// How pictures are coded.
+    /// How images are coded.
     pub codec: VideoCodec,
     /// Preset of the encoder, one of [`VideoCodec::presets`]: trades time for size.
     pub preset: String,
@@ -67,7 +67,7 @@ pub struct VideoSettings {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GivenSettings {
-    /// How pictures are coded.
+    /// How images are coded.
     #[serde(default)]
     codec: VideoCodec,
     /// Preset of the encoder: trades time for size. Every codec has its own (docs/video.md).

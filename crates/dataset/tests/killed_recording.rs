@@ -15,9 +15,9 @@ const RATE: FrameRate = FrameRate {
 /// Passes the file and the codec to the process that will be killed.
 const FILE: &str = "DTD_TEST_RECORD_INTO";
 const CODEC: &str = "DTD_TEST_RECORD_AS";
-/// Pictures before the kill.
+/// Images before the kill.
 const PICTURES: u32 = 100;
-/// An encoder holds one, and the muxer derives a picture's duration from the next one.
+/// An encoder holds one, and the muxer derives an image's duration from the next one.
 const MAY_BE_LOST: u32 = 2;
 
 fn picture(tick: u32) -> Vec<u8> {
@@ -76,10 +76,10 @@ fn after_a_kill_all_but_the_last_two_pictures_can_be_read() {
             assert_eq!(pts, RATE.pts_of_tick(read), "{codec:?}");
             read += 1;
         }
-        println!("{codec:?}: {read} of {PICTURES} pictures can be read");
+        println!("{codec:?}: {read} of {PICTURES} images can be read");
         assert!(
             read + MAY_BE_LOST >= PICTURES,
-            "{codec:?}: {read} of {PICTURES} pictures can be read"
+            "{codec:?}: {read} of {PICTURES} images can be read"
         );
     }
 }

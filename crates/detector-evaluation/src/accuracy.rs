@@ -17,7 +17,7 @@ use crate::outcome::{Outcome, Searched};
 use crate::recall::OVERALL_NM;
 use dataset::conditions::sight::Sight;
 
-/// From the centre of gravity to what is visible: takes most of the bias out of pictures of the stand-in, at all distances.
+/// From the centre of gravity to what is visible: takes most of the bias out of images of the stand-in, at all distances.
 const VISIBLE_AHEAD_M: f64 = 3.3;
 /// Width of the bins of distance, nautical miles.
 const BIN_NM: f64 = 1.0;
@@ -71,7 +71,7 @@ pub struct DisparityErrors {
 pub struct WidthFigures {
     /// Largest width of the ground-truth box, pixels; null in the last bin.
     pub width_up_to_px: Option<f64>,
-    /// Pictures in which it is expected.
+    /// Images in which it is expected.
     pub expected: u64,
     /// Those in which it was found.
     pub found: u64,
@@ -112,7 +112,7 @@ struct Pair {
 }
 
 impl AccuracyTally {
-    /// Counts the pictures of a scenario.
+    /// Counts the images of a scenario.
     pub(crate) fn count(
         &mut self,
         scenario: &OpenScenario,

@@ -1,7 +1,7 @@
 //! Average precision as COCO defines it.
 //!
-//! Boxes of all pictures are sorted by score. A box is right if it overlaps the true one by at least a threshold (intersection over
-//! union) and no better-scored box of the picture does; the AP of a threshold is the mean, over 101 recalls, of the best precision at
+//! Boxes of all images are sorted by score. A box is right if it overlaps the true one by at least a threshold (intersection over
+//! union) and no better-scored box of the image does; the AP of a threshold is the mean, over 101 recalls, of the best precision at
 //! that recall or beyond. AP is the mean over the thresholds 0.50, 0.55, ... 0.95. Aircraft of which half or less is visible, or which the
 //! air hides, are neither right nor wrong, as COCO's crowds, and so is everything of another size where figures are by size: areas of
 //! boxes below 32 x 32 px, below 96 x 96 px, and above. `tests/detector_evaluation.rs` compares with pycocotools.
@@ -23,7 +23,7 @@ const AREAS_PX2: [[f64; 2]; 4] = [
 /// Number of recalls at which precision is read: 0, 0.01, ... 1.
 const RECALLS: usize = 101;
 const RECALL_STEP: f64 = 0.01;
-/// Maximum number of boxes a picture, the best ones.
+/// Maximum number of boxes an image, the best ones.
 const MOST_BOXES: usize = 100;
 
 /// Average precision; null where there is no aircraft of that size.
@@ -43,7 +43,7 @@ pub struct AveragePrecision {
     pub ap_large: Option<f64>,
 }
 
-/// The ground-truth box of a picture.
+/// The ground-truth box of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueAircraft {
     /// The box.
@@ -52,7 +52,7 @@ pub struct TrueAircraft {
     pub is_ignored: bool,
 }
 
-/// A box that a picture's truth judges: a bit for each threshold, by size.
+/// A box that an image's truth judges: a bit for each threshold, by size.
 #[derive(Debug, Clone, Copy)]
 struct Judged {
     score: f64,
@@ -60,7 +60,7 @@ struct Judged {
     ignored: [u16; AREAS_PX2.len()],
 }
 
-/// Boxes and aircraft of many pictures.
+/// Boxes and aircraft of many images.
 #[derive(Debug, Clone, Default)]
 pub struct PrecisionTally {
     boxes: Vec<Judged>,
@@ -68,7 +68,7 @@ pub struct PrecisionTally {
 }
 
 impl PrecisionTally {
-    /// Counts a picture. `found` are its boxes with their scores, in the order that decides between equal scores.
+    /// Counts an image. `found` are its boxes with their scores, in the order that decides between equal scores.
     pub fn count(&mut self, truth: Option<TrueAircraft>, found: &[(PixelBox, f64)]) {
         let mut found = found.to_vec();
         found.sort_by(|a, b| b.1.total_cmp(&a.1));

@@ -118,7 +118,7 @@ pub fn evaluate_detector(
         .map(|evaluation| Ended::Done(Box::new(evaluation)))
 }
 
-/// Scenarios and their numbers of pictures; all must have labels.
+/// Scenarios and their numbers of images; all must have labels.
 fn labelled(corpus: &Corpus) -> Result<Vec<(String, u64)>> {
     let mut ids = Vec::new();
     for folder in corpus.scenarios()? {

@@ -1,6 +1,6 @@
-//! Pictures for the report: what was found, what was missed, and what is no aircraft.
+//! Images for the report: what was found, what was missed, and what is no aircraft.
 //!
-//! Input: every picture with its boxes. Output: a few of each kind, cut out of the videos. Hits are the farthest ones, misses the nearest,
+//! Input: every image with its boxes. Output: a few of each kind, cut out of the videos. Hits are the farthest ones, misses the nearest,
 //! false boxes the surest; no two from the same mile of a view, or of the same track.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -49,7 +49,7 @@ pub(crate) struct Candidates {
     by_kind: BTreeMap<Kind, Vec<Candidate>>,
 }
 
-/// A candidate with the picture around it.
+/// A candidate with the image around it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Example {
     pub(crate) candidate: Candidate,
@@ -57,7 +57,7 @@ pub(crate) struct Example {
 }
 
 impl Candidates {
-    /// Takes the pictures of a scenario.
+    /// Takes the images of a scenario.
     pub(crate) fn offer(
         &mut self,
         scenario: &OpenScenario,

@@ -11,13 +11,13 @@ use serde::Serialize;
 
 use crate::outcome::Searched;
 
-/// Pictures of a camera in an hour.
+/// Images of a camera in an hour.
 const PICTURES_PER_HOUR: f64 = 30.0 * 3_600.0;
 
 /// Counts of false alarms.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct AlarmCounts {
-    /// Pictures that were searched.
+    /// Images that were searched.
     pub pictures: u64,
     /// Duration of the videos, all views, hours.
     pub video_hours: f64,
@@ -35,7 +35,7 @@ pub struct FalseAlarms {
     /// Counts behind the rates.
     #[serde(flatten)]
     pub counts: AlarmCounts,
-    /// Hours of one camera's video at 30 pictures a second that have as many pictures.
+    /// Hours of one camera's video at 30 images a second that have as many images.
     pub hours: f64,
     /// False boxes an hour and view, before confirmation.
     pub boxes_per_hour: Option<f64>,
@@ -54,7 +54,7 @@ pub(crate) struct AlarmTally {
 }
 
 impl AlarmTally {
-    /// Counts the pictures of a scenario.
+    /// Counts the images of a scenario.
     pub(crate) fn count(&mut self, weather: &str, period_s: f64, searched: &[Searched<'_>]) {
         let mut counts = AlarmCounts {
             pictures: searched.len() as u64,
@@ -168,7 +168,7 @@ mod tests {
             confirmed_tracks: 1,
         };
         assert_eq!(found.counts, expected);
-        // 54 pictures are 1/2000 of an hour.
+        // 54 images are 1/2000 of an hour.
         assert_eq!(found.hours, 0.0005);
         assert_eq!(found.boxes_per_hour, Some(24_000.0));
         assert_eq!(found.confirmed_tracks_per_hour, Some(2_000.0));

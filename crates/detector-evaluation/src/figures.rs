@@ -62,11 +62,11 @@ pub struct ModeFigures {
     pub recall: Recall,
     /// False confirmed tracks an hour and view.
     pub false_alarms_per_hour: Option<f64>,
-    /// Processor time a picture, decoding included.
+    /// Processor time an image, decoding included.
     pub cpu_ms_per_picture: Option<f64>,
     /// Its parts.
     pub cpu_ms_by_stage: Option<StageCost>,
-    /// All pictures, each counted once.
+    /// All images, each counted once.
     pub pictures: PictureFigures,
     /// By name of the weather.
     pub by_weather: BTreeMap<String, ConditionFigures>,
@@ -88,7 +88,7 @@ pub struct ModeFigures {
     pub average_precision: AveragePrecision,
 }
 
-/// Processor time a picture by stage, milliseconds.
+/// Processor time an image by stage, milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct StageCost {
     /// Decoding the video.
@@ -101,10 +101,10 @@ pub struct StageCost {
     pub rest: f64,
 }
 
-/// All pictures of a mode: `total` is the sum of all other numbers but `found`, `confirmed` and `missed` of each part.
+/// All images of a mode: `total` is the sum of all other numbers but `found`, `confirmed` and `missed` of each part.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct PictureFigures {
-    /// Pictures of all scenarios and views.
+    /// Images of all scenarios and views.
     pub total: u64,
     /// Images without an expected aircraft.
     pub not_expected: NotExpected,
@@ -181,7 +181,7 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Counts the pictures of a scenario.
+    /// Counts the images of a scenario.
     pub(crate) fn count(
         &mut self,
         scenario: &OpenScenario,

@@ -2,12 +2,12 @@
 
 use labeller::Mode;
 
-/// A way of searching all pictures of a view.
+/// A way of searching all images of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EvaluatedMode {
-    /// Every picture as a whole, pixel by pixel: the paper's Auto Segmentation.
+    /// Every image as a whole, pixel by pixel: the paper's Auto Segmentation.
     AutoSegmentation,
-    /// Every picture as a whole, shrunk to the size of the network.
+    /// Every image as a whole, shrunk to the size of the network.
     Scaled,
     /// Around expected tracks and, at intervals, in the whole image.
     Tracked,
@@ -56,10 +56,10 @@ impl EvaluatedMode {
 
     pub(crate) fn how(self) -> &'static str {
         match self {
-            Self::AutoSegmentation => "every picture, pixel by pixel",
-            Self::Scaled => "every picture, shrunk to the network's size",
-            Self::Tracked => "a crop around each track, now and then the whole picture",
-            Self::Auto => "tracked, or the whole picture where the aircraft is fast",
+            Self::AutoSegmentation => "every image, pixel by pixel",
+            Self::Scaled => "every image, shrunk to the network's size",
+            Self::Tracked => "a crop around each track, now and then the whole image",
+            Self::Auto => "tracked, or the whole image where the aircraft is fast",
         }
     }
 

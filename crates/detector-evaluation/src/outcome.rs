@@ -7,7 +7,7 @@ use labeller::matching::Match;
 
 use crate::picture::Picture;
 
-/// A picture and what was detected in it.
+/// An image and what was detected in it.
 #[derive(Debug)]
 pub(crate) struct Searched<'a> {
     pub(crate) picture: &'a Picture,
@@ -17,7 +17,7 @@ pub(crate) struct Searched<'a> {
     reason: Option<MissReason>,
 }
 
-/// The result of a picture in which the aircraft is expected.
+/// The result of an image in which the aircraft is expected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Outcome<'a> {
     /// The best of the boxes that are the aircraft.
@@ -27,7 +27,7 @@ pub(crate) enum Outcome<'a> {
 }
 
 impl<'a> Searched<'a> {
-    /// Every picture with its boxes. `views` are the identifiers of the views.
+    /// Every image with its boxes. `views` are the identifiers of the views.
     pub(crate) fn all(
         pictures: &'a [Picture],
         views: &[String],

@@ -1,4 +1,4 @@
-//! The pictures of a scenario, and whether a detector can be expected to find the aircraft in each.
+//! The images of a scenario, and whether a detector can be expected to find the aircraft in each.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use dataset::tables::pixel_box::TruthBox;
 
 use crate::error::{Error, Result};
 
-/// One picture: a view at a tick.
+/// One image: a view at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Picture {
     pub(crate) tick: u32,
@@ -17,20 +17,20 @@ pub(crate) struct Picture {
     pub(crate) view: usize,
     /// Distance to touchdown, nautical miles; negative past it.
     pub(crate) distance_nm: f64,
-    /// The ground-truth box, if any of the aircraft is in the picture.
+    /// The ground-truth box, if any of the aircraft is in the image.
     pub(crate) truth: Option<TruthBox>,
     /// Visibility through haze, fog and clouds.
     pub(crate) sight: Sight,
 }
 
 impl Picture {
-    /// The aircraft that a detector is expected to find, hidden or not: most of it is in the picture.
+    /// The aircraft that a detector is expected to find, hidden or not: most of it is in the image.
     pub(crate) fn expected(&self) -> Option<&TruthBox> {
         self.truth.as_ref().filter(|truth| truth.is_expected())
     }
 }
 
-/// All pictures of a labelled scenario, by tick and then in the order of its views.
+/// All images of a labelled scenario, by tick and then in the order of its views.
 pub(crate) fn pictures_of(scenario: &OpenScenario) -> Result<Vec<Picture>> {
     let record = scenario.record()?;
     let frames = scenario.frames()?;

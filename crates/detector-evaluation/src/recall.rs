@@ -22,7 +22,7 @@ const EFFECTIVE_SHARE: f64 = 0.99;
 /// Counts of expected aircraft.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Counts {
-    /// Pictures in which most of the aircraft is inside the frame.
+    /// Images in which most of the aircraft is inside the frame.
     pub expected: u64,
     /// Those in which it was found.
     pub found: u64,
@@ -61,13 +61,13 @@ pub struct RecallBin {
 /// Detection range, nautical miles to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Range {
-    /// The farthest picture in which it was found.
+    /// The farthest image in which it was found.
     pub max_range_nm: Option<f64>,
     /// The distance up to which more than 99 % are found in every bin from a mile on; null if not even there.
     pub effective_range_nm: Option<f64>,
-    /// The same for the lower and upper end of each bin's 95 % interval. Below 381 pictures a bin the lower end never exceeds 99 %.
+    /// The same for the lower and upper end of each bin's 95 % interval. Below 381 images a bin the lower end never exceeds 99 %.
     pub effective_range_interval_nm: [Option<f64>; 2],
-    /// The farthest picture in which it is expected: no range can be longer.
+    /// The farthest image in which it is expected: no range can be longer.
     pub farthest_expected_nm: Option<f64>,
 }
 
@@ -94,12 +94,12 @@ struct Group {
 pub(crate) struct RecallTally {
     groups: BTreeMap<Group, Counts>,
     not_expected: NotExpected,
-    /// By weather: the farthest picture that was found, and the farthest in which the aircraft was expected in sight.
+    /// By weather: the farthest image that was found, and the farthest in which the aircraft was expected in sight.
     farthest_nm: BTreeMap<String, [Option<f64>; 2]>,
 }
 
 impl RecallTally {
-    /// Counts the pictures of a scenario.
+    /// Counts the images of a scenario.
     pub(crate) fn count(&mut self, weather: &str, time_of_day: &str, searched: &[Searched<'_>]) {
         let farthest = self.farthest_nm.entry(weather.to_owned()).or_default();
         let farther = |there: &mut Option<f64>, nm: f64| {
@@ -140,7 +140,7 @@ impl RecallTally {
         self.not_expected
     }
 
-    /// All pictures that were counted.
+    /// All images that were counted.
     pub(crate) fn pictures(&self) -> u64 {
         let NotExpected {
             absent,
@@ -204,7 +204,7 @@ impl RecallTally {
         Recall::of(sum)
     }
 
-    /// Recall of the aircraft in sight, bin by bin; bins without pictures are left out. Past touchdown there is one bin.
+    /// Recall of the aircraft in sight, bin by bin; bins without images are left out. Past touchdown there is one bin.
     pub(crate) fn by_distance(&self, wanted: impl Fn(&Condition<'_>) -> bool) -> Vec<RecallBin> {
         let bins = self.bins(wanted).into_iter();
         bins.map(|(bin, counts)| RecallBin {
@@ -333,7 +333,7 @@ mod tests {
         );
     }
 
-    /// 200 pictures in each bin from 0 up to `to_nm`, the nearest first.
+    /// 200 images in each bin from 0 up to `to_nm`, the nearest first.
     fn approach(to_nm: f64) -> Vec<Picture> {
         let ticks = 0..(to_nm / BIN_NM) as u32 * 200;
         ticks
@@ -400,7 +400,7 @@ mod tests {
         let farthest = range.farthest_expected_nm;
         assert_eq!(
             range.effective_range_nm, farthest,
-            "not beyond the last picture"
+            "not beyond the last image"
         );
         assert_eq!(range.effective_range_interval_nm, [farthest, farthest]);
     }

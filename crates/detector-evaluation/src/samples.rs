@@ -1,4 +1,4 @@
-//! Pictures and boxes for the tests.
+//! Images and boxes for the tests.
 
 use dataset::corpus::detections::Detection;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};

@@ -2,7 +2,7 @@
 //!
 //! Input: a map `[batch * height * width, channels]`, batch-major, then row-major. Output: the same layout. A 3x3 convolution
 //! gathers the nine neighbouring rows with one `select` and multiplies once. This trains several times faster than the flex
-//! backend's own `conv2d`, whose weight gradient is a convolution with a kernel as large as the picture; the arithmetic is the
+//! backend's own `conv2d`, whose weight gradient is a convolution with a kernel as large as the image; the arithmetic is the
 //! same.
 
 use std::collections::HashMap;
@@ -16,7 +16,7 @@ use rand::{Rng, RngExt};
 pub struct FeatureMap {
     /// `[batch * height * width, channels]`.
     pub rows: Tensor<2>,
-    /// Number of pictures.
+    /// Number of images.
     pub batch: usize,
     /// Rows of cells.
     pub height: usize,

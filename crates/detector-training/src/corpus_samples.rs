@@ -1,4 +1,4 @@
-//! Pictures of a corpus: decoded from its videos, with its ground-truth boxes.
+//! Images of a corpus: decoded from its videos, with its ground-truth boxes.
 //!
 //! Input: a labelled corpus. Output: samples for training, or whole frames for evaluation. Every pixel went through the codec, as
 //! it will when the detector is used.
@@ -31,7 +31,7 @@ const APART_PX: f64 = 8.0;
 /// Frames held at a time by a decoder and its scaler.
 const DECODED_FRAMES: u64 = 12;
 
-/// Memory for the steps of a training, besides the pictures: batches have the same size whatever the corpus. Measured: 190 MiB.
+/// Memory for the steps of a training, besides the images: batches have the same size whatever the corpus. Measured: 190 MiB.
 const TRAINING_BYTES: u64 = 208 << 20;
 /// Memory per pixel for evaluating a frame, besides the frame. Measured: 95 bytes.
 const JUDGING_BYTES_PER_PIXEL: u64 = 104;
@@ -90,7 +90,7 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
 /// All training samples of the videos.
 ///
 /// # Errors
-/// A video or table cannot be read, the pictures need more memory than available, or the watch stopped it.
+/// A video or table cannot be read, the images need more memory than available, or the watch stopped it.
 pub(crate) fn read_samples(videos: &[Video], watch: &dyn Watch) -> Result<Samples> {
     let mut needed_bytes = decoding_bytes(videos)?.max(TRAINING_BYTES);
     for video in videos {
@@ -105,7 +105,7 @@ pub(crate) fn read_samples(videos: &[Video], watch: &dyn Watch) -> Result<Sample
             .sum();
         needed_bytes += backgrounds * video.frame_bytes()? + pieces;
     }
-    memory::check("training a detector with these pictures", needed_bytes)
+    memory::check("training a detector with these images", needed_bytes)
         .map_err(dataset::Error::from)?;
     watch.begin("detector: reading videos", videos.len() as u64);
     let done = AtomicU64::new(0);

@@ -14,7 +14,7 @@ const NOISE_LEVELS: f32 = 2.5;
 const WHOLE_SHARE: f32 = 0.6;
 const NONE_SHARE: f32 = 0.1;
 
-/// The cover of a rectangle of a picture; 0 outside.
+/// The cover of a rectangle of an image; 0 outside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cover {
     left: usize,

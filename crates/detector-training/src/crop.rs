@@ -1,6 +1,6 @@
-//! Randomly varied crops of pictures: position, size, mirror, light, and what `augmentation` adds.
+//! Randomly varied crops of images: position, size, mirror, light, and what `augmentation` adds.
 //!
-//! Input: a picture and a random number generator. Output: a square of pixel values 0 to 1 and the position of its aircraft, exact
+//! Input: an image and a random number generator. Output: a square of pixel values 0 to 1 and the position of its aircraft, exact
 //! to a fraction of a pixel. Half of the crops are not resampled, because interpolated pixels are smoother than those the detector
 //! will see.
 
@@ -16,7 +16,7 @@ use dataset::tables::pixel_box::PixelBox;
 
 /// Share of crops that are resampled to another size.
 const RESAMPLED_SHARE: f64 = 0.5;
-/// Pixels of the picture per pixel of a resampled crop: less than one enlarges.
+/// Pixels of the image per pixel of a resampled crop: less than one enlarges.
 const SCALE_RANGE: std::ops::Range<f64> = 0.7..1.2;
 /// Largest distance of an aircraft's centre outside its crop, pixels of the image.
 const BEYOND_PX: f64 = 4.0;
@@ -26,21 +26,21 @@ const EDGE_SHARE: f64 = 0.15;
 const NOISY_SHARE: f64 = 0.3;
 const LARGEST_NOISE: f32 = 1.5 / 255.0;
 
-/// Position of a crop in its picture.
+/// Position of a crop in its image.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
-    /// Picture coordinates of the centre of the crop's top-left pixel.
+    /// Image coordinates of the centre of the crop's top-left pixel.
     pub left_px: f64,
-    /// Picture coordinates of the centre of the crop's top-left pixel.
+    /// Image coordinates of the centre of the crop's top-left pixel.
     pub top_px: f64,
-    /// Picture pixels for one pixel of the crop.
+    /// Image pixels for one pixel of the crop.
     pub scale: f64,
     /// True if the crop is mirrored left to right.
     pub mirrored: bool,
 }
 
 impl Placement {
-    /// A random position in a picture; if `near` an aircraft, one with the aircraft's centre in the crop (occasionally just
+    /// A random position in an image; if `near` an aircraft, one with the aircraft's centre in the crop (occasionally just
     /// outside).
     pub fn random(
         picture: &TrainingPicture,
@@ -80,7 +80,7 @@ impl Placement {
         }
     }
 
-    /// A box of the picture in the crop.
+    /// A box of the image in the crop.
     pub(crate) fn box_in_crop(&self, pixel_box: &PixelBox, side_px: usize) -> PixelBox {
         let right = (pixel_box.cx_px - self.left_px) / self.scale;
         PixelBox {
@@ -95,7 +95,7 @@ impl Placement {
         }
     }
 
-    /// The crop's pixels: interpolated bilinearly, or the nearest of the picture if `aliased`.
+    /// The crop's pixels: interpolated bilinearly, or the nearest of the image if `aliased`.
     pub fn cut(&self, picture: &TrainingPicture, side_px: usize, aliased: bool) -> Vec<f32> {
         let mut out = Vec::with_capacity(side_px * side_px * 3);
         let sample = |start: f64, index: usize, length: usize| {

@@ -13,7 +13,7 @@ pub(crate) const CELL_VALUES: usize = 5;
 pub(crate) const ANCHOR_PX: [f64; 2] = [41.0, 14.0];
 /// Half the side of the neighbourhood whose boxes are averaged, and in which a peak is the largest, cells.
 pub(crate) const NEIGHBOURHOOD: usize = 1;
-/// Logarithms of size are clamped to this, so that an untrained network or a foreign picture cannot cause an overflow.
+/// Logarithms of size are clamped to this, so that an untrained network or a foreign image cannot cause an overflow.
 pub(crate) const LARGEST_LOG_SIZE: f64 = 4.0;
 /// Logits are clamped to this, so that no score is exactly 0: averaging boxes divides by scores.
 pub(crate) const LARGEST_LOGIT: f64 = 16.0;
@@ -23,7 +23,7 @@ pub(crate) fn cell_center_px(cell: usize) -> f64 {
     (cell * STRIDE_PX) as f64 + (STRIDE_PX as f64 - 1.0) / 2.0
 }
 
-/// The cell that holds a pixel coordinate; may lie outside the picture.
+/// The cell that holds a pixel coordinate; may lie outside the image.
 pub(crate) fn cell_of_px(pixel: f64) -> i64 {
     ((pixel + 0.5) / STRIDE_PX as f64).floor() as i64
 }

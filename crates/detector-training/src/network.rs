@@ -16,7 +16,7 @@ use super::convolution::{Convolution, FeatureMap, GatherTables, normal_weights};
 use super::grid::{CELL_VALUES, STRIDE_PX};
 use super::patches::{PATCH_SIDE_PX, PATCH_VALUES, PatchBatch};
 
-/// Floor of the divisive normalisation, in units of [`INPUT_GAIN`] times the picture's range: near the noise of a decoded video.
+/// Floor of the divisive normalisation, in units of [`INPUT_GAIN`] times the image's range: near the noise of a decoded video.
 pub(crate) const NORMALISATION_FLOOR: f32 = 0.05;
 /// Factor on pixel values ahead of the first layer: contrasts of interest are hundredths of the range.
 pub(crate) const INPUT_GAIN: f32 = 8.0;

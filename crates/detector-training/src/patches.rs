@@ -1,4 +1,4 @@
-//! Pictures cut into the disjoint patches that the network's first layer multiplies.
+//! Images cut into the disjoint patches that the network's first layer multiplies.
 //!
 //! Input: interleaved RGB, row-major, values 0 to 1. Output: one row per 4x4 patch, ordered by pixel row, pixel column, colour.
 
@@ -7,25 +7,25 @@ pub(crate) const PATCH_SIDE_PX: usize = 4;
 /// Numbers in a patch.
 pub(crate) const PATCH_VALUES: usize = PATCH_SIDE_PX * PATCH_SIDE_PX * 3;
 
-/// A batch of pictures of one size, as patches.
+/// A batch of images of one size, as patches.
 #[derive(Debug, Clone)]
 pub struct PatchBatch {
     /// `[batch * (height / 4) * (width / 4), 48]`.
     pub values: Vec<f32>,
-    /// Number of pictures.
+    /// Number of images.
     pub batch: usize,
-    /// Height of a picture, pixels.
+    /// Height of an image, pixels.
     pub height_px: usize,
-    /// Width of a picture, pixels.
+    /// Width of an image, pixels.
     pub width_px: usize,
 }
 
 impl PatchBatch {
-    /// Black pictures. Sides must be multiples of [`PATCH_SIDE_PX`].
+    /// Black images. Sides must be multiples of [`PATCH_SIDE_PX`].
     pub fn new(batch: usize, height_px: usize, width_px: usize) -> Self {
         assert!(
             height_px.is_multiple_of(PATCH_SIDE_PX) && width_px.is_multiple_of(PATCH_SIDE_PX),
-            "a picture of {width_px}x{height_px} px cannot be cut into patches of {PATCH_SIDE_PX} px"
+            "an image of {width_px}x{height_px} px cannot be cut into patches of {PATCH_SIDE_PX} px"
         );
         Self {
             values: vec![0.0; batch * height_px * width_px * 3],
@@ -35,13 +35,13 @@ impl PatchBatch {
         }
     }
 
-    /// Sets picture `index` from `height * width * 3` values.
+    /// Sets image `index` from `height * width * 3` values.
     pub fn fill(&mut self, index: usize, rgb: &[f32]) {
         let (height, width) = (self.height_px, self.width_px);
         assert_eq!(
             rgb.len(),
             height * width * 3,
-            "a picture of {width}x{height} px has three values a pixel"
+            "an image of {width}x{height} px has three values a pixel"
         );
         let out = &mut self.values[index * rgb.len()..][..rgb.len()];
         let across = width / PATCH_SIDE_PX;

@@ -1,4 +1,4 @@
-//! Training pictures, and whether the aircraft in one is visible at all.
+//! Training images, and whether the aircraft in one is visible at all.
 //!
 //! Input: decoded frames and ground-truth boxes. Output: pieces of frames with their aircraft. An aircraft hidden by fog is neither a hit
 //! nor a miss, and no table knows what the codec has left of it, so the pixels decide.
@@ -8,7 +8,7 @@ use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use super::cover::Cover;
 use super::targets::CropTruth;
 
-/// Minimum part of the silhouette inside the picture and above the ground.
+/// Minimum part of the silhouette inside the image and above the ground.
 const LEAST_VISIBLE_FRACTION: f64 = 0.4;
 /// Minimum contrast against a plane through the surroundings, grey levels of 255; less is lost in the codec's noise.
 const LEAST_CONTRAST: f64 = 2.0;

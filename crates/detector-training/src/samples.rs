@@ -1,6 +1,6 @@
 //! The pool of samples for training batches.
 //!
-//! Input: pictures around aircraft, sorted by the matching crop size, and whole frames as background. Output: batches of crops with
+//! Input: images around aircraft, sorted by the matching crop size, and whole frames as background. Output: batches of crops with
 //! their targets. Places where the network reported a false aircraft are drawn more often (hard negatives).
 
 use rand::{Rng, RngExt};
@@ -74,7 +74,7 @@ pub(crate) fn size_for_width(width_px: f64) -> usize {
         .unwrap_or(CROP_SIZES.len() - 1)
 }
 
-/// A place in a background picture at which the network was wrong.
+/// A place in a background image at which the network was wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HardPlace {
     picture: usize,

@@ -75,9 +75,9 @@ pub enum Error {
         /// Their name.
         run: String,
     },
-    /// A crop that does not fit into a picture.
+    /// A crop that does not fit into an image.
     #[error(
-        "scenario {scenario}, view {view}: a crop of {}x{} px does not fit into pictures of {}x{} px; choose a smaller one with --crop-px",
+        "scenario {scenario}, view {view}: a crop of {}x{} px does not fit into images of {}x{} px; choose a smaller one with --crop-px",
         crop_px[0], crop_px[1], picture_px[0], picture_px[1]
     )]
     CropTooLarge {
@@ -85,7 +85,7 @@ pub enum Error {
         scenario: String,
         /// The view.
         view: String,
-        /// Width and height of its pictures.
+        /// Width and height of its images.
         picture_px: [u32; 2],
         /// Width and height of the crop.
         crop_px: [u32; 2],
@@ -102,9 +102,9 @@ pub enum Error {
     /// The videos of every selected scenario are damaged.
     #[error("nothing to export: every selected scenario is damaged; the first one: {0}")]
     AllLost(String),
-    /// A video does not have the pictures of its scenario.
+    /// A video does not have the images of its scenario.
     #[error(
-        "scenario {scenario}, view {view}: at tick {tick} expected a picture with timestamp {expected}, found {found}; generate it again"
+        "scenario {scenario}, view {view}: at tick {tick} expected an image with timestamp {expected}, found {found}; generate it again"
     )]
     Video {
         /// The scenario.
@@ -115,10 +115,10 @@ pub enum Error {
         tick: u32,
         /// Its timestamp.
         expected: i64,
-        /// The picture found in the video.
+        /// The image found in the video.
         found: String,
     },
-    /// A video's pictures have no name in MCAP.
+    /// A video's images have no name in MCAP.
     #[error(
         "scenario {scenario}, view {view}: the video is FFV1, which Foxglove's schema of videos does not know; expected H.264, H.265 or AV1; \
          choose another format, or leave the scenario out with --only"
@@ -155,7 +155,7 @@ pub enum Error {
     },
     /// Scenarios that one dataset cannot hold.
     #[error(
-        "scenario {scenario} has {found}, the first one {first}; a LeRobot dataset has one rate, one size of pictures and one type of \
+        "scenario {scenario} has {found}, the first one {first}; a LeRobot dataset has one rate, one size of images and one type of \
          files: choose scenarios with --only, or views with --views"
     )]
     Mixed {
@@ -174,7 +174,7 @@ pub enum Error {
         /// Cause.
         r#source: Box<mcap::McapError>,
     },
-    /// A picture cannot be encoded.
+    /// An image cannot be encoded.
     #[error("cannot encode {}: {source}", path.display())]
     Encode {
         /// The file.

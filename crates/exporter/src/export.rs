@@ -28,12 +28,12 @@ use crate::scenarios::{LostScenario, Selected, Source, is_searched, select};
 pub struct ExportOutcome {
     /// Number of scenarios.
     pub scenarios: u64,
-    /// Number of pictures.
+    /// Number of images.
     pub pictures: u64,
     /// Number of boxes.
     pub boxes: u64,
-    /// Pictures of the selection that are not in it ([`Format::left_out`] says why): in a format that cannot say that an aircraft may be
-    /// hidden by a cloud, or that most of it is outside the picture, and of ticks at which there is a view without a crop.
+    /// Images of the selection that are not in it ([`Format::left_out`] says why): in a format that cannot say that an aircraft may be
+    /// hidden by a cloud, or that most of it is outside the image, and of ticks at which there is a view without a crop.
     pub left_out: u64,
     /// Bytes of all files.
     pub bytes: u64,
@@ -106,7 +106,7 @@ pub fn export(
     Ok(ExportOutcome { lost, ..outcome })
 }
 
-/// Takes the scenarios out that the model has not searched: without boxes, their pictures would say that there is no aircraft.
+/// Takes the scenarios out that the model has not searched: without boxes, their images would say that there is no aircraft.
 fn without_unsearched(selection: &mut Vec<Selected>, model: &str) -> Result<Vec<LostScenario>> {
     let (mut searched, mut lost) = (Vec::new(), Vec::new());
     for selected in mem::take(selection) {
@@ -217,7 +217,7 @@ impl Export<'_> {
             source.hash(hasher);
             self.about.add(&source.record, source.selected.side);
             self.about.models.extend(source.model.clone());
-            // A side without pictures would have a name in data.yaml, and no folder.
+            // A side without images would have a name in data.yaml, and no folder.
             if outcome.pictures > before {
                 self.sides.insert(selected.side.unwrap_or(Side::Train));
             }

@@ -62,7 +62,7 @@ pub(crate) trait FileFormat: Default + Sync {
 pub(crate) struct Abilities {
     /// Its name.
     pub(crate) word: &'static str,
-    /// True if it has pictures as separate files.
+    /// True if it has images as separate files.
     pub(crate) has_stills: bool,
     /// Ticks that it can leave out.
     pub(crate) ticks: TickChoice,
@@ -73,7 +73,7 @@ pub(crate) struct Abilities {
 /// Choices of ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum TickChoice {
-    /// All ticks, as a picture of a video needs those before it.
+    /// All ticks, as an image of a video needs those before it.
     All,
     /// Every n-th tick.
     EveryNth,
@@ -86,9 +86,9 @@ pub(crate) enum TickChoice {
 pub(crate) enum BoxUse {
     /// All boxes, each with its score or its visibility.
     All,
-    /// Only boxes that are certain; the format cannot say that an aircraft may be hidden or is mostly outside the picture.
+    /// Only boxes that are certain; the format cannot say that an aircraft may be hidden or is mostly outside the image.
     Certain,
-    /// All boxes of confirmed tracks; a picture is cropped to the surroundings of one.
+    /// All boxes of confirmed tracks; an image is cropped to the surroundings of one.
     Crops,
     /// None.
     None,
@@ -146,7 +146,7 @@ pub(crate) struct Writing<'a> {
 }
 
 impl Writing<'_> {
-    /// Counts pictures that are written.
+    /// Counts images that are written.
     fn pictures_done(&self, pictures: u64) {
         (self.count)(pictures);
     }

@@ -14,9 +14,9 @@ use crate::still::StillFormat;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// Pictures and `annotations.json` of COCO.
+    /// Images and `annotations.json` of COCO.
     Coco,
-    /// Pictures by side, a text file of boxes for each, and `data.yaml`.
+    /// Images by side, a text file of boxes for each, and `data.yaml`.
     Yolo,
     /// Long Parquet tables, videos and a dataset card, as `datasets.load_dataset` reads them.
     HuggingFace,
@@ -31,7 +31,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The reason why pictures of the selection are left out, as a clause about them.
+    /// The reason why images of the selection are left out, as a clause about them.
     pub fn left_out(self) -> &'static str {
         if self.has_crops() {
             "of ticks at which a view has no box"
@@ -83,7 +83,7 @@ pub(crate) const USUAL_CROP_PX: [u32; 2] = [160, 160];
 pub struct ExportRequest {
     /// The format.
     pub format: Format,
-    /// The form of its pictures; `None`: PNG, or none.
+    /// The form of its images; `None`: PNG, or none.
     pub stills: Option<StillFormat>,
     /// Scenarios; `None`: all.
     pub only: Option<Vec<String>>,
@@ -129,7 +129,7 @@ impl ExportRequest {
         }
     }
 
-    /// The form of pictures.
+    /// The form of images.
     pub(crate) fn stills(&self) -> StillFormat {
         self.stills.unwrap_or_default()
     }
@@ -155,16 +155,16 @@ impl ExportRequest {
         match (can.ticks, self.ticks) {
             (TickChoice::AnyRate, _) | (_, Ticks::ALL) => {}
             (TickChoice::All, Ticks::Every(_)) => {
-                return not_in_format("--every", "a picture of a video needs those before it");
+                return not_in_format("--every", "an image of a video needs those before it");
             }
             (TickChoice::EveryNth, Ticks::Every(_)) => {}
             (_, Ticks::PerSecond(_)) => {
-                return not_in_format("--rate", "it states the time of every picture");
+                return not_in_format("--rate", "it states the time of every image");
             }
         }
         if !self.format.has_crops() {
             if self.crop_px.is_some() {
-                return not_in_format("--crop-px", "its pictures are whole");
+                return not_in_format("--crop-px", "its images are whole");
             }
             if self.seed.is_some() {
                 return not_in_format("--seed", "it has the order of the corpus");

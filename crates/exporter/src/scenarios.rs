@@ -1,4 +1,4 @@
-//! The scenarios to export, as they were sealed: which of them, their boxes and their decoded pictures.
+//! The scenarios to export, as they were sealed: which of them, their boxes and their decoded images.
 
 mod labelled_box;
 mod pictures;

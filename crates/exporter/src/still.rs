@@ -1,4 +1,4 @@
-//! Single pictures as files.
+//! Single images as files.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-/// Quality of JPEG pictures, of 100: 40x3 px of aircraft stay within two grey levels.
+/// Quality of JPEG images, of 100: 40x3 px of aircraft stay within two grey levels.
 const JPEG_QUALITY: u8 = 95;
 
-/// The form of pictures.
+/// The form of images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StillFormat {
@@ -34,7 +34,7 @@ impl StillFormat {
         }
     }
 
-    /// Writes a picture; `rgb` has rows from top to bottom without gaps.
+    /// Writes an image; `rgb` has rows from top to bottom without gaps.
     pub(crate) fn write(self, path: &Path, rgb: &[u8], size_px: [u32; 2]) -> Result<()> {
         let file = File::create(path).map_err(dataset::Error::io("create", path))?;
         let mut file = BufWriter::new(file);
@@ -42,7 +42,7 @@ impl StillFormat {
         Ok(file.flush().map_err(dataset::Error::io("write", path))?)
     }
 
-    /// Encodes a picture for the file at `path`.
+    /// Encodes an image for the file at `path`.
     pub(crate) fn encode(
         self,
         to: &mut impl Write,

@@ -1,4 +1,4 @@
-//! Memory of an export by the number of scenarios: more scenarios take far less additional memory than their pictures.
+//! Memory of an export by the number of scenarios: more scenarios take far less additional memory than their images.
 
 use std::fs;
 use std::path::Path;
@@ -17,7 +17,7 @@ const MIB: f64 = (1 << 20) as f64;
 /// Threads begin and end, and their allocators keep what they freed.
 const MOST_GROWTH_MIB: f64 = 20.0;
 
-/// Labelled flights, whose pictures are noise in their upper half: coded, they are nearly half as large as in memory.
+/// Labelled flights, whose images are noise in their upper half: coded, they are nearly half as large as in memory.
 fn corpus(root: &Path, scenarios: u32) -> Corpus {
     let mut state = 1_u32;
     for number in 0..scenarios {
@@ -54,7 +54,7 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
     let added_mib = f64::from((sizes[1] - sizes[0]) * TICKS * VIEWS) * picture_bytes / MIB;
     assert!(
         added_mib > 5.0 * MOST_GROWTH_MIB,
-        "{added_mib} MiB of pictures, about half of it when coded"
+        "{added_mib} MiB of images, about half of it when coded"
     );
     for format in [
         Format::Coco,
@@ -77,7 +77,7 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
         println!("{format:?}: {:.0} MiB, {:.0} MiB", peaks[0], peaks[1]);
         assert!(
             peaks[1] - peaks[0] < MOST_GROWTH_MIB,
-            "{format:?}: {peaks:?} MiB, {added_mib:.0} MiB of pictures more"
+            "{format:?}: {peaks:?} MiB, {added_mib:.0} MiB of images more"
         );
     }
 }

@@ -21,7 +21,7 @@ pub struct Settings {
     pub estimator: Option<String>,
     /// The detector, an ONNX file; the bundled one by default. `--model` overrides it.
     pub model: Option<PathBuf>,
-    /// Rows of the pictures to search, `TOP:BOTTOM`; all by default. `--rows` overrides it.
+    /// Rows of the images to search, `TOP:BOTTOM`; all by default. `--rows` overrides it.
     pub rows: Option<String>,
     /// Device of the detector; cpu by default. `--device` overrides it.
     pub device: Option<String>,

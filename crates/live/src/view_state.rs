@@ -70,7 +70,7 @@ const DOWN_PERIODS: f64 = 8.0;
 const FROZEN_S: f64 = 0.35;
 const DARK_S: f64 = 0.2;
 const FEWEST: usize = 3;
-/// A freeze is over if so many images in a row, and all for so long, changed, seconds: encoders refine a picture that stands still after
+/// A freeze is over if so many images in a row, and all for so long, changed, seconds: encoders refine an image that stands still after
 /// each key frame. It is also over if images have not been frozen again for so long, or so many periods.
 const FEWEST_CHANGED: usize = 4;
 const CHANGED_S: f64 = 0.15;
@@ -82,7 +82,7 @@ const FEWEST_USUAL: usize = 20;
 /// Images changed all the time if nearly all of them changed by this, grey levels.
 const LEAST_CHANGE: f64 = 0.03;
 const LEAST_PART: f64 = 0.95;
-/// An image that changed by less than this part of the least usual change repeats the one before. An encoder goes on refining a picture
+/// An image that changed by less than this part of the least usual change repeats the one before. An encoder goes on refining an image
 /// that stands still: by up to 0.4 of the change that noise makes.
 const REPEATED_PART: f64 = 0.5;
 /// One of them changed by less than this part of it. Without one, the images have become quieter: of another encoder, or of the evening.
@@ -336,7 +336,7 @@ mod tests {
     fn an_image_that_stands_still_and_is_refined_by_its_encoder_is_frozen() {
         let mut watch = ViewWatch::default();
         let mut state = ViewState::Up;
-        // As measured: changes of a noisy scene, then of its picture again and again, five a second.
+        // As measured: changes of a noisy scene, then of its image again and again, five a second.
         let noisy = [1.75, 1.67, 1.66, 1.64, 1.8].repeat(10);
         let still = [0.0, 0.44, 0.48, 0.68, 0.24, 0.25, 0.42, 0.61];
         for (image, change) in noisy.into_iter().chain(still).enumerate() {
@@ -398,7 +398,7 @@ mod tests {
     fn a_slow_camera_that_stands_still_is_frozen_across_key_frames() {
         let mut watch = ViewWatch::default();
         for image in 0..200 {
-            // After 100 images a still picture; every five a key frame and its refinement.
+            // After 100 images a still image; every five a key frame and its refinement.
             let still = [0.71, 0.33, 0.0, 0.0, 0.0];
             let change = if image < 100 { 0.1 } else { still[image % 5] };
             let state = show(&mut watch, image as f64 / 5.0, change, false);

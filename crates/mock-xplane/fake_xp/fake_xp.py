@@ -540,7 +540,7 @@ class FakeXp:
 
 
 def png(width: int, height: int, rgb: bytes, text: bytes) -> bytes:
-    """A picture file with an additional text chunk."""
+    """An image file with an additional text chunk."""
 
     def chunk(kind: bytes, content: bytes) -> bytes:
         return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))

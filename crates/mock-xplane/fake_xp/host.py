@@ -1,7 +1,7 @@
 """Runs the plugin against the fake ``xp`` in a separate process; the world is the stand-in's, at the other end of standard input
 and output.
 
-Each question is one line of JSON, ``[what, ...]``; so is each answer. Only a picture's answer, its number of bytes, is followed by bytes.
+Each question is one line of JSON, ``[what, ...]``; so is each answer. Only an image's answer, its number of bytes, is followed by bytes.
 A statement is a question whose name ends with ``!``: it has no answer and is sent with the next question. X-Plane's functions cost nothing,
 whereas a question costs two changes of the running process, and a frame of the plugin would need more than a hundred of them.
 """

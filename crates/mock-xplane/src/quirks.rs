@@ -112,7 +112,7 @@ quirks! {
     CameraTaken camera_taken "CINE, BP" Practised [in_11]
         "the camera is taken from the plugin every 401 frames and by the screenshot command, and the view is the one from before";
     PopUps pop_ups "LAAS, SISL, LC" Practised [in_11]
-        "a pop-up window lies over the picture at the start and after each start of a flight until it is closed";
+        "a pop-up window lies over the image at the start and after each start of a flight until it is closed";
     AiAircraft ai_aircraft "XPMP2, libxplanemp" Practised [in_11]
         "another aircraft flies beside the user's, again after each start of a flight, until a plugin has its number set to 1";
     TwoCyclesPerLoop two_cycles_per_loop "XPY" Single [in_11]
@@ -138,13 +138,13 @@ quirks! {
     RegenerationNotNeeded regeneration_not_needed "OIS, EFB, LT against LARDON, LC" Practised []
         "clouds show as soon as they read back, without `regen_weather`";
     PauseKeepsPose pause_keeps_pose "EFB against WPI, LXR, AFX" Single [in_11]
-        "in a pause the picture keeps the pose and the camera that it had before";
+        "in a pause the image keeps the pose and the camera that it had before";
     WaterMoves water_moves "no report" Unknown [in_11]
         "water in the foreground moves even in a pause";
     WeatherMoves weather_moves "no report" Unknown [in_11]
         "while time runs clouds drift, and every frame has its own streaks of rain";
     SlowExposure slow_exposure "no report" Unknown [in_11]
-        "when the camera turns, the picture is too bright at first and settles within 30 frames";
+        "when the camera turns, the image is too bright at first and settles within 30 frames";
     ScreenshotWithoutCamera screenshot_without_camera "no report; CINE sees the camera go" Unknown [in_11]
         "the screenshot command takes the camera away before the frame that it keeps is drawn";
 }

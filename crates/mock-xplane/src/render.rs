@@ -228,7 +228,7 @@ impl Scene {
         assert_eq!(
             rgb.len(),
             size.0 * size.1 * 3,
-            "a picture of {} x {} pixels has another number of bytes",
+            "an image of {} x {} pixels has another number of bytes",
             size.0,
             size.1
         );

@@ -217,7 +217,7 @@ pub async fn serve_with(
     options.check_token()?;
     let mut ports = Ports::take(options.bind, options.port).await?;
     if !matches!(options.link, LinkServer::BuiltIn) {
-        ports.leave_capture_link(options.port).await?;
+        ports.leave_capture_link(&options).await?;
     }
     let web_port = options.web_port.unwrap_or(match options.port {
         0 => 0,
@@ -277,12 +277,12 @@ impl Ports {
         })
     }
 
-    /// Moves the built-in link to another port, on which no clients are accepted: a plugin opens its own port in its place.
-    /// If any free port was `wanted`, the plugin takes one when it starts: one taken now could be another program's by then.
-    async fn leave_capture_link(&mut self, wanted: u16) -> Result<(), MockError> {
+    /// Moves the built-in link to another port, on which no clients are accepted: a plugin opens its own port in its place. If any free
+    /// port will do, the plugin takes one when it starts: one that is chosen now may be another program's by then.
+    async fn leave_capture_link(&mut self, options: &ServerOptions) -> Result<(), MockError> {
         let aside = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         (_, self.capture_link) = listen(aside, "capture link").await?;
-        if wanted == 0 {
+        if options.port == 0 && matches!(options.link, LinkServer::Plugin(_)) {
             self.link_address.set_port(0);
         }
         Ok(())

@@ -86,7 +86,7 @@ pub enum WindowError {
         screen_height_px: u16,
     },
     /// An image of another size.
-    #[error("the window is {window}, it cannot show a picture of {picture}")]
+    #[error("the window is {window}, it cannot show an image of {picture}")]
     OtherSize {
         /// Its size.
         window: String,

@@ -153,7 +153,7 @@ async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
         moved.push(frames);
     }
     let frames_a_picture = (drawn.get() - before) as f64 / (2 * states.len()) as f64;
-    println!("{scene_behind:?}: {frames_a_picture:.2} frames drawn per picture");
+    println!("{scene_behind:?}: {frames_a_picture:.2} frames drawn per image");
     let mut different = 0;
     for view in 0..2 {
         for tick in (0..states.len() as u32).step_by(7) {

@@ -1,4 +1,4 @@
-//! Covers over the hosted plugin's window: found at the registration, and named; and in no picture of a block.
+//! Covers over the hosted plugin's window: found at the registration, and named; and in no image of a block.
 #![cfg(target_os = "linux")]
 
 use std::sync::Arc;
@@ -184,7 +184,7 @@ async fn a_cover_that_comes_for_a_second_while_a_block_is_recorded_is_in_none_of
         let after = Duration::from_millis(500 + 150 * number as u64);
         cover_for_a_second(form, covers, display, after);
         let (found, repeated) = block(&mut shown.simulator, 150).await.unwrap();
-        assert!(repeated > 0, "{form:?}: no picture was covered");
+        assert!(repeated > 0, "{form:?}: no image was covered");
         for (tick, (found, expected)) in found.iter().zip(&expected).enumerate() {
             assert!(found == expected, "{form:?}: tick {tick}");
         }
@@ -208,7 +208,7 @@ async fn a_cover_from_before_a_block_until_after_it_is_waited_for_or_ends_it_whe
         shown.covers.show(WindowForm::Message, area_px, shown_for);
         match block(simulator, 20).await {
             Ok((found, _)) if rain_ratio == 0.0 => {
-                assert!(found == expected, "a picture shows the cover");
+                assert!(found == expected, "an image shows the cover");
             }
             Err(BridgeError::Pixels(PixelError::CoveredBefore { .. })) if rain_ratio > 0.0 => {}
             other => panic!(
@@ -219,7 +219,7 @@ async fn a_cover_from_before_a_block_until_after_it_is_waited_for_or_ends_it_whe
     }
 }
 
-/// The pictures of ticks down the glide path, from beside the runway, and how many were taken again.
+/// The images of ticks down the glide path, from beside the runway, and how many were taken again.
 async fn block(simulator: &mut Simulator, ticks: u32) -> Result<(Vec<Vec<u8>>, u32), BridgeError> {
     let frame_rate = FrameRate {
         numerator: 10,

@@ -1,4 +1,4 @@
-//! Compares rendered pictures with a reference that shares no code with the renderer (`tests/judges/render_geometry.py`).
+//! Compares rendered images with a reference that shares no code with the renderer (`tests/judges/render_geometry.py`).
 
 use std::f64::consts::TAU;
 use std::fs;
@@ -90,7 +90,7 @@ fn moved(pose: Pose, distance_m: f64, step: u32) -> Pose {
     }
 }
 
-/// Draws all pictures of the comparison into a folder, with a scenes.json that describes them.
+/// Draws all images of the comparison into a folder, with a scenes.json that describes them.
 fn draw_scenes(folder: &Path) {
     // Air without haze: this is about geometry, and a distant winglet in haze does not change a byte.
     let weather = Weather {

@@ -100,7 +100,7 @@ async fn a_silent_client_loses_its_seat_to_the_next_one_and_one_that_asks_keeps_
     let mut second = greeted(&running).await;
     let text = refused(&mut second, HELLO).await;
     assert!(text.contains("another client holds"), "{text}");
-    // It asks for pictures and takes none: that counts as silence as well.
+    // It asks for images and takes none: that counts as silence as well.
     let bad = r#"{"message":"probe_terrain","latitude_deg":0,"longitude_deg":0}"#;
     let flood = bad.len() as u32;
     let mut message = flood.to_le_bytes().to_vec();

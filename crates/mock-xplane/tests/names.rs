@@ -106,7 +106,7 @@ fn capture(deliver: Deliver) -> CaptureRequest {
     }
 }
 
-/// Weather, pictures and a live flight.
+/// Weather, images and a live flight.
 async fn use_everything(address: SocketAddr, deliver: Deliver) {
     let runway = changi_02l();
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();

@@ -231,7 +231,7 @@ async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() 
         .unwrap();
     simulator.send_capture(&capture(1)).await.unwrap();
     let error = simulator.receive_frame().await.unwrap_err().to_string();
-    assert!(error.contains("folds the picture over"), "{error}");
+    assert!(error.contains("folds the image over"), "{error}");
     let endless = Imaging {
         degradation: Some(Degradation {
             blur_sigma_px: 1e9,

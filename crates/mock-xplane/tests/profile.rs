@@ -28,7 +28,7 @@ fn options(generation: Generation, quirks: &str) -> ServerOptions {
     }
 }
 
-/// An X-Plane 12 whose pictures are seen.
+/// An X-Plane 12 whose images are seen.
 fn twelve(quirks: &str) -> ServerOptions {
     options(Generation::XPlane12, quirks)
 }

@@ -77,7 +77,7 @@ async fn every_picture_of_the_window_is_grabbed_to_the_last_bit_and_never_the_on
         let shown = picture(number);
         stage.show(&shown).unwrap();
         let grabbed = source.picture(Vec::new()).await.unwrap();
-        assert!(grabbed == shown.rgb, "picture {number} differs");
+        assert!(grabbed == shown.rgb, "image {number} differs");
     }
     source.confirm(display).await.unwrap();
 }

@@ -12,7 +12,7 @@ pub enum Error {
     /// A run cannot be read.
     #[error(transparent)]
     Run(#[from] trainer::Error),
-    /// A picture.
+    /// An image.
     #[error("cannot encode {what}: {cause}")]
     Picture {
         /// The figure.
@@ -22,7 +22,7 @@ pub enum Error {
     },
     /// No tick of the corpus can be shown.
     #[error(
-        "no scenario of the corpus shows the aircraft near {dtd_nm} NM, so there is no picture of it"
+        "no scenario of the corpus shows the aircraft near {dtd_nm} NM, so there is no image of it"
     )]
     NoPicture {
         /// Distance to touchdown, nautical miles.

@@ -54,20 +54,20 @@ pub struct CorpusFigures {
     pub scenarios: usize,
     /// Different flights among them.
     pub flights: usize,
-    /// Width of the pictures, pixels.
+    /// Width of the images, pixels.
     pub width_px: u32,
-    /// Height of the pictures, pixels.
+    /// Height of the images, pixels.
     pub height_px: u32,
-    /// Pictures per second and view, as a sweep writes it.
+    /// Images per second and view, as a sweep writes it.
     pub frame_rate: String,
-    /// Pictures of all views.
+    /// Images of all views.
     pub pictures: u64,
 }
 
 /// The detector with settings that make it miss aircraft.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WeakerDetector {
-    /// Factor by which pictures are shrunk for its first pass.
+    /// Factor by which images are shrunk for its first pass.
     pub first_pass_shrink: u32,
     /// The smallest score that it reports.
     pub least_score: f64,
@@ -77,13 +77,13 @@ pub struct WeakerDetector {
     pub of_detector: SingleViews,
 }
 
-/// Way in which pictures are searched.
+/// Way in which images are searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Search {
     /// Tiles of 640 pixels, and a second pass around each hit: the paper's Auto Segmentation.
     Tiles,
-    /// The whole picture shrunk to the model's size: the paper's conventional scaling.
+    /// The whole image shrunk to the model's size: the paper's conventional scaling.
     Scaled,
     /// Small windows around known aircraft.
     Tracked,
@@ -102,15 +102,15 @@ pub struct Range {
     pub is_pretrained: bool,
     /// The search.
     pub search: Search,
-    /// The farthest picture in which the aircraft was found, nautical miles.
+    /// The farthest image in which the aircraft was found, nautical miles.
     pub max_range_nm: Option<f64>,
     /// Distance up to which more than 99 % are found.
     pub effective_range_nm: Option<f64>,
-    /// The farthest picture that shows the aircraft.
+    /// The farthest image that shows the aircraft.
     pub farthest_expected_nm: Option<f64>,
     /// Share of the aircraft from 1 to 10 NM that was found.
     pub recall: Option<f64>,
-    /// Processor time per picture, decoding included, milliseconds.
+    /// Processor time per image, decoding included, milliseconds.
     pub cpu_ms_per_picture: Option<f64>,
 }
 

@@ -46,7 +46,7 @@ pub fn svg(what: &'static str, height: u32, draw: impl FnOnce(&Area) -> Drawn) -
             .and_then(|()| area.present())
             .map_err(|cause| Error::Chart { what, cause })?;
     }
-    // A width in the file would prevent the page from scaling the picture.
+    // A width in the file would prevent the page from scaling the image.
     let text = with_minus_signs(&text);
     let size = format!("width=\"{WIDTH}\" height=\"{height}\" ");
     let name = format!("role=\"img\" aria-label=\"{what}\" ");

@@ -1,4 +1,4 @@
-//! A part of a picture inside a page, with boxes around the aircraft.
+//! A part of an image inside a page, with boxes around the aircraft.
 
 use std::io::Cursor;
 
@@ -19,7 +19,7 @@ const SURROUNDINGS: f64 = 3.0;
 /// Distance between a box and the line around it, over the width of the crop: a line on the box would cover a small aircraft.
 const GAP: f64 = 0.015;
 
-/// A part of a picture.
+/// A part of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
     /// Left-most column and top-most row.
@@ -29,7 +29,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// The part around a box, `surroundings` times as wide as it, of a picture of this width and height.
+    /// The part around a box, `surroundings` times as wide as it, of an image of this width and height.
     pub fn around(
         shown: &PixelBox,
         surroundings: f64,
@@ -50,7 +50,7 @@ impl Part {
         }
     }
 
-    /// All of a picture of this width and height.
+    /// All of an image of this width and height.
     pub fn whole(picture_size: [u32; 2]) -> Self {
         Self {
             start_px: [0, 0],
@@ -58,7 +58,7 @@ impl Part {
         }
     }
 
-    /// Its pixels; the picture has rows of RGB without gaps.
+    /// Its pixels; the image has rows of RGB without gaps.
     pub fn cut(&self, rgb: &[u8], picture_width: u32) -> RgbImage {
         let ([left, top], [width, height]) = (self.start_px, self.size_px);
         RgbImage::from_fn(width, height, |x, y| {
@@ -68,7 +68,7 @@ impl Part {
     }
 }
 
-/// The picture around a box.
+/// The image around a box.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Crop {
     /// PNG, as a `data:` address.
@@ -77,13 +77,13 @@ pub struct Crop {
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
-    /// Left-most column and top-most row in the picture.
+    /// Left-most column and top-most row in the image.
     #[serde(skip)]
     start_px: [u32; 2],
 }
 
 impl Crop {
-    /// Cuts it out of a picture of this width and height: rows of RGB without gaps.
+    /// Cuts it out of an image of this width and height: rows of RGB without gaps.
     ///
     /// # Errors
     /// The PNG cannot be written.
@@ -103,17 +103,17 @@ impl Crop {
         })
     }
 
-    /// Left, top, width and height of the line around a box of the picture, pixels from the crop's corner.
+    /// Left, top, width and height of the line around a box of the image, pixels from the crop's corner.
     pub fn frame_of(&self, pixel_box: &PixelBox) -> [f64; 4] {
         let gap = GAP * f64::from(self.width_px);
         let [left, top, width, height] = self.place_of(pixel_box);
         [left - gap, top - gap, width + 2.0 * gap, height + 2.0 * gap]
     }
 
-    /// Left, top, width and height of a box of the picture in the crop, pixels from the crop's corner.
+    /// Left, top, width and height of a box of the image in the crop, pixels from the crop's corner.
     fn place_of(&self, pixel_box: &PixelBox) -> [f64; 4] {
         let [left, top, ..] = pixel_box.edges();
-        // The corner of a picture's first pixel is half a pixel before its centre.
+        // The corner of an image's first pixel is half a pixel before its centre.
         let [x, y] = self.start_px.map(|start| f64::from(start) - 0.5);
         [left - x, top - y, pixel_box.width_px, pixel_box.height_px]
     }

@@ -18,8 +18,8 @@ pub enum Error {
         /// Error of the drawing library.
         cause: DrawingError,
     },
-    /// A part of a picture.
-    #[error("report: cannot encode a part of a picture: {0}")]
+    /// A part of an image.
+    #[error("report: cannot encode a part of an image: {0}")]
     Crop(image::ImageError),
     /// The page itself.
     #[error("report: cannot draw the page: {0:#}")]

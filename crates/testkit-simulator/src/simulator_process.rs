@@ -18,7 +18,7 @@ pub const SWEEP: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../../tests/awkward/sweep.toml"
 );
-/// Size of its pictures.
+/// Size of its images.
 const WINDOW: &str = "96x64";
 /// How much faster than real time the simulator's clock runs: a minute of waiting takes three seconds.
 const CLOCK_RATE: &str = "20";
@@ -31,7 +31,7 @@ pub const PATIENCE: Duration = Duration::from_secs(120);
 pub struct SimulatorProcess {
     dtd: Dtd,
     server: Server,
-    /// X-Plane 12's pictures are available only off the screen.
+    /// X-Plane 12's images are available only off the screen.
     screen: Option<Xvfb>,
     folder: TempDir,
     /// The token of its link; none if it is empty.

@@ -1,14 +1,14 @@
-//! Pictures of a scenario, and how far they are from those of a well-behaved simulator.
+//! Images of a scenario, and how far they are from those of a well-behaved simulator.
 
 use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::video::VideoReader;
 
-/// Maximum mean difference of a picture of the same pose, of 255: 32-bit numbers shift cameras by millimetres.
+/// Maximum mean difference of an image of the same pose, of 255: 32-bit numbers shift cameras by millimetres.
 pub const ALIKE: f64 = 0.25;
 
-/// All pictures of both views of a scenario.
+/// All images of both views of a scenario.
 pub fn pictures(corpus: &Path, id: &str) -> Vec<Vec<u8>> {
     let scenario = Corpus::open(corpus).unwrap().scenario(id);
     let mut all = Vec::new();
@@ -22,9 +22,9 @@ pub fn pictures(corpus: &Path, id: &str) -> Vec<Vec<u8>> {
     all
 }
 
-/// The largest mean difference of two pictures of the same tick and view, levels of 255.
+/// The largest mean difference of two images of the same tick and view, levels of 255.
 pub fn farthest(found: &[Vec<u8>], wanted: &[Vec<u8>]) -> f64 {
-    assert_eq!(found.len(), wanted.len(), "numbers of pictures");
+    assert_eq!(found.len(), wanted.len(), "numbers of images");
     let apart = |(a, b): (&Vec<u8>, &Vec<u8>)| {
         assert_eq!(a.len(), b.len());
         let sum: f64 = a

@@ -26,15 +26,15 @@ const RATE: FrameRate = FrameRate {
     denominator: 1,
 };
 
-/// Draws the picture of a view at a tick.
+/// Draws the image of a view at a tick.
 pub type Painter<'a> = &'a dyn Fn(&str, u32, &mut [u8]);
 
-/// A corpus of committed scenarios without videos, for pictures of 1920 x 1280.
+/// A corpus of committed scenarios without videos, for images of 1920 x 1280.
 pub fn write(root: &Path, ids: &[&str]) -> Corpus {
     write_with_videos(root, ids, 1920, 1280, None)
 }
 
-/// A corpus of committed scenarios with pictures of the given size.
+/// A corpus of committed scenarios with images of the given size.
 pub fn write_with_videos(
     root: &Path,
     ids: &[&str],
@@ -49,7 +49,7 @@ pub fn write_with_videos(
     corpus
 }
 
-/// A corpus of one committed scenario with this number of ticks at this rate, and pictures of this size.
+/// A corpus of one committed scenario with this number of ticks at this rate, and images of this size.
 pub fn write_flight(
     root: &Path,
     id: &str,

@@ -13,7 +13,7 @@ pub struct SmallSweep<'a> {
     pub weathers: &'a [&'a str],
     /// Scenarios of each weather.
     pub repeats: u32,
-    /// Width and height of its pictures, pixels.
+    /// Width and height of its images, pixels.
     pub size_px: (u32, u32),
     /// Its frame rate, as in TOML.
     pub frame_rate: &'a str,
@@ -71,7 +71,7 @@ wind_from_true_deg = 340
 /// Their names.
 pub const WEATHER_NAMES: [&str; 4] = ["clear", "cloudy", "foggy", "stormy"];
 
-/// Two short approaches in front of three views, one of them with a lens, in refracting air, at 30000/1001 pictures a second.
+/// Two short approaches in front of three views, one of them with a lens, in refracting air, at 30000/1001 images a second.
 pub const THREE_VIEWS: &str = r#"
 [corpus]
 name = "three-views"
@@ -141,7 +141,7 @@ wind_speed_mps = 2
 wind_from_true_deg = 20
 "#;
 
-/// The file of a sweep of four weathers over a recorded flight, in tiny pictures: `1200-clear-r1`, and so on.
+/// The file of a sweep of four weathers over a recorded flight, in tiny images: `1200-clear-r1`, and so on.
 pub fn four_weathers() -> String {
     let flight = repository().join("tests/data/flights/01_calm_ils.csv");
     let tables = format!(

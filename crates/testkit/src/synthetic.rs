@@ -117,7 +117,7 @@ impl SyntheticCorpus {
         }
     }
 
-    /// As many scenarios and ticks as the full corpus: 100 at 30 pictures a second, with registered views.
+    /// As many scenarios and ticks as the full corpus: 100 at 30 images a second, with registered views.
     pub fn full() -> Self {
         Self {
             train: 70,
@@ -360,7 +360,7 @@ impl SyntheticCorpus {
 }
 
 /// The box of an aircraft that flies towards the camera: as wide as its span, as high as itself, its centre 1 m above the centre of
-/// gravity. A point behind the camera has a box far outside the picture.
+/// gravity. A point behind the camera has a box far outside the image.
 pub(crate) fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
     let range_m = camera.to_camera(ecef_m).z;
     let outside = glam::DVec2::splat(-1e6);
@@ -425,7 +425,7 @@ fn register(
     found
 }
 
-/// Whether a box is completely in the picture, and far enough from its edge for a detector that places an edge within 2 pixels.
+/// Whether a box is completely in the image, and far enough from its edge for a detector that places an edge within 2 pixels.
 fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
     let [left, top, right, bottom] = seen.edges();
     // Pixel (0, 0) covers -0.5 to 0.5.

@@ -1,4 +1,4 @@
-// The charts below the pictures: distance, errors, speeds and boxes found over the flight, with one cursor.
+// The charts below the images: distance, errors, speeds and boxes found over the flight, with one cursor.
 
 import { LineChart, RowChart, range } from './chart.js';
 import { colour, line } from './colours.js';
@@ -10,7 +10,7 @@ const WINDOWS_S = [['', 'whole flight'], ['300', '5 min'], ['60', '1 min'], ['10
 /** States of the boxes of a view: what the cell means, and its colour. */
 const CELLS = [
   ['found', 'found', 'series-1'], ['unconfirmed', 'found, but of no confirmed track', 'series-3'],
-  ['missed', 'missed, though most of it is in the picture', 'bad'], ['away', 'not in the picture, or not searched', 'line'],
+  ['missed', 'missed, though most of it is in the image', 'bad'], ['away', 'not in the image, or not searched', 'line'],
 ];
 /** Errors far out would flatten all others. */
 const SHOWN_SHARE = 0.985;

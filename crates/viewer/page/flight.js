@@ -102,7 +102,7 @@ export class Flight {
       words.push(registration.reason ? `no shift: ${registration.reason}`
         : `shift against ${registration.reference} ${fixed(registration.dx, 2)}, ${fixed(registration.dy, 2)} px`);
     }
-    return { marks, target: this.target(id, tick), words: words.join('; ') || 'nothing is known about this picture' };
+    return { marks, target: this.target(id, tick), words: words.join('; ') || 'nothing is known about this image' };
   }
 
   /** Detections of confirmed tracks, the surest first. */

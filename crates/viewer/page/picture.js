@@ -44,7 +44,7 @@ export class Picture {
     /** Where the middle of a magnified picture is; null follows the aircraft. */
     this.centre = null;
     this.hasInset = true;
-    this.canvas = element('canvas', { class: 'picture', role: 'img', 'aria-label': `Picture of view ${view.id}` });
+    this.canvas = element('canvas', { class: 'picture', role: 'img', 'aria-label': `Image of view ${view.id}` });
     this.inset = element('canvas', { class: 'inset', 'aria-hidden': 'true' });
     this.said = element('span', { class: 'said' });
     this.frame = element('div', { class: 'frame' }, this.canvas, this.inset);
@@ -204,7 +204,7 @@ export class Picture {
   /** Says in words what is drawn. */
   say(words) {
     this.said.textContent = words;
-    this.canvas.setAttribute('aria-label', `Picture of view ${this.view.id}: ${words}`);
+    this.canvas.setAttribute('aria-label', `Image of view ${this.view.id}: ${words}`);
   }
 }
 

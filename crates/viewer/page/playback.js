@@ -68,7 +68,7 @@ class Stills {
     }
     if (!response.ok) {
       const answer = await response.json().catch(() => ({}));
-      throw new RequestError(answer.error ?? `the picture cannot be had: ${response.status}`);
+      throw new RequestError(answer.error ?? `the image cannot be loaded: ${response.status}`);
     }
     const sizes = response.headers.get('picture-size');
     if (!sizes) return new Still(await createImageBitmap(await response.blob(), { colorSpaceConversion: 'none' }), 1, null);
@@ -277,7 +277,7 @@ export class Player {
         return;
       } catch (error) {
         if (!isWanted()) return;
-        console.info('the browser cannot play these videos; single pictures are played instead', error);
+        console.info('the browser cannot play these videos; single images are played instead', error);
         this.videos?.close();
         this.videos = null;
       }

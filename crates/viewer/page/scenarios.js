@@ -159,7 +159,7 @@ export class Scenarios {
     };
     if (this.filterBar.contains(document.activeElement) && document.activeElement.tagName === 'INPUT') return;
     this.filterBar.replaceChildren(
-      choice('Show', [['pictures', 'pictures'], ['table', 'table']], this.form, form => {
+      choice('Show', [['pictures', 'images'], ['table', 'table']], this.form, form => {
         this.form = form;
         note({ as: form === 'table' ? form : undefined });
         this.fillFilters();

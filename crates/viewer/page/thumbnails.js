@@ -55,7 +55,7 @@ export class Thumbnails {
       this.addresses.push(address);
       place.replaceChildren(element('img', { src: address, alt: '' }));
     } catch (error) {
-      place.textContent = 'no picture';
+      place.textContent = 'no image';
       place.title = error.message;
     }
     this.running -= 1;

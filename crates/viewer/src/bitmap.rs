@@ -1,8 +1,8 @@
-//! A decoded picture as a Windows bitmap: browsers show it, its pixels are exact, and it costs only a copy.
+//! A decoded image as a Windows bitmap: browsers show it, its pixels are exact, and it costs only a copy.
 
 use dataset::video::BYTES_PER_PIXEL;
 
-/// Bytes before the pixels: the file's header and the picture's.
+/// Bytes before the pixels: the file's header and the image's.
 const HEADER_BYTES: u32 = 14 + 40;
 /// Rows begin at multiples of this.
 const ROW_ALIGNMENT: usize = 4;

@@ -31,7 +31,7 @@ impl Library {
         }
     }
 
-    /// A scenario in its current state, which stays open: its pictures will be asked for.
+    /// A scenario in its current state, which stays open: its images will be asked for.
     ///
     /// # Errors
     /// The name is none of a scenario, or there is no intact one of this name.

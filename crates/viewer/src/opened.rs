@@ -52,7 +52,7 @@ impl Opened {
         }
     }
 
-    /// The picture of a view at a tick.
+    /// The image of a view at a tick.
     pub(crate) fn picture(&self, view: &str, tick: u32, form: Form) -> Result<Picture, Refusal> {
         if tick >= self.record.ticks {
             let message = format!(

@@ -73,7 +73,7 @@ struct Row {
     views: Vec<String>,
     /// File names of the models with detections, or hashes where the name is not known.
     models: Vec<String>,
-    /// Of an unfinished recording: pictures of the view that has least.
+    /// Of an unfinished recording: images of the view that has least.
     recorded_ticks: Option<u64>,
     /// Of an unfinished recording: time since a file of it changed, seconds.
     unchanged_s: Option<u64>,
@@ -269,7 +269,7 @@ fn unfinished(corpus: &Corpus, id: &str, is_begun: bool) -> Row {
         if let Some(view) = path.file_stem() {
             row.views.push(view.to_string_lossy().into_owned());
         }
-        // A finished video has all pictures of its scenario.
+        // A finished video has all images of its scenario.
         if let Ok(Some(pictures)) = recorded_pictures(&path) {
             let least = row.recorded_ticks.unwrap_or(u64::MAX);
             row.recorded_ticks = Some(pictures.min(least));

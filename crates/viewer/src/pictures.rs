@@ -1,7 +1,7 @@
-//! Single pictures of a video, by tick.
+//! Single images of a video, by tick.
 //!
-//! Videos are decoded from a keyframe on. A page steps mostly to the next picture, which is the next one to decode; for steps backwards
-//! the pictures that were decoded on the way are kept.
+//! Videos are decoded from a keyframe on. A page steps mostly to the next image, which is the next one to decode; for steps backwards
+//! the images that were decoded on the way are kept.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -15,9 +15,9 @@ use serde::Deserialize;
 
 use crate::bitmap;
 
-/// Pictures kept, bytes: fifteen of 1920 x 1280 as planes.
+/// Images kept, bytes: fifteen of 1920 x 1280 as planes.
 const KEPT_BYTES: usize = 56 << 20;
-/// Up to this many pictures ahead decoding is faster than going to a keyframe.
+/// Up to this many images ahead decoding is faster than going to a keyframe.
 const NEAR_TICKS: u32 = 30;
 
 /// Form in which an image is requested.
@@ -30,7 +30,7 @@ pub(crate) enum Form {
     Planes,
 }
 
-/// A picture as it is sent.
+/// An image as it is sent.
 #[derive(Debug, Clone)]
 pub(crate) struct Picture {
     pub(crate) bytes: Bytes,
@@ -38,11 +38,11 @@ pub(crate) struct Picture {
     pub(crate) size_px: Option<[u32; 2]>,
 }
 
-/// The pictures of one view.
+/// The images of one view.
 pub(crate) struct Pictures {
     reader: VideoReader,
     frame_rate: FrameRate,
-    /// The tick of the picture that is decoded next, unless the reader went to a keyframe.
+    /// The tick of the image that is decoded next, unless the reader went to a keyframe.
     next_tick: u32,
     rgb: Vec<u8>,
     /// Those that were decoded last, all in one form.
@@ -62,7 +62,7 @@ impl Pictures {
         })
     }
 
-    /// The picture of a tick.
+    /// The image of a tick.
     ///
     /// # Errors
     /// The video has none, or is damaged. It has to be opened again.
@@ -90,7 +90,7 @@ impl Pictures {
             let found = decoded.and_then(|pts| self.tick_of(pts));
             let Some(found) = found.filter(|found| *found <= tick) else {
                 let message = format!(
-                    "has no picture of tick {tick}; `dtd verify` checks all pictures of a corpus"
+                    "has no image of tick {tick}; `dtd verify` checks all images of a corpus"
                 );
                 return Err(Error::corpus(path, message));
             };
@@ -110,7 +110,7 @@ impl Pictures {
         }
     }
 
-    /// The picture that was decoded last.
+    /// The image that was decoded last.
     fn decoded(&mut self) -> Result<Picture> {
         let size_px = [self.reader.width(), self.reader.height()];
         if self.form == Form::Planes

@@ -1,4 +1,4 @@
-//! Everything about one scenario but its pictures, as columns: ticks, boxes, registrations, and what the runs answered. Whatever
+//! Everything about one scenario but its images, as columns: ticks, boxes, registrations, and what the runs answered. Whatever
 //! cannot be read is left out and named.
 
 use std::collections::BTreeMap;
@@ -95,7 +95,7 @@ struct DetectionColumns {
     score: Vec<f64>,
     confirmed: Vec<bool>,
     mode: Vec<&'static str>,
-    /// Pictures without a box, and why.
+    /// Images without a box, and why.
     missed_tick: Vec<u32>,
     missed_reason: Vec<&'static str>,
 }

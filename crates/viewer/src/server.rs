@@ -25,7 +25,7 @@ use crate::refusal::Refusal;
 use crate::run::{Run, Summary};
 use crate::{assets, overview, path, planes, scenario_tables, thumbnail, video_file};
 
-/// Columns and rows of a picture that is sent as planes, and of its part if there is one.
+/// Columns and rows of an image that is sent as planes, and of its part if there is one.
 const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
 
 /// Options of the server.
@@ -122,7 +122,7 @@ struct OfView {
     view: String,
 }
 
-/// One picture of it.
+/// One image of it.
 #[derive(Debug, Deserialize)]
 struct OfPicture {
     scenario: String,

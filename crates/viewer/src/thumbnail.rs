@@ -1,6 +1,6 @@
-//! Thumbnails: one picture per scenario, cut out around the aircraft where it is nearest while still well in sight.
+//! Thumbnails: one image per scenario, cut out around the aircraft where it is nearest while still well in sight.
 //!
-//! Ground-truth boxes say where that is, else detections; a scenario without either shows its last picture. Thumbnails are made when a page
+//! Ground-truth boxes say where that is, else detections; a scenario without either shows its last image. Thumbnails are made when a page
 //! asks for them, a few at a time, and kept in memory.
 
 use std::cmp::Ordering;
@@ -25,7 +25,7 @@ use crate::library::Library;
 use crate::opened::Opened;
 use crate::refusal::Refusal;
 
-/// Thumbnails that are made at the same time: the pictures of a scenario that is looked at come first.
+/// Thumbnails that are made at the same time: the images of a scenario that is looked at come first.
 const AT_ONCE: usize = 2;
 /// Thumbnails kept, bytes: about 1,000.
 const KEPT_BYTES: usize = 16 << 20;
@@ -52,7 +52,7 @@ struct Kept {
     jpeg: Bytes,
 }
 
-/// The picture that a thumbnail is cut out of.
+/// The image that a thumbnail is cut out of.
 #[derive(Debug, Clone, PartialEq)]
 struct Moment {
     view: String,
@@ -90,7 +90,7 @@ impl Thumbnails {
 /// The thumbnail of a scenario as JPEG.
 ///
 /// # Errors
-/// There is no intact scenario of this name, or its picture cannot be read.
+/// There is no intact scenario of this name, or its image cannot be read.
 pub(crate) async fn read(library: Arc<Library>, id: String) -> Result<Bytes, Refusal> {
     // A request that is cancelled while waiting here uses no resources.
     let permits = library.thumbnails.permits.clone();
@@ -145,7 +145,7 @@ fn make(opened: &Opened, models: &[String]) -> Result<Bytes, Refusal> {
     Ok(jpeg.into_inner().into())
 }
 
-/// The picture in which the aircraft is nearest and well in sight, else the last one of the first view.
+/// The image in which the aircraft is nearest and well in sight, else the last one of the first view.
 fn moment(opened: &Opened, models: &[String]) -> Result<Moment, Refusal> {
     let files = &opened.files;
     let found = match files.truth_boxes_if_labelled()? {
@@ -179,7 +179,7 @@ fn moment(opened: &Opened, models: &[String]) -> Result<Moment, Refusal> {
     };
     found
         .or_else(last)
-        .ok_or_else(|| Refusal::not_found("the scenario has no pictures"))
+        .ok_or_else(|| Refusal::not_found("the scenario has no images"))
 }
 
 fn altitude(row: &TickRow) -> (u32, f64) {

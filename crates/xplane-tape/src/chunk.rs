@@ -13,7 +13,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::error::TapeError;
 
-/// Maximum record length, bytes: a chunk with the largest picture, with a margin.
+/// Maximum record length, bytes: a chunk with the largest image, with a margin.
 pub(super) const MAX_RECORD_BYTES: u64 = 1 << 30;
 
 /// Bytes of a chunk's header without the name of its compression.

@@ -1,7 +1,7 @@
 //! Reads a tape from its beginning, and single messages of it again.
 //!
 //! Reads what there is: a tape whose recorder was killed ends with its last complete chunk. Only one chunk is kept in memory, since
-//! tapes contain pictures.
+//! tapes contain images.
 
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;

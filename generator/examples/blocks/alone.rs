@@ -1,4 +1,4 @@
-//! Processor time of each step of a picture, measured alone: drawing and showing it, grabbing it off the screen, encoding it.
+//! Processor time of each step of an image, measured alone: drawing and showing it, grabbing it off the screen, encoding it.
 
 use std::error::Error;
 use std::path::Path;
@@ -17,10 +17,10 @@ use xplane_bridge::pixels::{Rectangle, RgbPicture, Screen};
 
 use super::MARGIN_PX;
 
-/// Pictures of each view that are measured.
+/// Images of each view that are measured.
 const PICTURES: usize = 100;
 
-/// Processor time per picture of each step.
+/// Processor time per image of each step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Steps {
     pub(crate) drawing: Duration,
@@ -54,7 +54,7 @@ impl Stage<'_> {
     }
 }
 
-/// The steps of pictures in the middle of a scenario, mean of its views.
+/// The steps of images in the middle of a scenario, mean of its views.
 pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Steps, Box<dyn Error>> {
     let opened = Corpus::open(corpus)?.scenario(id).open()?;
     let (record, calibration, frames) = (opened.record()?, opened.calibration()?, opened.frames()?);
@@ -75,7 +75,7 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
                 None,
             )
         };
-        // The window has margins around the picture.
+        // The window has margins around the image.
         let around = with_margins(camera);
         let scene = scene_of(&around);
         let mut drawn = RgbPicture {
@@ -98,7 +98,7 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
         let mut grabbed = RgbPicture::default();
         sum[1] += stage.per_picture(states.len(), |_| Ok(grab.grab(&mut grabbed)?))?;
 
-        // As drawn, not as decoded: a decoded picture has lost what costs most, such as streaks of rain.
+        // As drawn, not as decoded: a decoded image has lost what costs most, such as streaks of rain.
         let scene = scene_of(&camera);
         let pictures = states.iter().map(|(pose, controls, time_s)| {
             let mut rgb = vec![0; camera.width_px as usize * camera.height_px as usize * 3];

@@ -1,8 +1,8 @@
-//! Something that comes over the scene for a second in mid recording, in whole scenarios, and must be in none of their pictures.
+//! Something that comes over the scene for a second in mid recording, in whole scenarios, and must be in none of their images.
 //!
 //! Scenarios of four weathers are recorded undisturbed, and then once more for each kind of cover, with the cover at a random time and
 //! place. A paused world repeats every bit, so there each video has to equal the undisturbed one. Where time runs, rain and clouds differ
-//! from run to run: there no picture may differ in half of the cover's place as a cover does.
+//! from run to run: there no image may differ in half of the cover's place as a cover does.
 
 mod table;
 
@@ -29,14 +29,14 @@ use tracing::span;
 use super::{FRAMES_PER_S, MARGIN_PX, Recording};
 
 const SIZE_PX: (u32, u32) = (480, 320);
-/// Two percent of the picture.
+/// Two percent of the image.
 const COVER_PX: (u32, u32) = (96, 32);
 const SHOWN: Duration = Duration::from_secs(1);
 /// Parts of the time of the undisturbed recording between which a cover comes.
 const COMES: (f64, f64) = (0.1, 0.75);
 /// A pixel differs as a cover does if a colour differs by more than this, levels ...
 const COVER_LEVELS: u8 = 24;
-/// ... and a picture, if this share of the pixels in the cover's place does.
+/// ... and an image, if this share of the pixels in the cover's place does.
 const COVER_SHARE: f64 = 0.5;
 /// Text of the log when a cover is noticed.
 const NOTICED: &str = "something covers the scene";
@@ -51,7 +51,7 @@ enum Form {
     Pointer,
 }
 
-/// Left, top, width, height in the picture.
+/// Left, top, width, height in the image.
 type Area = [u32; 4];
 
 /// Adds the figures to `file`, or prints them.
@@ -214,7 +214,7 @@ impl Run {
     }
 }
 
-/// Covers an area of the picture for a second.
+/// Covers an area of the image for a second.
 fn show(form: Form, area: Area, covers: &mock_xplane::server::WindowCovers, display: &str) {
     let [left, top, width, height] = [area[0] + MARGIN_PX, area[1] + MARGIN_PX, area[2], area[3]];
     let in_window = [left, top, left + width, top + height];
@@ -231,7 +231,7 @@ fn show(form: Form, area: Area, covers: &mock_xplane::server::WindowCovers, disp
     }
 }
 
-/// Pictures of a scenario that show a cover.
+/// Images of a scenario that show a cover.
 fn covered_pictures(
     expected: &Corpus,
     found: &Corpus,

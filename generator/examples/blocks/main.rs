@@ -1,15 +1,15 @@
 //! Recording in blocks off the screen, with the stand-in that hosts the plugin and shows its frames on an X server (Xvfb).
 //!
-//! `cargo run --release -p dtd-generator --example blocks -- frames` counts the frames that the simulator draws per picture, at 60 frames
-//! a second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 pictures a second from two views.
-//! Frames are counted from the moment at which the flight is known to the last picture, so that settling and probes are included; the
-//! check of the window before and after is not, nor is the trial before the first scenario. Arguments: width and height of the pictures
+//! `cargo run --release -p dtd-generator --example blocks -- frames` counts the frames that the simulator draws per image, at 60 frames
+//! a second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 images a second from two views.
+//! Frames are counted from the moment at which the flight is known to the last image, so that settling and probes are included; the
+//! check of the window before and after is not, nor is the trial before the first scenario. Arguments: width and height of the images
 //! (480 320), the first and the last lag (0 4).
 //!
 //! `-- covers` puts something over the scene for a second in mid recording, in scenarios of four weathers: `covers.rs`. Arguments:
 //! scenarios of each weather (25), a seed (0), and a JSON file to which the figures are added, else they are printed.
 //!
-//! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of a picture,
+//! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of an image,
 //! each measured alone. Arguments: width and height (1920 1280), and a weather (clear and stormy). On a larger machine: `taskset -c 0,1`
 //! before it.
 
@@ -45,7 +45,7 @@ const FRAMES_PER_S: f64 = 60.0;
 /// Cores that the rate at full speed is compared with, and the share of them that the three steps should use.
 const CORES: f64 = 2.0;
 const GOAL: f64 = 0.7;
-/// On each side of the picture.
+/// On each side of the image.
 const MARGIN_PX: u32 = 16;
 /// Name of the corpus of [`Recording::record`].
 const SPEED: &str = "speed";
@@ -166,7 +166,7 @@ struct Recorded {
     frames: u64,
     pictures: u64,
     seconds: f64,
-    /// Of these, until the first picture and since the last.
+    /// Of these, until the first image and since the last.
     before_first_s: f64,
     after_last_s: f64,
     /// Processor time of the simulator, its screen and the recording.
@@ -244,7 +244,7 @@ impl Recording {
     }
 
     /// Records two scenarios of each weather from a distance, and returns the second ones: before the first one, a trial compares blocks
-    /// with settled pictures.
+    /// with settled images.
     async fn record(
         &self,
         dtd_nm: f64,

@@ -15,14 +15,14 @@ pub(super) struct Attempt<'a, 'r> {
     pub(super) id: &'a str,
     pub(super) cancel: &'a Cancel,
     pub(super) reporter: &'a Reporter<'r>,
-    /// Timeout of an answer while pictures are taken.
+    /// Timeout of an answer while images are taken.
     pub(super) answer_limit: Duration,
     /// At most so many ticks, for a trial.
     pub(super) most_ticks: Option<u32>,
 }
 
 impl Attempt<'_, '_> {
-    /// The states to record: all of them, or for a trial some that lie evenly between the first and the last. The times of pictures count
+    /// The states to record: all of them, or for a trial some that lie evenly between the first and the last. The times of images count
     /// ticks, so that clouds move from one to the next as in a whole scenario.
     pub(super) fn part_of(&self, states: Vec<FlightState>) -> Vec<FlightState> {
         match self.most_ticks.map(|most| most as usize) {

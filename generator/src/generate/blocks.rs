@@ -18,11 +18,11 @@ use super::event::Event;
 use super::lockstep::{Drawn, check, check_content, request};
 
 /// The most ticks of a block where time runs: some seconds on the screen, whatever the rate of the ticks. In longer blocks the views of a
-/// tick are further apart in time, and in much shorter ones something that covers the scene may come before the first picture and go after
+/// tick are further apart in time, and in much shorter ones something that covers the scene may come before the first image and go after
 /// the last.
 const MOST_RUNNING_TICKS: usize = 150;
 
-/// Captures all pictures into `encoders`, block by block; returns what was drawn for each tick and view, and how.
+/// Captures all images into `encoders`, block by block; returns what was drawn for each tick and view, and how.
 pub(super) async fn capture_blocks(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
@@ -92,12 +92,12 @@ pub(super) async fn capture_blocks(
     }
     blocks.frames_behind.sort_unstable();
     blocks.frames_behind.dedup();
-    // The screen's registration before the first picture must still hold after the last.
+    // The screen's registration before the first image must still hold after the last.
     attempt.unless_cancelled(simulator.confirm_pixels()).await?;
     Ok((drawn, blocks))
 }
 
-/// Compares pictures of blocks with settled ones, unless that was done before; whether blocks are used from now on.
+/// Compares images of blocks with settled ones, unless that was done before; whether blocks are used from now on.
 pub(super) async fn may_use_blocks(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
@@ -122,9 +122,7 @@ pub(super) async fn may_use_blocks(
         .await?
     {
         BlockTrial::Equal => {
-            tracing::info!(
-                "pictures from a resting camera are equal to settled ones, and are used"
-            );
+            tracing::info!("images from a resting camera are equal to settled ones, and are used");
             Ok(true)
         }
         BlockTrial::Different {
@@ -136,7 +134,7 @@ pub(super) async fn may_use_blocks(
                 tick,
                 pixels,
                 noise_pixels,
-                "pictures from a resting camera differ from settled ones: every picture is settled, which takes several times as long"
+                "images from a resting camera differ from settled ones: every image is settled, which takes several times as long"
             );
             Ok(false)
         }

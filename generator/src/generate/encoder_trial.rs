@@ -9,7 +9,7 @@ use tokio::task::spawn_blocking;
 use super::error::GenerateError;
 use super::event::{Event, Reporter};
 
-/// Tries an encoder with the sweep's pictures, in a temporary folder.
+/// Tries an encoder with the sweep's images, in a temporary folder.
 ///
 /// # Errors
 /// [`GenerateError::Encoder`] with the fault and what to do.

@@ -1,7 +1,7 @@
-//! One thread per view that encodes pictures to a video, after its camera's own stream if there is one.
+//! One thread per view that encodes images to a video, after its camera's own stream if there is one.
 //!
-//! Only so many pictures may wait: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
-//! written pictures are reused, unless they belong to a pool.
+//! Only so many images may wait: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
+//! written images are reused, unless they belong to a pool.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use super::error::ScenarioError;
 /// The encoders of a scenario. If they are dropped without [`Encoders::finish`], they stop and leave unfinished files.
 pub(super) struct Encoders {
     views: Vec<Encoder>,
-    /// For the pictures that wait, of all views together.
+    /// For the images that wait, of all views together.
     room: Arc<Semaphore>,
     written: mpsc::UnboundedReceiver<PictureBytes>,
 }
@@ -36,7 +36,7 @@ enum Message {
 }
 
 impl Encoders {
-    /// Starts an encoder for each view and the stream of its camera. So many pictures may wait for all of them together.
+    /// Starts an encoder for each view and the stream of its camera. So many images may wait for all of them together.
     pub(super) fn start<'a>(
         folder: &ScenarioFolder,
         views: impl IntoIterator<Item = (&'a str, Option<Stream>)>,
@@ -78,7 +78,7 @@ impl Encoders {
         }
     }
 
-    /// Sends the next picture of a view; waits while the encoder is behind.
+    /// Sends the next image of a view; waits while the encoder is behind.
     ///
     /// # Errors
     /// The encoder has ended; [`Encoders::abandon`] returns the reason.
@@ -96,7 +96,7 @@ impl Encoders {
         encoder.pictures.send(picture).map_err(|_| ended())
     }
 
-    /// The buffer of a picture that has been written.
+    /// The buffer of an image that has been written.
     pub(super) fn take_written(&mut self) -> Option<PictureBytes> {
         self.written.try_recv().ok()
     }
@@ -210,7 +210,7 @@ mod tests {
         )
     }
 
-    /// Writes black pictures, one view after the other, until an encoder fails or `ticks` of them are written.
+    /// Writes black images, one view after the other, until an encoder fails or `ticks` of them are written.
     async fn write(encoders: &mut Encoders, ticks: u32) -> Result<(), ScenarioError> {
         for _ in 0..ticks {
             for view in 0..2 {

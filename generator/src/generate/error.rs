@@ -110,7 +110,7 @@ pub enum GenerateError {
     Trial(Box<ScenarioError>),
     /// The encoder that the user chose failed its trial.
     #[error(
-        "encoder {encoder} was tried with {TRIAL_PICTURES} pictures and is not used: {fault}. It needs {needs}. Nothing was recorded; record \
+        "encoder {encoder} was tried with {TRIAL_PICTURES} images and is not used: {fault}. It needs {needs}. Nothing was recorded; record \
          without --encoder, which encodes on the processor, or choose another"
     )]
     Encoder {
@@ -195,9 +195,9 @@ pub enum ScenarioError {
     /// The run was cancelled.
     #[error("stopped")]
     Cancelled,
-    /// The simulator is connected, but no picture arrives.
+    /// The simulator is connected, but no image arrives.
     #[error(
-        "the simulator did not answer within {:.1} s while pictures were taken: it is frozen or cut off",
+        "the simulator did not answer within {:.1} s while images were taken: it is frozen or cut off",
         waited.as_secs_f64()
     )]
     Frozen {
@@ -209,7 +209,7 @@ pub enum ScenarioError {
     Bridge(#[from] BridgeError),
     /// Another version came back after a restart.
     #[error(
-        "the simulator was {before} when the run began, and is {found} now: its pictures may differ. Run the same command again to \
+        "the simulator was {before} when the run began, and is {found} now: its images may differ. Run the same command again to \
          go on with this version"
     )]
     OtherSimulator {
@@ -263,7 +263,7 @@ pub enum ScenarioError {
     /// The thread that computes a flight panicked.
     #[error("computing the flight failed: {0}")]
     Computing(JoinError),
-    /// A picture does not show what was requested.
+    /// An image does not show what was requested.
     #[error("tick {tick}, view {view}: the simulator did not draw what was requested: {what}")]
     NotInStep {
         /// Tick that was due.
@@ -273,9 +273,9 @@ pub enum ScenarioError {
         /// Difference between the drawn and the expected state.
         what: String,
     },
-    /// A picture is empty.
+    /// An image is empty.
     #[error(
-        "tick {tick}, view {view}: the picture is of one colour, {color:?}, from edge to edge; expected a view of {visibility_m:.0} m. Is the \
+        "tick {tick}, view {view}: the image is of one colour, {color:?}, from edge to edge; expected a view of {visibility_m:.0} m. Is the \
          simulator's window covered, minimised or still loading?"
     )]
     Blank {
@@ -289,7 +289,7 @@ pub enum ScenarioError {
         visibility_m: f64,
     },
     /// A thread that wrote a video left early.
-    #[error("the encoder of view {view} stopped: it ended before the last picture")]
+    #[error("the encoder of view {view} stopped: it ended before the last image")]
     EncoderEnded {
         /// The view.
         view: String,

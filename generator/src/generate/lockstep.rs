@@ -1,7 +1,7 @@
 //! Replays a flight tick by tick and captures every view of every tick.
 //!
 //! The simulator stands still between requests. A request says what to draw, the answer says what was drawn; any difference ends
-//! the attempt. A few requests are in flight at once, so that the simulator draws while pictures travel and are encoded.
+//! the attempt. A few requests are in flight at once, so that the simulator draws while images travel and are encoded.
 
 use std::fmt::Debug;
 
@@ -19,7 +19,7 @@ use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;
 
-/// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB a picture).
+/// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB an image).
 const UNDER_WAY: usize = 4;
 
 /// Report of the simulator about one image.
@@ -30,7 +30,7 @@ pub(super) struct Drawn {
     pub(super) camera: CameraPose,
 }
 
-/// Captures all pictures into `encoders`; returns what was drawn for each tick and view.
+/// Captures all images into `encoders`; returns what was drawn for each tick and view.
 pub(super) async fn capture(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
@@ -83,7 +83,7 @@ pub(super) async fn capture(
             });
         }
     }
-    // The screen's registration before the first picture must still hold after the last.
+    // The screen's registration before the first image must still hold after the last.
     attempt.unless_cancelled(simulator.confirm_pixels()).await?;
     Ok(drawn)
 }
@@ -109,7 +109,7 @@ pub(super) fn request(
     }
 }
 
-/// Rejects a picture that does not show what was requested, within the precision of X-Plane's 32-bit floats, or that is not newer
+/// Rejects an image that does not show what was requested, within the precision of X-Plane's 32-bit floats, or that is not newer
 /// than the previous one.
 pub(super) fn check(
     asked: &CaptureRequest,
@@ -145,7 +145,7 @@ pub(super) fn check(
     );
     if found != expected || frame.rgb.len() != asked.rgb_bytes() {
         return not_in_step(
-            "size of the picture",
+            "size of the image",
             &(found, frame.rgb.len()),
             &(expected, asked.rgb_bytes()),
         );
@@ -166,7 +166,7 @@ pub(super) fn check(
     })
 }
 
-/// Rejects an empty picture.
+/// Rejects an empty image.
 pub(super) fn check_content(
     frame: &CapturedFrame,
     view: &str,
@@ -185,11 +185,11 @@ pub(super) fn check_content(
 
 /// No component of a black pixel is brighter: codecs and screens round.
 const BLACK: u8 = 1;
-/// At a higher visibility no fog fills a picture from edge to edge with one colour, metres. A camera of long focal length that looks over
+/// At a higher visibility no fog fills an image from edge to edge with one colour, metres. A camera of long focal length that looks over
 /// the ground, as the paper's do, sees nothing else at 5 NM.
 const FOG_FILLS_PICTURE_M: f64 = 10_000.0;
 
-/// The colour of an empty picture: black all over, or a single colour that fog does not explain. Almost free if two pixels near the
+/// The colour of an empty image: black all over, or a single colour that fog does not explain. Almost free if two pixels near the
 /// start differ.
 fn blank(rgb: &[u8], weather: &Weather) -> Option<[u8; 3]> {
     let (pixels, _) = rgb.as_chunks();
@@ -296,7 +296,7 @@ mod tests {
             ("the camera stood with hfov_deg 10.1", |f| {
                 f.camera.hfov_deg = 10.1;
             }),
-            ("size of the picture", |f| f.rgb = vec![0; 23].into()),
+            ("size of the image", |f| f.rgb = vec![0; 23].into()),
             ("frame number is 99, expected \"more than 99\"", |f| {
                 f.sim_frame = 99;
             }),

@@ -1,4 +1,4 @@
-//! Source and size of the pictures of a run: the same for all its scenarios.
+//! Source and size of the images of a run: the same for all its scenarios.
 
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ impl Pictures {
         (self.choice == screen).then_some((self.width_px, self.height_px))
     }
 
-    /// Makes a new connection take its pictures from this source, and checks that it can. One that cannot is closed properly.
+    /// Makes a new connection take its images from this source, and checks that it can. One that cannot is closed properly.
     pub(super) async fn set_up(&self, mut simulator: Simulator) -> Result<Simulator, BridgeError> {
         let picture_px = (self.width_px, self.height_px);
         let used = simulator.use_pixels(self.choice, picture_px, &self.screen);

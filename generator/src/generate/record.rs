@@ -1,4 +1,4 @@
-//! Records one scenario: conditions, flight, pictures, tables, seal.
+//! Records one scenario: conditions, flight, images, tables, seal.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -37,7 +37,7 @@ use crate::trajectory::Trajectory;
 /// Position and speed of an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
 const WAITING_SPEED_MPS: f64 = 80.0;
-/// Pictures that may wait for each encoder, unless they come in blocks.
+/// Images that may wait for each encoder, unless they come in blocks.
 const WAITING_PICTURES: usize = 2;
 /// The inputs of a scenario and its destination.
 pub(super) struct Work<'a> {
@@ -366,7 +366,7 @@ fn frames(
     picture: Picture,
 ) -> Frames {
     let rate = picture.frame_rate;
-    // Counted from the scenario's first picture, so that a scenario gives the same table whenever it is recorded.
+    // Counted from the scenario's first image, so that a scenario gives the same table whenever it is recorded.
     let all = drawn.iter().flatten().map(|drawn| drawn.sim_frame);
     let first_sim_frame = all.min().unwrap_or(0);
     let row = |(tick, (state, drawn)): (usize, (&FlightState, &Vec<Drawn>))| TickRow {

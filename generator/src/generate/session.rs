@@ -319,7 +319,7 @@ impl Session {
         Ok(simulator)
     }
 
-    /// Rejects a simulator or a plugin that was updated while it was restarted: no check compares pictures of two versions.
+    /// Rejects a simulator or a plugin that was updated while it was restarted: no check compares images of two versions.
     async fn of_the_same_version(
         &mut self,
         simulator: Simulator,
@@ -377,7 +377,7 @@ impl Session {
         Ok(self.stand_in.insert(fresh).address())
     }
 
-    /// Waits up to `limit` for the simulator, with its pictures; the error is the last reason why it cannot be used. Our own stand-in is
+    /// Waits up to `limit` for the simulator, with its images; the error is the last reason why it cannot be used. Our own stand-in is
     /// restarted, since its last behaviour was wrong.
     pub(super) async fn come_back(&mut self, limit: Duration) -> Result<(), ScenarioError> {
         self.ready = None;

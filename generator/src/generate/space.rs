@@ -4,7 +4,7 @@
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// Less than this counts as none: the size of a picture.
+/// Less than this counts as none: the size of an image.
 const NOTHING_BYTES: u64 = 8 << 20;
 
 /// Bytes available where a folder is, or will be; unknown if the system does not report it.

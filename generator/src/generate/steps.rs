@@ -11,7 +11,7 @@ pub(crate) struct Steps {
     pub(crate) weather: Duration,
     /// Flying or computing the flight.
     pub(crate) flying: Duration,
-    /// All pictures, the tables, and the seal.
+    /// All images, the tables, and the seal.
     pub(crate) recording: Duration,
 }
 

@@ -1,9 +1,9 @@
 //! A trial: a few ticks of one scenario of every weather, recorded into a temporary corpus as a run records them, to measure how long
 //! recording takes with the stand-in on this machine.
 //!
-//! Each scenario is recorded with few ticks and with more: the difference is what pictures cost, the rest is what a scenario costs. The
-//! aircraft is shown all along its way, but the pictures are as close in time as the sweep wants: those that are close share the clouds,
-//! which are the most expensive part of a picture.
+//! Each scenario is recorded with few ticks and with more: the difference is what images cost, the rest is what a scenario costs. The
+//! aircraft is shown all along its way, but the images are as close in time as the sweep wants: those that are close share the clouds,
+//! which are the most expensive part of an image.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Duration of recording, part by part: pictures, flights that are flown live, loading, weather, restarts.
+//! Duration of recording, part by part: images, flights that are flown live, loading, weather, restarts.
 //!
 //! Every part has a source: a trial with the stand-in on this machine, the profile of an X-Plane, or an assumption, which is said.
 
@@ -9,10 +9,10 @@ use dataset::plan::{Common, PlannedScenario};
 use serde::Serialize;
 use xplane_bridge::profile::Profile;
 
-/// Pictures that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
-/// 1280, 30 pictures a second, the default `[video]`. How it was measured: `docs/sweeps.md`.
+/// Images that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
+/// 1280, 30 images a second, the default `[video]`. How it was measured: `docs/sweeps.md`.
 const STAND_IN_PICTURES_PER_S: f64 = 45.0;
-/// Picture size of that figure; cost grows with the number of pixels.
+/// Image size of that figure; cost grows with the number of pixels.
 const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
 
 /// Assumed durations for an X-Plane without measurements, seconds: loading the place of a flight (20 s measured by others, and the terrain
@@ -24,15 +24,15 @@ const ASSUMED_RESTART_S: f64 = 180.0;
 const ASSUMED_TRAVEL_S: f64 = 5.0;
 /// A flight is flown on for this long after touchdown, which no scenario shows, seconds.
 const ROLL_OUT_S: f64 = 3.0;
-/// Pictures per second that X-Plane is assumed to deliver.
+/// Images per second that X-Plane is assumed to deliver.
 const ASSUMED_PICTURES_PER_S: f64 = 8.0;
 
 /// Measured cost of the scenarios of one weather, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeatherCost {
-    /// A picture.
+    /// An image.
     pub picture_s: f64,
-    /// A scenario, besides its pictures and what follows.
+    /// A scenario, besides its images and what follows.
     pub scenario_s: f64,
     /// Until the flight can begin.
     pub loading_s: f64,
@@ -51,14 +51,14 @@ pub enum Pacing {
     Trial(BTreeMap<String, WeatherCost>),
     /// An X-Plane, with its profile if it has one.
     XPlane(Option<Box<Profile>>),
-    /// An X-Plane that delivers as many pictures a second, all views together.
+    /// An X-Plane that delivers as many images a second, all views together.
     PicturesPerSecond(f64),
 }
 
 /// Durations of the parts, hours, and the source of each figure.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Durations {
-    /// Drawing, grabbing and encoding pictures.
+    /// Drawing, grabbing and encoding images.
     pub pictures_h: f64,
     /// Source of that figure.
     pub pictures_basis: String,
@@ -66,7 +66,7 @@ pub struct Durations {
     pub live_flying_h: f64,
     /// Source of that figure.
     pub live_flying_basis: String,
-    /// Starting flights and loading scenery, and all that a scenario takes besides its pictures.
+    /// Starting flights and loading scenery, and all that a scenario takes besides its images.
     pub loading_h: f64,
     /// Source of that figure.
     pub loading_basis: String,
@@ -283,7 +283,7 @@ fn trial(
     durations
 }
 
-/// Pixels of a picture, in multiples of the measured ones.
+/// Pixels of an image, in multiples of the measured ones.
 pub(super) fn relative_size(common: &Common) -> f64 {
     let picture = common.picture;
     f64::from(picture.width_px) * f64::from(picture.height_px) / MEASURED_PIXELS

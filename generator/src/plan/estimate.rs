@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::duration::{Durations, Pacing, relative_size};
 
-/// Seconds between two pictures, and bytes of one on disk, mean over the four weathers of `scenarios.toml`: the further apart pictures are,
+/// Seconds between two images, and bytes of one on disk, mean over the four weathers of `scenarios.toml`: the further apart images are,
 /// the less a video gains from the one before. How it was measured: `docs/sweeps.md`.
 const BYTES_PER_PICTURE: [(f64, f64); 5] = [
     (1.0 / 30.0, 9_200.0),
@@ -26,12 +26,12 @@ const AMPLE_BITS_PER_LOSSLESS_PIXEL: f64 = 6.0;
 const TABLE_BYTES_PER_TICK: f64 = 400.0;
 /// A measured corpus may contain the easier scenarios.
 const AMPLE_OVER_MEASURED: f64 = 1.5;
-/// Measured in a corpus of the same pictures.
+/// Measured in a corpus of the same images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredSize {
     /// Bytes of all folders examined.
     pub bytes: u64,
-    /// Pictures in them, all views together.
+    /// Images in them, all views together.
     pub pictures: u64,
     /// Number of those scenarios.
     pub scenarios: usize,
@@ -44,7 +44,7 @@ pub struct Estimate {
     pub scenarios: usize,
     /// Ticks of all scenarios: exact for recordings, expected for live flights.
     pub ticks: u64,
-    /// Pictures of all views.
+    /// Images of all views.
     pub pictures: u64,
     /// Simulated flight, hours.
     pub flight_h: f64,
@@ -127,14 +127,14 @@ fn measured_bytes_per_picture(size: Option<MeasuredSize>) -> Option<f64> {
         .map(|size| size.bytes as f64 / size.pictures as f64)
 }
 
-/// Bytes of one of the stand-in's pictures, if its size was measured with this `[video]`.
+/// Bytes of one of the stand-in's images, if its size was measured with this `[video]`.
 fn expected_bytes_per_picture(common: &Common) -> Option<f64> {
     let apart_s = common.picture.frame_rate.period_s();
     (common.video == VideoSettings::default())
         .then(|| bytes_of_picture_after(apart_s) * relative_size(common))
 }
 
-/// Bytes of a picture this long after the one before.
+/// Bytes of an image this long after the one before.
 fn bytes_of_picture_after(apart_s: f64) -> f64 {
     by_distance(&BYTES_PER_PICTURE, apart_s)
 }

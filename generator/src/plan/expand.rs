@@ -171,7 +171,7 @@ fn jitter(sweep: &Sweep, seed: u64) -> BTreeMap<String, Jitter> {
     sweep.jitter.as_ref().map(drawn).unwrap_or_default()
 }
 
-/// Only differences from an ideal picture are listed.
+/// Only differences from an ideal image are listed.
 fn imaging(sweep: &Sweep, seed: u64) -> BTreeMap<String, Imaging> {
     let table = sweep.imaging.clone().unwrap_or_default();
     let cameras = sweep.cameras.iter();

@@ -1,4 +1,4 @@
-//! `[imaging]`: air, mast, sensor and stream between an ideal picture and a real one. X-Plane has none of it; the stand-in can draw it, and
+//! `[imaging]`: air, mast, sensor and stream between an ideal image and a real one. X-Plane has none of it; the stand-in can draw it, and
 //! the stream is ours.
 //!
 //! A preset gives values to the keys that a sweep leaves out. Plans contain values only, whatever they come from.
@@ -67,7 +67,7 @@ pub struct SensorTable {
     /// Standard deviation of the read noise, electrons, drawn per camera; 0 by default.
     #[schemars(transform = limits::READ_NOISE_ELECTRONS.in_schema())]
     pub read_noise_electrons: Option<Spread>,
-    /// Exposure relative to an ideal picture, stops, drawn per camera; 0 by default.
+    /// Exposure relative to an ideal image, stops, drawn per camera; 0 by default.
     #[schemars(transform = limits::EXPOSURE_EV.in_schema())]
     pub exposure_ev: Option<Spread>,
 }
@@ -147,7 +147,7 @@ impl ImagingTable {
         }
     }
 
-    /// The picture properties of a camera in the scenario with this seed, its lens included.
+    /// The image properties of a camera in the scenario with this seed, its lens included.
     pub(crate) fn draw(&self, scenario_seed: u64, camera: &PlannedCamera) -> Imaging {
         let draw = |name: &str, spread: &Option<Spread>| {
             let spread = spread.as_ref()?;

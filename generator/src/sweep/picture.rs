@@ -1,4 +1,4 @@
-//! `[picture]`: size and rate of the pictures.
+//! `[picture]`: size and rate of the images.
 
 use dataset::numbers::frame_rate::{self, FrameRate};
 use dataset::numbers::limits::PICTURE_SIDE_PX;
@@ -22,7 +22,7 @@ pub(super) struct PictureTable {
     /// Height, pixels; even.
     #[schemars(range(min = LEAST_SIDE_PX, max = MOST_SIDE_PX), extend("multipleOf" = 2))]
     height_px: u32,
-    /// Pictures per second of flight, 1/60 to 240: a number, or a fraction such as `"30000/1001"` or `"1/2"` (a picture every two
+    /// Images per second of flight, 1/60 to 240: a number, or a fraction such as `"30000/1001"` or `"1/2"` (an image every two
     /// seconds) with terms up to 1,000,000.
     #[serde(deserialize_with = "frame_rate::text::deserialize")]
     #[schemars(schema_with = "frame_rate::text::schema")]

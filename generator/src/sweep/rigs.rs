@@ -57,7 +57,7 @@ pub(super) struct CameraTable {
     /// Horizontal field of view, degrees.
     #[schemars(transform = limits::HFOV_DEG.in_schema())]
     hfov_deg: f64,
-    /// Distortion of its lens, with OpenCV's coefficients; a pinhole by default. It must not fold the picture over. Only the bundled
+    /// Distortion of its lens, with OpenCV's coefficients; a pinhole by default. It must not fold the image over. Only the bundled
     /// simulator can draw it.
     distortion: Option<Distortion>,
 }
@@ -93,7 +93,7 @@ pub(super) fn cameras(used: &str, defined: &BTreeMap<String, Rig>) -> Checked<Ve
     }
 }
 
-/// Rejects lenses that fold the picture over at any field of view that jitter can give.
+/// Rejects lenses that fold the image over at any field of view that jitter can give.
 pub(super) fn check_lenses(
     defined: &BTreeMap<String, Rig>,
     picture: Picture,

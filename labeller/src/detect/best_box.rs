@@ -1,11 +1,11 @@
-//! The box of a picture that is registered with other views, and the one by which a camera is judged.
+//! The box of an image that is registered with other views, and the one by which a camera is judged.
 
 use dataset::corpus::detections::Detection;
 use dataset::tables::pixel_box::PixelBox;
 
 use super::sequence::Tracked;
 
-/// A box that was found in a picture.
+/// A box that was found in an image.
 pub(super) trait Found {
     fn pixel_box(&self) -> PixelBox;
     fn score(&self) -> f64;

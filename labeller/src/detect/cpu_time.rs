@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct CpuTime {
     /// Reading and decoding videos.
     pub decode: f64,
-    /// Converting pictures to RGB.
+    /// Converting images to RGB.
     pub convert: f64,
     /// Running the model: filling its windows, its inference, reading its answers.
     pub infer: f64,

@@ -369,7 +369,7 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl ViewJob<'_> {
-    /// Number of pictures of the view.
+    /// Number of images of the view.
     pub(super) fn pictures(&self) -> u64 {
         self.ticks().ticks.len() as u64
     }
@@ -383,7 +383,7 @@ impl ViewJob<'_> {
         &self.scenario.views[self.index]
     }
 
-    /// Processes the view and stores the result with its scenario. Calls `picture_done` after every picture. Without a detector, the
+    /// Processes the view and stores the result with its scenario. Calls `picture_done` after every image. Without a detector, the
     /// stored detections are used.
     pub(super) fn search(
         &self,

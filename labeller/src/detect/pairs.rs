@@ -42,7 +42,7 @@ pub(super) struct Done {
 }
 
 impl Done {
-    /// Takes back the registrations of pictures of which no box was kept.
+    /// Takes back the registrations of images of which no box was kept.
     pub(super) fn without_boxes(mut self, detections: &Detections) -> Self {
         let boxes = detections.boxes.iter();
         let seen: HashSet<_> = boxes.map(|kept| (kept.tick, kept.view.as_str())).collect();

@@ -1,4 +1,4 @@
-//! The pictures of a view, one after another: decoded, and converted as far as they are looked at.
+//! The images of a view, one after another: decoded, and converted as far as they are looked at.
 
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::numbers::units::SimTime;
@@ -18,7 +18,7 @@ pub(crate) struct ViewTicks {
     pub(crate) ticks: Vec<ViewTick>,
 }
 
-/// A picture that the video must have.
+/// An image that the video must have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewTick {
     pub(crate) tick: u32,
@@ -54,7 +54,7 @@ pub(super) struct Pictures<'a> {
     view: &'a str,
     clock: &'a CpuClock,
     reader: VideoReader,
-    /// The whole picture, once it was converted.
+    /// The whole image, once it was converted.
     whole: Vec<u8>,
     is_converted: bool,
     part: Vec<u8>,
@@ -77,7 +77,7 @@ impl<'a> Pictures<'a> {
         })
     }
 
-    /// Goes on to the picture of a tick.
+    /// Goes on to the image of a tick.
     pub(super) fn next(&mut self, expected: &ViewTick) -> Result<()> {
         self.is_converted = false;
         let found = self.decode()?;
@@ -85,10 +85,10 @@ impl<'a> Pictures<'a> {
             return Ok(());
         }
         let found = found.map_or("the end of the video".into(), |found| {
-            format!("a picture with timestamp {found}")
+            format!("an image with timestamp {found}")
         });
         Err(self.fault(format!(
-            "at tick {} expected a picture with timestamp {}, found {found}; generate the scenario again",
+            "at tick {} expected an image with timestamp {}, found {found}; generate the scenario again",
             expected.tick, expected.pts
         )))
     }
@@ -98,7 +98,7 @@ impl<'a> Pictures<'a> {
         match self.decode()? {
             None => Ok(()),
             Some(pts) => Err(self.fault(format!(
-                "after the last tick there is a picture with timestamp {pts}; generate the scenario again"
+                "after the last tick there is an image with timestamp {pts}; generate the scenario again"
             ))),
         }
     }

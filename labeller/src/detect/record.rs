@@ -36,11 +36,11 @@ pub(super) struct DetectionRecord {
     pub searching: Searching,
     /// Version of this software.
     pub dtd: String,
-    /// Number of pictures.
+    /// Number of images.
     pub pictures: u64,
     /// Boxes in the table.
     pub detections: u64,
-    /// Pictures without a box.
+    /// Images without a box.
     pub misses: u64,
     /// Windows that the model was run on.
     pub windows: u64,
@@ -61,7 +61,7 @@ pub(super) struct DetectionRecord {
 pub(super) struct Searching {
     /// Thresholds and windows of the search.
     pub settings: TilingSettings,
-    /// Parts of the pictures that were searched.
+    /// Parts of the images that were searched.
     pub modes: ModeSettings,
     /// Version of the rules of tracks.
     #[serde(default)]

@@ -1,6 +1,6 @@
 //! Searches scenarios without writing anything, for who evaluates a detector.
 //!
-//! The same views, pictures, tracks and registrations as in `dtd detect`: both call [`search_view`] and [`Pairs`].
+//! The same views, images, tracks and registrations as in `dtd detect`: both call [`search_view`] and [`Pairs`].
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -35,7 +35,7 @@ pub struct Searcher {
 /// Results of the search of a scenario.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Findings {
-    /// Boxes, and pictures without.
+    /// Boxes, and images without.
     pub detections: Detections,
     /// Each view compared with the first; none with one view.
     pub registrations: Vec<Registration>,
@@ -79,7 +79,7 @@ impl Searcher {
     /// Searches all views of a scenario, several at a time.
     ///
     /// # Errors
-    /// A video does not have the pictures that it should have, the detector fails, or the caller stops it ([`crate::Error::Stopped`]).
+    /// A video does not have the images that it should have, the detector fails, or the caller stops it ([`crate::Error::Stopped`]).
     pub fn search(
         &self,
         scenario: &OpenScenario,

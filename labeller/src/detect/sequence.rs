@@ -1,7 +1,7 @@
-//! Searches the pictures of a view one after another, each at the places that the previous ones suggest.
+//! Searches the images of a view one after another, each at the places that the previous ones suggest.
 //!
-//! Whole pictures are searched as described in [`crate::tiling`]. Between them, each tracked aircraft gets one window around its expected
-//! place, and the rest of the picture is neither converted nor searched.
+//! Whole images are searched as described in [`crate::tiling`]. Between them, each tracked aircraft gets one window around its expected
+//! place, and the rest of the image is neither converted nor searched.
 
 use dataset::corpus::detections::{MissReason, SearchMode};
 use dataset::tables::pixel_box::PixelBox;
@@ -15,29 +15,29 @@ use crate::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
 use crate::tracking::{Expected, Searched, Seen, Tracker};
 
-/// After a loss the whole picture is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
-/// in every other picture.
+/// After a loss the whole image is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
+/// in every other image.
 const LOSS_PART: f64 = 0.25;
-/// While an aircraft is followed, the shortest time between two periodic searches of whole pictures, in pictures.
+/// While an aircraft is followed, the shortest time between two periodic searches of whole images, in images.
 const LEAST_PERIOD: f64 = 5.0;
-/// A picture that is due within this part of the time since the last one is due now.
+/// An image that is due within this part of the time since the last one is due now.
 const DUE_PART: f64 = 0.5;
-/// An aircraft that may move further between two pictures, in lengths of its box, is looked for everywhere.
+/// An aircraft that may move further between two images, in lengths of its box, is looked for everywhere.
 const MOST_LENGTHS: f64 = 1.0;
 /// A box this close to the border of its window may be cut off there, pixels.
 const BORDER_PX: f64 = 1.5;
 
-/// The search of a view. Its memory does not grow with the number of pictures.
+/// The search of a view. Its memory does not grow with the number of images.
 pub(super) struct Sequence {
     tiling: TilingSettings,
     modes: ModeSettings,
     tracker: Tracker,
-    /// Times of the last picture and of the last one that was searched whole.
+    /// Times of the last image and of the last one that was searched whole.
     last_s: Option<f64>,
     last_full_s: Option<f64>,
 }
 
-/// Results of the search of a picture.
+/// Results of the search of an image.
 struct Looked {
     sightings: Vec<Sighting>,
     mode: SearchMode,
@@ -62,7 +62,7 @@ pub(super) struct Tracked {
     pub(super) counts: bool,
 }
 
-/// The boxes of a picture.
+/// The boxes of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shown {
     pub(super) boxes: Vec<Tracked>,
@@ -87,12 +87,12 @@ impl Sequence {
         }
     }
 
-    /// Time of the last picture since the first one, seconds.
+    /// Time of the last image since the first one, seconds.
     pub(super) fn now_s(&self) -> f64 {
         self.tracker.now_s()
     }
 
-    /// Searches the next picture.
+    /// Searches the next image.
     pub(super) fn look(
         &mut self,
         detector: &mut dyn Detector,
@@ -115,7 +115,7 @@ impl Sequence {
         Ok(self.shown(looked))
     }
 
-    /// Searches the expected places of the tracked aircraft, or the whole picture if that is due.
+    /// Searches the expected places of the tracked aircraft, or the whole image if that is due.
     fn where_expected(
         &self,
         detector: &mut dyn Detector,
@@ -218,7 +218,7 @@ impl Sequence {
         keep_best(sightings, iou, most, Sighting::scored)
     }
 
-    /// The boxes of a picture with the tracks to which they belong.
+    /// The boxes of an image with the tracks to which they belong.
     fn shown(&mut self, looked: Looked) -> Shown {
         let searched = match &looked.around {
             None => Searched::Everywhere,
@@ -256,7 +256,7 @@ impl Sequence {
     }
 }
 
-/// The part of a picture of this size that a window shows, and the same window in it.
+/// The part of an image of this size that a window shows, and the same window in it.
 fn behind(window: Window, [width_px, height_px]: [u32; 2]) -> (PicturePart, Window) {
     let shown = |side_px: u32, start_px: u32, picture_px: u32| {
         let shown_px = side_px.saturating_mul(window.shrink);
@@ -276,7 +276,7 @@ fn behind(window: Window, [width_px, height_px]: [u32; 2]) -> (PicturePart, Wind
     (part, within)
 }
 
-/// True if a box ends inside the pixels that a window shows, or at the edge of the picture.
+/// True if a box ends inside the pixels that a window shows, or at the edge of the image.
 fn is_whole(found: &PixelBox, window: Window, shown_px: [u32; 2], picture_px: [u32; 2]) -> bool {
     let [left, top, right, bottom] = found.edges();
     let sides = [

@@ -330,7 +330,7 @@ fn a_video_whose_timestamps_are_not_those_of_the_table_is_refused_with_the_tick(
     assert_eq!(outcome.detected, ["0002-b"]);
     let reason = &outcome.failed[0].reason;
     assert!(
-        reason.contains("view right: at tick 2 expected a picture with timestamp 3, found"),
+        reason.contains("view right: at tick 2 expected an image with timestamp 3, found"),
         "{reason}"
     );
     assert!(!folder.detections_path(MODEL).exists());
@@ -666,7 +666,7 @@ fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
         workers: 1,
         ..Default::default()
     };
-    // In the second picture of the second scenario.
+    // In the second image of the second scenario.
     let searched = AtomicUsize::new(0);
     let watch = Calls {
         advance: |done| searched.store(done as usize, Ordering::Relaxed),

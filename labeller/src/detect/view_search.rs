@@ -1,7 +1,7 @@
 //! Searches one view of a scenario, from its video to the rows of the table.
 //!
-//! Input: the video of a view, its ticks and a detector. Output: boxes with their tracks, reasons for pictures without any, the
-//! surroundings of the best box of each picture for registration, and a breakdown of the processor time. No files are written.
+//! Input: the video of a view, its ticks and a detector. Output: boxes with their tracks, reasons for images without any, the
+//! surroundings of the best box of each image for registration, and a breakdown of the processor time. No files are written.
 
 use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, SearchMode};
 use dataset::corpus::open_scenario::OpenScenario;
@@ -37,7 +37,7 @@ pub(crate) enum Finder<'a> {
     Known(&'a Detections),
 }
 
-/// A picture that is done.
+/// An image that is done.
 pub(crate) struct PictureDone {
     pub(crate) tick: u32,
     /// The surroundings of its best box.
@@ -75,11 +75,11 @@ impl ViewFindings {
     }
 }
 
-/// Searches a view; `picture_done` is called after every picture, and its error ends the search. `watched`: the camera whose condition is
+/// Searches a view; `picture_done` is called after every image, and its error ends the search. `watched`: the camera whose condition is
 /// measured.
 ///
 /// # Errors
-/// The video does not have exactly the pictures of these ticks, or the detector fails.
+/// The video does not have exactly the images of these ticks, or the detector fails.
 pub(crate) fn search_view(
     scenario: &OpenScenario,
     view: &ViewTicks,
@@ -189,7 +189,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Searches the next picture. The confirmation of its boxes is not final yet, and faint ones may be dropped at the end.
+    /// Searches the next image. The confirmation of its boxes is not final yet, and faint ones may be dropped at the end.
     fn look(
         &mut self,
         pictures: &mut Pictures<'_>,
@@ -207,7 +207,7 @@ impl Search<'_> {
         Ok(rows_of(&shown, view, at.tick))
     }
 
-    /// Called after the last picture: decides which boxes count, and returns the number of windows that were searched.
+    /// Called after the last image: decides which boxes count, and returns the number of windows that were searched.
     fn finish(self, detections: &mut Detections) -> u64 {
         let counts = self.hindsight.counting();
         for found in &mut detections.boxes {
@@ -218,7 +218,7 @@ impl Search<'_> {
     }
 }
 
-/// Rows of the table for the results of a picture.
+/// Rows of the table for the results of an image.
 fn rows_of(shown: &Shown, view: &str, tick: u32) -> Detections {
     let row = |seen: &Tracked| Detection {
         track: Some(seen.track),
@@ -239,7 +239,7 @@ fn rows_of(shown: &Shown, view: &str, tick: u32) -> Detections {
     }
 }
 
-/// Drops the boxes below this score that do not count and never did; a picture that had no others is a miss.
+/// Drops the boxes below this score that do not count and never did; an image that had no others is a miss.
 fn drop_faint(detections: &mut Detections, score: f64) {
     let Detections { boxes, misses } = detections;
     let is_kept = |found: &Detection| {
@@ -264,7 +264,7 @@ fn drop_faint(detections: &mut Detections, score: f64) {
     misses.sort_by_key(|miss| miss.tick);
 }
 
-/// The known detections of a picture.
+/// The known detections of an image.
 fn of_picture(known: &Detections, view: &str, tick: u32) -> Detections {
     let Detections { boxes, misses } = known;
     let first = boxes.partition_point(|found| found.tick < tick);

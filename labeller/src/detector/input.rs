@@ -15,7 +15,7 @@ const USUAL_WINDOW_PX: u32 = 640;
 const STRIDE_PX: u32 = 32;
 /// A smaller window has no cell of the coarsest stride, pixels.
 const LEAST_WINDOW_PX: u32 = STRIDE_PX;
-/// Larger than the sides of any camera's pictures, pixels.
+/// Larger than the sides of any camera's images, pixels.
 const MOST_WINDOW_PX: u32 = 4_096;
 /// Copies of a window's pixels in memory: where they are gathered, and at least one inside the model.
 const COPIES: usize = 2;
@@ -94,7 +94,7 @@ pub(super) struct Input {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum InputFault {
     #[error(
-        "has {} inputs ({}), expected one; export it without the postprocessor that takes the size of pictures, so that its outputs are boxes \
+        "has {} inputs ({}), expected one; export it without the postprocessor that takes the size of images, so that its outputs are boxes \
          and scores, and say layout = \"boxes-and-scores\" in its settings (docs/detectors.md)", names.len(), names.join(", ")
     )]
     Inputs { names: Vec<String> },

@@ -14,7 +14,7 @@
 //! | [`Layout::BatchCorners`] | `[K, 7]` | window, x0, y0, x1, y1 in px, class, score (YOLOv7 end to end) or score, class (YOLO-NAS) |
 //! | [`Layout::EfficientNms`] | four outputs | counts, corners in px, scores, classes: exports for TensorRT (`efficient_nms.rs`) |
 //!
-//! `cells` is the number of cells of the grids of strides 8, 16 and 32, and of 64 in YOLOv5 and v7 for large pictures. A model that is
+//! `cells` is the number of cells of the grids of strides 8, 16 and 32, and of 64 in YOLOv5 and v7 for large images. A model that is
 //! read wrongly declares its layout in its [`ModelProfile`](super::ModelProfile). `docs/detectors.md` says more of each.
 
 use std::fmt;
@@ -29,13 +29,13 @@ use super::profile::{BoxForm, BoxOrigin, BoxUnit, ScoreForm};
 use dataset::tables::pixel_box::PixelBox;
 
 const STRIDES: [usize; 3] = [8, 16, 32];
-/// Those of models for pictures of 1,280 pixels.
+/// Those of models for images of 1,280 pixels.
 const STRIDES_OF_LARGE: [usize; 4] = [8, 16, 32, 64];
 /// Those of further models with anchors, which settings name: for small objects, and small models.
 const STRIDES_OF_OTHERS: [&[usize]; 3] = [&[4, 8, 16, 32], &[4, 8, 16, 32, 64], &[16, 32]];
 /// The stride of this project's own detector.
 const OWN_STRIDE: usize = 8;
-/// Boxes that end-to-end YOLO models return per picture.
+/// Boxes that end-to-end YOLO models return per image.
 const END_TO_END_BOXES: usize = 300;
 
 /// Layout of a detector's output.
@@ -210,7 +210,7 @@ impl Layout {
         }
     }
 
-    /// Whether its models take pictures as YOLOX does.
+    /// Whether its models take images as YOLOX does.
     pub(super) fn is_of_yolox(self) -> bool {
         matches!(self, Self::Yolox | Self::YoloxDecoded)
     }

@@ -110,7 +110,7 @@ impl OrtDetector {
     }
 
     /// Runs the model on blank windows of a size, finds out how it answers (from the settings, else from names, shapes and numbers of
-    /// its outputs), and reads the answer, so that a mismatch shows before the first picture.
+    /// its outputs), and reads the answer, so that a mismatch shows before the first image.
     fn probe(&mut self, size_px: [u32; 2]) -> Result<()> {
         let windows = match self.input.batch {
             Batch::Exactly(windows) => windows,
@@ -341,7 +341,7 @@ mod tests {
             .fold(0.0, f64::max);
         assert!(
             best < 0.3,
-            "an even grey picture has no aircraft, but one of score {best} was found"
+            "an even grey image has no aircraft, but one of score {best} was found"
         );
     }
 }

@@ -29,7 +29,7 @@ use crate::error::{Error, Result};
 /// Name of the metadata property of a model that contains its settings.
 pub(super) const METADATA_KEY: &str = "dtd_profile";
 
-/// Factors by which a picture may be shrunk.
+/// Factors by which an image may be shrunk.
 const SHRINKS: RangeInclusive<u32> = 1..=8;
 
 /// Order of the channels of a model's input.
@@ -108,7 +108,7 @@ pub struct ModelProfile {
     /// Point of the top-left pixel that is (0, 0) in the model's boxes; `pixel-corner` by default, for `rows` `pixel-center`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub box_origin: Option<BoxOrigin>,
-    /// Factor by which pictures are shrunk for the first pass over them; 1 by default. With 2 it takes a quarter of the time and misses the
+    /// Factor by which images are shrunk for the first pass over them; 1 by default. With 2 it takes a quarter of the time and misses the
     /// smallest aircraft.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_pass_shrink: Option<u32>,

@@ -152,7 +152,7 @@ fn session(model: &ModelFile, options: &OrtOptions, lengths: &[(&str, usize)]) -
         .map_err(|e| fault(&e))?
         .with_intra_threads(*threads)
         .map_err(|e| fault(&e))?
-        // Threads that spin while waiting would take the cores that decode the next picture.
+        // Threads that spin while waiting would take the cores that decode the next image.
         .with_intra_op_spinning(false)
         .map_err(|e| fault(&e))?
         .with_config_entry(EXTERNAL_WEIGHTS, NOWHERE)

@@ -1,14 +1,14 @@
-//! Pictures and the windows that are cut out of them.
+//! Images and the windows that are cut out of them.
 
 use dataset::tables::pixel_box::PixelBox;
 
 use super::ScoredBox;
 use super::profile::ChannelOrder;
 
-/// Grey level of a window outside the picture; YOLO models are trained with this border.
+/// Grey level of a window outside the image; YOLO models are trained with this border.
 const PADDING: u8 = 114;
 
-/// An 8-bit RGB picture, rows from top to bottom without gaps.
+/// An 8-bit RGB image, rows from top to bottom without gaps.
 #[derive(Debug, Clone, Copy)]
 pub struct PictureView<'a> {
     /// `width_px * height_px * 3` bytes.
@@ -19,12 +19,12 @@ pub struct PictureView<'a> {
     pub height_px: u32,
 }
 
-/// A part of a picture as a model sees it. It may extend past the right and bottom edges of the picture.
+/// A part of an image as a model sees it. It may extend past the right and bottom edges of the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
-    /// Column of the picture's left-most pixels in it.
+    /// Column of the image's left-most pixels in it.
     pub left_px: u32,
-    /// Row of the picture's top-most pixels in it.
+    /// Row of the image's top-most pixels in it.
     pub top_px: u32,
     /// Width of the model's input, pixels.
     pub width_px: u32,
@@ -90,7 +90,7 @@ impl Window {
         }
     }
 
-    /// The means of a row of squares of `shrink` pixels, as far as they lie inside the picture.
+    /// The means of a row of squares of `shrink` pixels, as far as they lie inside the image.
     fn mean_line(
         self,
         picture: &PictureView<'_>,
@@ -123,11 +123,11 @@ impl Window {
         }));
     }
 
-    /// A box of the window in the picture.
+    /// A box of the window in the image.
     pub(super) fn to_picture(self, found: ScoredBox) -> ScoredBox {
         let shrink = f64::from(self.shrink);
         let along = |start_px: u32, at_px: f64| {
-            // The first pixel of the input shows the first `shrink` of the picture.
+            // The first pixel of the input shows the first `shrink` of the image.
             f64::from(start_px) + at_px * shrink + (shrink - 1.0) / 2.0
         };
         ScoredBox {
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_shrunk_window_holds_means_of_what_is_inside_the_picture() {
-        // The square at the right shows one column of the picture.
+        // The square at the right shows one column of the image.
         assert_eq!(
             planes(window(0, 0, [3, 1], 2), ChannelOrder::Rgb, 1.0),
             [2.0, 3.5, 114.0, 102.0, 103.5, 114.0, 202.0, 203.5, 114.0]

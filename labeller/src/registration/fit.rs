@@ -27,7 +27,7 @@ const COARSE_PIXELS: f64 = 1_000.0;
 /// The correlation of neighbouring residuals: blur and compression reach this far.
 const REACH: usize = 3;
 
-/// The best fit; all lengths in pixels of the picture.
+/// The best fit; all lengths in pixels of the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
     /// Position of the reference's box centre in the view, minus its position in the reference.
@@ -228,7 +228,7 @@ fn coarse(template: &Template<'_>, view: &Cleaned) -> Option<DVec2> {
     best.map(|(_, at)| at)
 }
 
-/// Every n-th pixel of the lines of a picture as slices, wherever they begin.
+/// Every n-th pixel of the lines of an image as slices, wherever they begin.
 struct StridedLines {
     /// Line by line, first the pixels 0, n, 2n .. of a line, then 1, n + 1, 2n + 1 ..
     values: Vec<f64>,
@@ -354,7 +354,7 @@ fn scatter(
     Some(variance.max(DVec2::ZERO).map(f64::sqrt))
 }
 
-/// The sum of each value of a picture and its neighbours within [`REACH`], in Bartlett's window; values outside are 0.
+/// The sum of each value of an image and its neighbours within [`REACH`], in Bartlett's window; values outside are 0.
 fn windowed(values: &[DVec2], width: usize) -> Vec<DVec2> {
     let height = values.len() / width;
     let sums = |values: &[DVec2], step: usize, length: usize| {
@@ -384,7 +384,7 @@ fn growth(pairs: &[Pair], weights: &[f64], gain: f64, offset: f64) -> f64 {
     fitted.clamp(-0.5, 0.5)
 }
 
-/// The correlation of many pictures with the same one, whose own sums are taken once.
+/// The correlation of many images with the same one, whose own sums are taken once.
 struct Likeness<'a> {
     values: &'a [f64],
     sum: f64,
@@ -402,7 +402,7 @@ impl<'a> Likeness<'a> {
         }
     }
 
-    /// Of a picture with as many pixels, line by line; 0 if one of the two is constant.
+    /// Of an image with as many pixels, line by line; 0 if one of the two is constant.
     fn of<'b>(&self, lines: impl Iterator<Item = &'b [f64]>) -> f64 {
         // Sums of every fourth pixel do not wait for each other.
         const LANES: usize = 4;

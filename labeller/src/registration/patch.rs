@@ -1,4 +1,4 @@
-//! The surroundings of a box, cut out of a picture, and what remains of them without the background.
+//! The surroundings of a box, cut out of an image, and what remains of them without the background.
 
 use std::iter::repeat_n;
 
@@ -16,31 +16,31 @@ use crate::detector::PictureView;
 /// room to search.
 const MARGIN_PX: f64 = 26.0;
 const MARGIN_PART: f64 = 0.2;
-/// A box whose edge is closer to the picture's edge than this may be cut off.
+/// A box whose edge is closer to the image's edge than this may be cut off.
 const EDGE_PX: f64 = 1.5;
 /// Larger aircraft are looked at with coarser pixels: there, perspective limits the accuracy.
 const MOST_BOX_PX: f64 = 192.0;
 /// Grey levels are stored in steps of 1/256.
 const STEPS_PER_GREY: f64 = 256.0;
 
-/// The surroundings of a box in a picture: luma, not yet without the background. Small, because it waits for the other view.
+/// The surroundings of a box in an image: luma, not yet without the background. Small, because it waits for the other view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
-    /// Of the aircraft, in the picture.
+    /// Of the aircraft, in the image.
     pixel_box: PixelBox,
-    /// Centre of the first pixel, in the picture.
+    /// Centre of the first pixel, in the image.
     origin_px: DVec2,
-    /// Pixels of the picture along a side of a pixel of the patch.
+    /// Pixels of the image along a side of a pixel of the patch.
     bin: usize,
     width: usize,
     luma: Vec<u16>,
 }
 
 impl Patch {
-    /// The part of a picture of this width and height that shows the surroundings of a box.
+    /// The part of an image of this width and height that shows the surroundings of a box.
     ///
     /// # Errors
-    /// The picture's edge cuts off the aircraft.
+    /// The image's edge cuts off the aircraft.
     pub(crate) fn part_around(
         pixel_box: PixelBox,
         [width_px, height_px]: [u32; 2],
@@ -94,12 +94,12 @@ impl Patch {
         }
     }
 
-    /// Pixels of the picture along a side of a pixel of the patch.
+    /// Pixels of the image along a side of a pixel of the patch.
     pub(super) fn bin(&self) -> usize {
         self.bin
     }
 
-    /// The centre of the box, in the picture.
+    /// The centre of the box, in the image.
     pub(crate) fn centre_px(&self) -> DVec2 {
         DVec2::new(self.pixel_box.cx_px, self.pixel_box.cy_px)
     }
@@ -136,7 +136,7 @@ impl Patch {
     }
 }
 
-/// Pixels of the picture along a side of a pixel of the patch: a power of two, so that the patches of two views can have pixels of the
+/// Pixels of the image along a side of a pixel of the patch: a power of two, so that the patches of two views can have pixels of the
 /// same size.
 fn bin_of(pixel_box: PixelBox) -> usize {
     let longer = pixel_box.width_px.max(pixel_box.height_px);
@@ -171,11 +171,11 @@ const GLOW_PX: f64 = 5.0;
 const GLOW_PART: f64 = 0.1;
 /// Width of the ring that shows the background.
 const RING_PX: f64 = 14.0;
-/// Standard deviation of the blur of equal pictures: just enough that the interpolation does not depend on the fraction of a pixel.
+/// Standard deviation of the blur of equal images: just enough that the interpolation does not depend on the fraction of a pixel.
 pub(super) const BLUR_PX: f64 = 0.8;
 /// Standard deviations over which a blur reaches.
 const BLUR_REACH: f64 = 4.0;
-/// Noise is never less: 8-bit pictures, in which neighbours are rounded alike.
+/// Noise is never less: 8-bit images, in which neighbours are rounded alike.
 const LEAST_NOISE: f64 = 0.15;
 /// Rounds of reweighting of the background.
 const ROUNDS: usize = 4;
@@ -206,12 +206,12 @@ impl Cleaned {
         Ok(cleaned)
     }
 
-    /// Pixels of the picture along a side of a pixel.
+    /// Pixels of the image along a side of a pixel.
     pub(super) fn step_px(&self) -> f64 {
         self.bin as f64
     }
 
-    /// The centre of the box, in the picture.
+    /// The centre of the box, in the image.
     pub(super) fn centre_px(&self) -> DVec2 {
         self.origin_px + self.centre * self.step_px()
     }

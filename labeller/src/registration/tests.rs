@@ -281,7 +281,7 @@ fn scale_and_rotation_that_the_cameras_expect_are_taken_out_and_others_are_repor
     let by = DVec2::new(5.3, -2.6);
     for size in [1.2, 1.04, 0.9, 0.8, 0.5] {
         let reference = Scene {
-            // As large in coarser pixels: without more blur for the finer picture, contrast and scale are wrong by 5 and 3 %.
+            // As large in coarser pixels: without more blur for the finer image, contrast and scale are wrong by 5 and 3 %.
             lens_px: 1.4,
             // Large enough for the coarsest pixels.
             size: if size < 0.8 { 3.0 } else { 1.0 },

@@ -17,7 +17,7 @@ pub(crate) struct Hindsight {
     hits: usize,
     /// By number of the track.
     tracks: Vec<Whole>,
-    /// Times of the first and of the last picture.
+    /// Times of the first and of the last image.
     began_s: Option<f64>,
     now_s: f64,
 }
@@ -44,7 +44,7 @@ struct Whole {
 }
 
 impl Hindsight {
-    /// For a view with this number of pictures, as for its tracker.
+    /// For a view with this number of images, as for its tracker.
     pub(crate) fn of_pictures(pictures: usize) -> Self {
         Self {
             hits: pictures.min(HITS as usize),
@@ -54,7 +54,7 @@ impl Hindsight {
         }
     }
 
-    /// Takes the boxes of the next picture.
+    /// Takes the boxes of the next image.
     pub(crate) fn take(&mut self, now_s: f64, boxes: impl IntoIterator<Item = TrackedBox>) {
         self.began_s.get_or_insert(now_s);
         self.now_s = now_s;
@@ -67,7 +67,7 @@ impl Hindsight {
         }
     }
 
-    /// For each track, by number, true if it counts when all pictures are done.
+    /// For each track, by number, true if it counts when all images are done.
     pub(crate) fn counting(&self) -> Vec<bool> {
         let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
         let shortest_s = SHORTEST_S.min(SHORTEST_PART * video_s);

@@ -1,8 +1,8 @@
 //! Prediction of a tracked aircraft's box: a Kalman filter with constant rates for its centre and size.
 //!
-//! The four numbers of a box are filtered independently. Motion between two pictures grows with the aircraft's size in the picture: at 10
+//! The four numbers of a box are filtered independently. Motion between two images grows with the aircraft's size in the image: at 10
 //! NM it drifts by fractions of a pixel per second, before touchdown by several of its lengths. So all noise is stated in lengths of the
-//! box, and its effect follows from the time between the pictures: 30 FPS and 0.3 FPS need no different settings.
+//! box, and its effect follows from the time between the images: 30 FPS and 0.3 FPS need no different settings.
 
 use dataset::tables::pixel_box::PixelBox;
 

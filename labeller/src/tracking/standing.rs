@@ -11,7 +11,7 @@
 //! for a mast of height `h`, `b` beyond the target, at the distance `d`; the second term is the curvature of the Earth and of light. With
 //! the rig `wide-baseline` (b 1,500 m, h 10 m, focal length 10,973 px) at 13 NM, that is 1.9 px in the 40 s between the middles of the
 //! first and the last third of a minute, at a ground speed of 60 m/s, and 2.8 px at 82 m/s; at 10 NM it is 4.6 and 6.7 px. Flights that
-//! land on the runway beside the masts move by 13 px (at 60 m/s) across the picture, level flights by 35 px down it.
+//! land on the runway beside the masts move by 13 px (at 60 m/s) across the image, level flights by 35 px down it.
 
 use std::ops::Range;
 
@@ -31,7 +31,7 @@ const SURE_GROWTH: f64 = 2.0;
 pub(super) const GROWTH_SHOWS_S: f64 = 20.0;
 /// ... and things beside each other whose lengths have another ratio are not one thing...
 const ALIKE: Range<f64> = 0.8..1.25;
-/// ... and one that moves across the picture does so by more than this part of its length.
+/// ... and one that moves across the image does so by more than this part of its length.
 const LEAST_MOVED_LENGTHS: f64 = 0.25;
 /// Distance between the medians of a track's first and last third that is none, pixels: half of the least motion of an aircraft...
 const LEAST_MOVED_PX: f64 = 1.0;

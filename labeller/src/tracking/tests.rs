@@ -42,7 +42,7 @@ fn faint(pixel_box: PixelBox) -> Seen {
     }
 }
 
-/// The tracks of the boxes of each picture, all of them clear, and which tracks count.
+/// The tracks of the boxes of each image, all of them clear, and which tracks count.
 fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let all_clear = |boxes: &Vec<PixelBox>| boxes.iter().copied().map(clear).collect();
     let pictures: Vec<_> = pictures.iter().map(all_clear).collect();
@@ -99,7 +99,7 @@ fn what_looks_like_an_aircraft_for_a_second_is_none_at_any_picture_rate() {
             ));
         }
         let (_, counts) = track(period_s, &all);
-        assert_eq!(counts, [counts_if], "{pictures} pictures of {period_s} s");
+        assert_eq!(counts, [counts_if], "{pictures} images of {period_s} s");
     }
 }
 
@@ -162,7 +162,7 @@ fn boxes_all_over_the_picture_confirm_nothing() {
 
 #[test]
 fn aircraft_that_cross_keep_their_tracks() {
-    // 100 px/s towards each other on almost the same line; for some pictures they are one box.
+    // 100 px/s towards each other on almost the same line; for some images they are one box.
     let pictures: Vec<_> = (0..120)
         .map(|step| {
             let way_px = f64::from(step) * 100.0 / 30.0;
@@ -199,7 +199,7 @@ fn a_gap_of_a_second_does_not_end_a_track_and_one_of_three_does() {
             })
             .collect();
         let (tracks, counts) = track(1.0 / 30.0, &pictures);
-        assert_eq!(*tracks.last().unwrap(), [expected], "after {gap} pictures");
+        assert_eq!(*tracks.last().unwrap(), [expected], "after {gap} images");
         assert!(counts.iter().all(|counts| *counts));
     }
 }
@@ -285,7 +285,7 @@ fn a_lamp_that_is_found_for_some_seconds_again_and_again_is_one_thing_that_stand
     assert_eq!(track(1.0, &elsewhere).1, [true, true, true]);
 }
 
-/// An aircraft that crosses the picture, one picture per second: clear in some of them.
+/// An aircraft that crosses the image, one image per second: clear in some of them.
 fn crossing(is_clear: impl Fn(u32) -> bool) -> Vec<Vec<Seen>> {
     let seen = |second: u32| {
         let here = shaken(at(300.0 + 3.0 * f64::from(second), 400.0, 24.0), 1, second);
@@ -303,7 +303,7 @@ fn faint_boxes_before_between_and_after_the_clear_ones_belong_to_the_track() {
     let (tracks, counts) = track_seen(1.0, &crossing(|second| (20..30).contains(&second)));
     assert!(tracks.iter().all(|tracks| *tracks == [0]), "{tracks:?}");
     assert_eq!(counts, [true]);
-    // Never three clear ones in five pictures.
+    // Never three clear ones in five images.
     let (tracks, counts) = track_seen(1.0, &crossing(|second| second % 5 < 2));
     assert!(tracks.iter().all(|tracks| *tracks == [0]), "{tracks:?}");
     assert_eq!(counts, [false]);
@@ -437,7 +437,7 @@ fn nothing_is_followed_that_was_only_faint() {
     }
 }
 
-/// Seconds in which the box of each picture counts at its moment.
+/// Seconds in which the box of each image counts at its moment.
 fn counting_s(period_s: f64, pictures: &[Vec<Seen>]) -> Vec<f64> {
     let mut tracker = Tracker::endless();
     let seconds = pictures.iter().filter_map(|boxes| {

@@ -78,7 +78,7 @@ fn a_board_of_known_size_at_a_known_place_has_the_box_computed_by_hand() {
 #[test]
 fn a_board_across_the_right_edge_is_clipped_to_the_picture() {
     let (placed, camera) = level_camera(90.0);
-    // The right edge of the picture, 1919.5, lies 960 m right of the axis at 1000 m: 5 m of the board's 20 m are inside.
+    // The right edge of the image, 1919.5, lies 960 m right of the axis at 1000 m: 5 m of the board's 20 m are inside.
     let pose = facing(&placed, DVec3::new(1_000.0, 965.0, -30.0));
     let mesh = board(DVec2::new(-10.0, -2.0), DVec2::new(10.0, 2.0));
     let seen = project(&mesh, &pose, &camera, GROUND_MSL_M).unwrap();

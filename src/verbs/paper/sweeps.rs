@@ -107,7 +107,7 @@ impl PaperSweep {
     }
 }
 
-/// The small variant: a time, two weathers, half the picture, an image every few seconds.
+/// The small variant: a time, two weathers, half the width and height, an image every few seconds.
 fn shrink(table: &mut Table) {
     shrink_grid(table);
     set(table, "grid", "repeats", 4);

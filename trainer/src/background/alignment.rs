@@ -25,12 +25,12 @@ const SURROUNDINGS: (usize, usize) = (32, 4);
 /// The search goes this far, in such steps, pixels.
 const FARTHEST: (isize, isize) = (120, 24);
 const STEP: (usize, usize) = (4, 2);
-/// Blurs of the pictures, pixels.
+/// Blurs of the images, pixels.
 const BLURS_PX: [f64; 3] = [3.0, 1.5, 0.7];
 const STEPS: usize = 12;
 /// A smaller squared correlation is none.
 const LEAST_CORRELATION: f64 = 0.3;
-/// Noise of a mean picture is at least this, grey levels.
+/// Noise of a mean image is at least this, grey levels.
 const NOISE_LEVELS: f64 = 0.1;
 /// Neighbouring pixels share their errors, so that this many count as one.
 const SHARED: f64 = 4.0;
@@ -47,7 +47,7 @@ pub(crate) struct Aligned {
     pub(crate) sd_px: f64,
 }
 
-/// A patch of the reference: its first column and row, in the camera's picture.
+/// A patch of the reference: its first column and row, in the camera's image.
 type Corner = (usize, usize);
 
 /// A background to which others are compared.

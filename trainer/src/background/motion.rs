@@ -10,7 +10,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 /// Numbers of a motion.
 pub(crate) const UNKNOWNS: usize = 4;
 
-/// From where something is in one picture to where it is in another one.
+/// From where something is in one image to where it is in another one.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Motion {
     /// Rotation vector (axis times angle) in camera axes, radians; it maps directions of the first image to directions of the second.

@@ -10,19 +10,19 @@ use crate::error::Result;
 /// Number of averaged images: the mean has a fifth of the noise of a single image.
 const PICTURES: usize = 24;
 
-/// Light of a part of a camera's picture: all columns, some rows.
+/// Light of a part of a camera's image: all columns, some rows.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Picture {
     pub(crate) width: usize,
-    /// Row of the camera's picture that is the first one here.
+    /// Row of the camera's image that is the first one here.
     pub(crate) top: usize,
     /// Row by row, grey levels.
     pub(crate) light: Vec<f32>,
 }
 
 impl Picture {
-    /// The mean of the first pictures of a view, from the row `top` to the last one. Of those that are not `is_usual`, in the order of the
-    /// video, none is used if others are; pictures beyond its end are.
+    /// The mean of the first images of a view, from the row `top` to the last one. Of those that are not `is_usual`, in the order of the
+    /// video, none is used if others are; images beyond its end are.
     ///
     /// # Errors
     /// The video cannot be read, is empty, or has images of another camera.
@@ -41,7 +41,7 @@ impl Picture {
         if (reader.width(), reader.height()) != (width, height) {
             let (found_wide, found_high) = (reader.width(), reader.height());
             return Err(fault(format!(
-                "has pictures of {found_wide}x{found_high}, expected those of the planned camera, {width}x{height}"
+                "has images of {found_wide}x{found_high}, expected those of the planned camera, {width}x{height}"
             ))
             .into());
         }
@@ -68,7 +68,7 @@ impl Picture {
             count += 1;
         }
         if count == 0 {
-            return Err(fault("has no picture".into()).into());
+            return Err(fault("has no image".into()).into());
         }
         light.iter_mut().for_each(|sum| *sum /= count as f32);
         Ok(Self {
@@ -135,7 +135,7 @@ impl Picture {
         ]
     }
 
-    /// Light between pixels; the place, in the camera's picture, must be at least a pixel inside.
+    /// Light between pixels; the place, in the camera's image, must be at least a pixel inside.
     #[inline]
     pub(crate) fn between(&self, x_px: f64, y_px: f64) -> f64 {
         let y = y_px - self.top as f64;

@@ -30,7 +30,7 @@ pub enum PaperDeviation {
     LayerWidths,
     /// `calibration.patience` or `estimator.patience`: the networks with the lowest validation error are kept, not the last ones.
     Patience,
-    /// `align_backgrounds`: boxes are corrected by what stands still in the pictures.
+    /// `align_backgrounds`: boxes are corrected by what stands still in the images.
     AlignedBackgrounds,
     /// `dtd refit`: a calibration network was trained again, with the estimator's error in its loss.
     RefittedView,

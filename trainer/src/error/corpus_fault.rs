@@ -11,7 +11,7 @@ use super::run_fault::sizes;
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigKind {
     pub(crate) name: String,
-    /// View, width and height of the pictures of each camera.
+    /// View, width and height of the images of each camera.
     pub(crate) form: Vec<(String, u32, u32)>,
 }
 
@@ -107,7 +107,7 @@ pub enum CorpusFault {
     },
     /// A corpus for refitting a view whose other cameras differ from the cameras of the training.
     #[error(
-        "its cameras beside {view} are not those that run {} was trained with: identifiers, picture sizes, places and optics must be the \
+        "its cameras beside {view} are not those that run {} was trained with: identifiers, image sizes, places and optics must be the \
          same; fit one view at a time again",
         run.display()
     )]

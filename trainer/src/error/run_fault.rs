@@ -111,7 +111,7 @@ pub enum RunFault {
     /// A view that the run was not trained with.
     #[error("has no view {view:?}; its views are {}", views.join(", "))]
     NoSuchView { view: String, views: Vec<String> },
-    /// Pictures that cameras are aligned with.
+    /// Images that cameras are aligned with.
     #[error("do not match the backgrounds recorded in config.json and baselines.json; train again")]
     Backgrounds,
     /// A refit of a run whose cameras are aligned.
@@ -174,7 +174,7 @@ pub enum RunFault {
     OtherStart { differences: Vec<String> },
     /// A run to start from that has other views.
     #[error(
-        "was trained with the views {}, and the corpus has {}; start from a run with the same views and picture sizes",
+        "was trained with the views {}, and the corpus has {}; start from a run with the same views and image sizes",
         sizes(there),
         sizes(here)
     )]
@@ -193,7 +193,7 @@ pub enum RunFault {
     NotWritten(SafetensorsStoreError),
 }
 
-/// Views and the sizes of their pictures, for messages.
+/// Views and the sizes of their images, for messages.
 pub(crate) fn sizes(form: &[(String, u32, u32)]) -> String {
     let views = form.iter();
     let views: Vec<_> = views

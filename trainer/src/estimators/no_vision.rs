@@ -1,7 +1,7 @@
-//! A yardstick that sees no picture: the mean distance of the training flights at the same time since the start of the scenario.
+//! A yardstick that sees no image: the mean distance of the training flights at the same time since the start of the scenario.
 //!
 //! Flights of one sweep start at similar distances and fly at similar speeds, so a clock alone is right to a few percent, and a clock with
-//! the weather, which has the wind, is better. An estimator that is not much better than this has learned little from the pictures.
+//! the weather, which has the wind, is better. An estimator that is not much better than this has learned little from the images.
 
 use std::collections::BTreeMap;
 

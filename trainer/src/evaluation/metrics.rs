@@ -146,7 +146,7 @@ pub struct SplitSummary {
 pub struct TickCounts {
     /// The aircraft is there: the ticks that coverage is of.
     pub there: usize,
-    /// Of these, fog hides it in every picture.
+    /// Of these, fog hides it in every image.
     pub hidden_by_fog: usize,
     /// Of these, at least one view has a box that counts.
     pub seen: usize,
@@ -180,7 +180,7 @@ pub struct Metrics {
     /// By view, boxes of the training side that do not contain the aircraft; missing in earlier evaluations.
     #[serde(default)]
     pub dropped_training_boxes: BTreeMap<String, DroppedBoxes>,
-    /// Pictures of these ticks in which the detector found only boxes that the picture's edge cuts off, which are ignored.
+    /// Images of these ticks in which the detector found only boxes that the image's edge cuts off, which are ignored.
     pub cut_off_boxes: usize,
     /// Deviations of the training of `paper_lstm` from the paper, by its settings.
     pub deviations_from_paper: Vec<PaperDeviation>,

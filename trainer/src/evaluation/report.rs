@@ -1,7 +1,7 @@
 //! `report.html`: the results of a run in one file that opens offline.
 //!
 //! The page is a template (`report/report.html`) in the look of all pages (`report-page/`); its plots are SVG, drawn by [`plots`], and its
-//! pictures are cut out of the corpus's videos, if they are there.
+//! images are cut out of the corpus's videos, if they are there.
 //! It begins with the recommended estimator. Figures of the paper are shown next to ours where it has them (its table 3).
 
 mod examples;

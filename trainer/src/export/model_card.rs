@@ -69,7 +69,7 @@ fn inputs(card: &mut String, run: &TrainedRun) {
         "## Inputs and output\n\n\
          All numbers are double precision.\n\n\
          - `boxes` `[batch, {views}, 4]`: the aircraft's box in each view, in this order: {}. Centre right, centre down, width, height in \
-         pixels of the full picture; pixel (0, 0) is the centre of the top-left pixel. A box that the edge of the picture cuts off is no \
+         pixels of the full image; pixel (0, 0) is the centre of the top-left pixel. A box that the edge of the image cuts off is no \
          measurement: leave it out.\n\
          - `registrations` `[batch, {views}, {}]`, for `inverse_range.onnx` only: {} of `registrations/*.parquet`, the first two of them \
          where the aircraft of a view is, right and down of where it is in the reference view, in pixels. 0, 0 for the reference view \
@@ -81,7 +81,7 @@ fn inputs(card: &mut String, run: &TrainedRun) {
          `distance_m` is NaN.\n\n\
          Boxes unlike those of the training side count as missing, as in `dtd evaluate`, which also compares the views \
          over time and corrects cameras that moved or shook:\n\n\
-         | view | picture | centre right | centre down | width | height |\n|---|---|---|---|---|---|\n",
+         | view | image | centre right | centre down | width | height |\n|---|---|---|---|---|---|\n",
         normalisation.views.join(", "),
         REGISTRATION_COLUMNS.len(),
         REGISTRATION_COLUMNS

@@ -80,7 +80,7 @@ impl Normalisation {
         }
     }
 
-    /// The same with features that are parts of the picture, of this width and height by view, pixels.
+    /// The same with features that are parts of the image, of this width and height by view, pixels.
     pub(crate) fn in_parts_of_pictures(mut self, sizes_px: &[[f64; 2]]) -> Self {
         for (view, &[width, height]) in sizes_px.iter().enumerate() {
             self.offset_px[view] = [0.0; BOX_FEATURES];
@@ -126,7 +126,7 @@ impl Normalisation {
         })
     }
 
-    /// The same for a view whose camera is now `new` instead of `old`: a box in the new picture has the features that the old camera would
+    /// The same for a view whose camera is now `new` instead of `old`: a box in the new image has the features that the old camera would
     /// have given it, but for perspective. `None` if the new camera looks elsewhere.
     pub(crate) fn moved(&self, view: usize, old: &Camera, new: &Camera) -> Option<Self> {
         let place = |px: [f64; 2]| {

@@ -70,7 +70,7 @@ pub(crate) enum Standing {
     Competitor,
     /// It is given what no installation has: it is compared with the others and never ranked among them.
     Oracle,
-    /// It sees no picture: it shows what the others must be better than, and is never ranked among them.
+    /// It sees no image: it shows what the others must be better than, and is never ranked among them.
     NoVision,
 }
 
@@ -230,12 +230,12 @@ impl Estimator {
             Self::NoVisionTime => [
                 "no_vision_time",
                 "No vision: time",
-                "no picture at all: the mean distance of the training flights at the same time since the start",
+                "no image at all: the mean distance of the training flights at the same time since the start",
             ],
             Self::NoVisionTimeWeather => [
                 "no_vision_time_weather",
                 "No vision: time and weather",
-                "no picture at all: the same mean over the training flights in the same weather",
+                "no image at all: the same mean over the training flights in the same weather",
             ],
         };
         Description { name, title, how }

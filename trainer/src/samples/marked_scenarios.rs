@@ -1,6 +1,6 @@
 //! Scenarios that were drawn under another weather than planned, and what a training and an evaluation do with them.
 //!
-//! A training would take their pictures for pictures of the planned weather, so it leaves them out unless the settings accept them. An
+//! A training would take their images for images of the planned weather, so it leaves them out unless the settings accept them. An
 //! evaluation counts them and names them: leaving them out would change what was asked for.
 
 use std::collections::BTreeMap;

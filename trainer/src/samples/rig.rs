@@ -1,4 +1,4 @@
-//! The rig whose pictures a corpus has. A network learns one rig.
+//! The rig whose images a corpus has. A network learns one rig.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -29,7 +29,7 @@ pub(crate) struct Rig {
 
 impl Rig {
     /// The rig of these scenarios. Its cameras may be misplaced or turned from scenario to scenario (each scenario's calibration has
-    /// them), but other views, other picture sizes or another rig are an error.
+    /// them), but other views, other image sizes or another rig are an error.
     pub(crate) fn of(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<Self> {
         let plan = Plan::of_corpus(corpus)?;
         let planned = plan.map(|plan| plan.common.cameras().into_iter().collect::<Cameras>());
@@ -96,7 +96,7 @@ impl Rig {
     }
 }
 
-/// The views and the sizes of their pictures, wherever the cameras are.
+/// The views and the sizes of their images, wherever the cameras are.
 pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
     let form =
         |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);

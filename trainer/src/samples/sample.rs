@@ -35,19 +35,19 @@ pub(crate) struct Observation {
     pub tracks: Vec<Option<u32>>,
     /// Position of the aircraft in each view by registration, in the same order.
     pub shifts: Vec<Option<ViewShift>>,
-    /// Views whose only boxes are cut off by the picture's edge, which are not in `boxes`.
+    /// Views whose only boxes are cut off by the image's edge, which are not in `boxes`.
     pub cut_off: usize,
     /// Image of each view, in the same order. A view that looks and has no box sees nothing; one that fails is blind.
     pub looks: Vec<Look>,
     /// Errors of the places in views that all ticks of the flight share, independent of each other.
     pub common_errors: Vec<CommonError>,
-    /// Boxes with lower scores in the same pictures, if there are any.
+    /// Boxes with lower scores in the same images, if there are any.
     pub others: Option<Box<OtherBoxes>>,
 }
 
 impl Observation {
     /// Of a scenario at a tick and a time in nanoseconds. `found`: by view the whole boxes, the highest score first, none of them where
-    /// the picture's edge cuts off all; `registered`, `looks`: by view.
+    /// the image's edge cuts off all; `registered`, `looks`: by view.
     pub(crate) fn of(
         (scenario, tick, time_ns): (usize, u32, i64),
         found: &[Option<Vec<Candidate>>],
@@ -214,8 +214,8 @@ pub(crate) struct Sample {
     pub cross_track_m: f64,
     /// True position of the centre of gravity.
     pub position: Geodetic,
-    /// Share of contrast that remains over the distance to the nearest camera whose picture contains the aircraft; `None` if no
-    /// picture does.
+    /// Share of contrast that remains over the distance to the nearest camera whose image contains the aircraft; `None` if no
+    /// image does.
     pub transmission: Option<f64>,
 }
 

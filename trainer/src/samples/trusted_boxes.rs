@@ -1,10 +1,10 @@
 //! Selection of a detector's boxes: which ones formulas are fitted to, and which ones do not count as measurements.
 //!
-//! A detector also reports boxes of other objects, and of parts of an aircraft that leaves the picture. A few of them in thousands ruin a
+//! A detector also reports boxes of other objects, and of parts of an aircraft that leaves the image. A few of them in thousands ruin a
 //! least-squares fit: such a box is wrong by hundreds of percent, a correct one by one percent. Two rules keep them out, and every consumer
 //! of samples gets them from [`crate::samples`]:
 //!
-//! - **Whole** needs no truth and applies to all sides: a box that touches the picture's edge is cut off there, so neither its
+//! - **Whole** needs no truth and applies to all sides: a box that touches the image's edge is cut off there, so neither its
 //!   centre nor its size is the aircraft's.
 //! - **Contains the aircraft** needs the truth, so it applies to the training side only, and there to the formulas and to the ranges of
 //!   [`crate::networks::normalisation`]; to the networks only if the settings ask for it, because the paper's networks learn from all
@@ -17,7 +17,7 @@ use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
-/// A box that ends this near the picture's edge touches it, pixels: a detector places an invisible edge within a pixel or two.
+/// A box that ends this near the image's edge touches it, pixels: a detector places an invisible edge within a pixel or two.
 const EDGE_PX: f64 = 2.0;
 
 /// True if a box is completely within the image.

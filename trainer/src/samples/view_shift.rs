@@ -23,7 +23,7 @@ pub(crate) struct ViewShift {
     pub scale: f64,
     /// ... and its contrast.
     pub gain: f64,
-    /// Correlation of the two pictures.
+    /// Correlation of the two images.
     pub correlation: f64,
 }
 

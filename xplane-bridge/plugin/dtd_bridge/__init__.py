@@ -12,7 +12,7 @@ The modules:
 ``flight``         air start, the crew's work, the log; ``approach``: what to dial when, pure. ``autopilot``: its switches, read and set.
 ``profile``        what ``dtd doctor`` measured, kept beside the plugin. ``callbacks``: in what order X-Plane calls back.
 ``local_frame``    WGS-84 poses <-> X-Plane's local OpenGL coordinates. Pure, given the two conversions of ``xp``.
-``opengl``         the few OpenGL calls; ``check_pattern``: the picture that proves a screen grab.
+``opengl``         the few OpenGL calls; ``check_pattern``: the image that proves a screen grab.
 ``xp_api``         the types of the functions of ``xp`` that are used here; ``mypy --strict`` holds the rest against them.
 ``screen_grab``    the screen of this computer, for a client on another one; ``screen_gdi``: of Windows, ``screen_x11``: of Linux. No ``xp``.
 ``datarefs``       typed access by name, and all names. ``settings``: the file beside the plugin.

@@ -334,7 +334,7 @@ class Bridge:
 
     def _freeze(self, header: Header) -> Task:
         if header.get("imaging"):
-            raise LastingRefusal("X-Plane draws ideal pictures along straight lines: imaging has to be left out")
+            raise LastingRefusal("X-Plane draws ideal images along straight lines: imaging has to be left out")
         messages.runway(messages.part(header, "runway"))
         self._settle_frames = messages.whole(header, "settle_frames", 1, 600)
         self._margins_px = messages.margins(header)

@@ -1,4 +1,4 @@
-"""One picture: settle frames, the frame that counts, and what it actually showed.
+"""One image: settle frames, the frame that counts, and what it actually showed.
 
 Written as generators: each ``yield`` waits for the next flight loop, that is, for one more drawn frame.
 """
@@ -55,7 +55,7 @@ def take(
     """Shows a tick and returns its ``frame``."""
     check_window(request, datarefs)
     if request.deliver == "picture" and pixels.no_readback:
-        raise Refusal(f"{pixels.no_readback}; take the pictures off the screen instead (--pixels screen)")
+        raise Refusal(f"{pixels.no_readback}; take the images off the screen instead (--pixels screen)")
     deadline = time.monotonic() + TIME_LIMIT_S
 
     def is_restless() -> bool:
@@ -104,7 +104,7 @@ def take(
 
 
 def tick_of(request: Capture) -> Tick:
-    """What a request shows. X-Plane's angles are those of its window: margins around the picture widen them, by the tangents."""
+    """What a request shows. X-Plane's angles are those of its window: margins around the image widen them, by the tangents."""
     per_pixel = 2 * math.tan(math.radians(request.hfov_deg) / 2) / request.width_px
     hfov_deg, vfov_deg = (
         2 * math.degrees(math.atan(per_pixel * (side + 2 * margin) / 2))
@@ -128,7 +128,7 @@ def is_as_wanted(request: Capture, pose: Pose, camera: Pose, hfov_deg: float, vf
 
 
 def _of_picture(request: Capture, window_hfov_deg: float) -> float:
-    """The horizontal field of view of the picture within the window's."""
+    """The horizontal field of view of the image within the window's."""
     if not request.margin_x_px:
         return window_hfov_deg
     share = request.width_px / (request.width_px + 2 * request.margin_x_px)
@@ -191,7 +191,7 @@ def _look_away(
 def _new_picture(
     tick: Tick, shown_at: int, stage: Stage, pixels: Pixels, xp: Xp, look: Callable[[], Look]
 ) -> Generator[None, None, Frame | None]:
-    """The settled picture of a tick, proven by its content: it differs from the previous tick's, and it does not change any more.
+    """The settled image of a tick, proven by its content: it differs from the previous tick's, and it does not change any more.
     ``None`` if it was disturbed."""
     before: Frame | None = None
     for _ in range(RESTLESS_FRAMES):
@@ -205,7 +205,7 @@ def _new_picture(
         before = picture
     else:
         if not pixels.restless:
-            log(xp, "no two pictures in a row agree in a pause: something moves, and is not waited for any more")
+            log(xp, "no two images in a row agree in a pause: something moves, and is not waited for any more")
         pixels.restless = True
         picture = before
     if picture is not None:
@@ -247,7 +247,7 @@ def check_window(request: Capture, datarefs: Datarefs) -> None:
     if abs(width * wanted_height / wanted_width - height) > 1.0:
         margins = f" with margins of {request.margin_x_px} and {request.margin_y_px}" if request.margin_x_px or request.margin_y_px else ""
         raise Refusal(
-            f"X-Plane's window is {width:.0f}x{height:.0f}, which has not the shape of a picture of "
+            f"X-Plane's window is {width:.0f}x{height:.0f}, which has not the shape of an image of "
             f"{request.width_px}x{request.height_px}{margins}: set its size (Settings > Graphics)"
         )
 
@@ -256,7 +256,7 @@ def _check_shape(request: Capture, vfov_deg: float, wanted_deg: float) -> None:
     """The answer has no vertical angle, so a wrong one would go unnoticed."""
     if abs(vfov_deg - wanted_deg) >= ANGLE_DEG:
         raise Refusal(
-            f"X-Plane's vertical field of view is {vfov_deg:.4f} degrees, expected {wanted_deg:.4f} for a picture of "
+            f"X-Plane's vertical field of view is {vfov_deg:.4f} degrees, expected {wanted_deg:.4f} for an image of "
             f"{request.width_px}x{request.height_px}: does another plugin set it ({names.VERTICAL_FIELD_OF_VIEW})?"
         )
 

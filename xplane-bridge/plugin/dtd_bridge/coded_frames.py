@@ -1,7 +1,7 @@
 """Captures that are shown for one drawn frame each, while the camera rests: ``deliver`` is coded or probe.
 
 The camera callback is the only place that moves on to the next request and writes pose and camera. The draw callback of the same frame
-reads both back, answers the request with the frame's number, and draws that number into the margins around the picture. The client grabs
+reads both back, answers the request with the frame's number, and draws that number into the margins around the image. The client grabs
 the window and knows by the number what it sees. While no request waits, the last one stays, under new numbers.
 """
 

@@ -1,4 +1,4 @@
-"""The frame code of docs/capture-link.md: a drawn frame's number, in the window's margins around the picture. Pure."""
+"""The frame code of docs/capture-link.md: a drawn frame's number, in the window's margins around the image. Pure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def code_of(number: int, steady: int, probe: bool, view: int) -> int:
 
 
 def rectangles(code: int, width: int, height: int, margin_x: int, margin_y: int) -> Iterator[Rectangle]:
-    """The rectangles to fill, in this order, in a window of this size around a picture with these margins."""
+    """The rectangles to fill, in this order, in a window of this size around an image with these margins."""
     left, right = margin_x - MARGIN_PX, width - margin_x + MARGIN_PX
     top, bottom = margin_y, height - margin_y
     bits = code << 16 | binascii.crc_hqx(code.to_bytes(4, "big"), 0xFFFF)

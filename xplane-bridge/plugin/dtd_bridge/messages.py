@@ -162,7 +162,7 @@ def pose(header: Mapping[str, Any]) -> Pose:
 
 
 def margins(header: Mapping[str, Any]) -> tuple[int, int]:
-    """The window's margins around the picture, by a ``freeze`` request."""
+    """The window's margins around the image, by a ``freeze`` request."""
     value = header.get("margins_px", [0, 0])
     if not isinstance(value, list) or len(value) != 2:
         raise LastingRefusal(f"margins_px is {value!r}, expected two numbers")
@@ -171,7 +171,7 @@ def margins(header: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def capture(header: Mapping[str, Any], margins_px: tuple[int, int] = (0, 0)) -> Capture:
-    """A ``capture`` request for a picture in the middle of a window with these margins."""
+    """A ``capture`` request for an image in the middle of a window with these margins."""
     camera, controls = part(header, "camera"), part(header, "controls")
     deliver = header.get("deliver", "picture")
     if deliver not in ("picture", "drawn", *CODED, "screenshot"):

@@ -105,18 +105,18 @@ class Pixels:
         return frame
 
     def forget(self) -> None:
-        """A new client: nothing is requested, and no picture was taken."""
+        """A new client: nothing is requested, and no image was taken."""
         self.take_frame()
         self.pattern_code, self._draw_code, self._last, self.error = None, None, None, None
         self.pattern_under = False
         self.unregister()
 
     def is_new(self, tick: Tick, picture: Frame) -> bool:
-        """Whether a picture is proven to be that of a tick: the previous one, of another tick, shows something else."""
+        """Whether an image is proven to be that of a tick: the previous one, of another tick, shows something else."""
         return self._last is not None and (self._last[0] == tick or self._last[1] != picture)
 
     def remember(self, tick: Tick, picture: Frame) -> None:
-        """This picture counted."""
+        """This image counted."""
         self._last = (tick, picture)
 
     def on_scene_drawn(self, _phase: int, _is_before: int, _refcon: object) -> int:

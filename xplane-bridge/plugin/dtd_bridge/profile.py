@@ -91,6 +91,6 @@ def _check(profile: Profile) -> None:
 
 
 def still_pictures_move(profile: Profile | None) -> bool:
-    """Whether pictures were seen to move by themselves in a pause, so that waiting for two equal ones is pointless."""
+    """Whether images were seen to move by themselves in a pause, so that waiting for two equal ones is pointless."""
     found = (profile or {}).get("still_pictures_move")
     return isinstance(found, dict) and found.get("found") is True

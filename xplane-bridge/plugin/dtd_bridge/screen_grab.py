@@ -1,6 +1,6 @@
 """The screen of this computer, for a client on another one: its requests, and this system's way to grab. Nothing here calls ``xp``.
 
-X-Plane 12's frame cannot be read back, so pictures come off the screen, and a client on another computer cannot grab that. A screen is used by
+X-Plane 12's frame cannot be read back, so images come off the screen, and a client on another computer cannot grab that. A screen is used by
 one thread, the one of its connection.
 """
 
@@ -80,7 +80,7 @@ def _part(header: Header, across: int, down: int) -> tuple[int, int, int, int]:
     if any(key in header for key in keys):
         x, y, width, height = (whole(header, key, int(key in keys[2:]), MAX_SIDE_PX) for key in keys)
     if width * height * 3 > MAX_PAYLOAD_BYTES:
-        raise Refusal(f"a picture of {width}x{height} pixels is larger than what the link carries: switch monitors off")
+        raise Refusal(f"an image of {width}x{height} pixels is larger than what the link carries: switch monitors off")
     if x + width > across or y + height > down:
         raise Refusal(
             f"{width}x{height} pixels at ({x}, {y}) do not lie on the screen, which has {across}x{down}: did a monitor change?"

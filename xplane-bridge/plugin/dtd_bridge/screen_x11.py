@@ -155,7 +155,7 @@ class X11Screen:
     def _answered(self, reply: int | None) -> int:
         # libxcb discards unclaimed errors; they show as missing answers.
         if not reply:
-            raise ScreenError("the X server gives no picture: did the screen change its size, or the session end?")
+            raise ScreenError("the X server gives no image: did the screen change its size, or the session end?")
         return reply
 
     def _check_form(self, setup: Any, screen: Any) -> None:

@@ -1,7 +1,7 @@
-"""Pictures by X-Plane's own screenshot command: the only way that needs neither OpenGL nor a screen to grab.
+"""Images by X-Plane's own screenshot command: the only way that needs neither OpenGL nor a screen to grab.
 
 X-Plane names the file itself and writes it into ``Output/screenshots`` some tenths of a second later. It takes the camera for it,
-so the camera has to be taken back afterwards. That makes it slow: suitable for a picture every few seconds of flight.
+so the camera has to be taken back afterwards. That makes it slow: suitable for an image every few seconds of flight.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 END = b"\0\0\0\0IEND\xaeB`\x82"
 NOT_OURS = (
     "X-Plane's screenshots do not follow the camera: it takes the camera away before it draws them, so they show another view. "
-    "Take the pictures off the screen instead (--pixels screen)"
+    "Take the images off the screen instead (--pixels screen)"
 )
 # The essential chunks. Others (the time, the program) would make two files of the same picture differ.
 CRITICAL = (b"IHDR", b"PLTE", b"IDAT", b"IEND")

@@ -251,7 +251,7 @@ class Watchers:
             return True
 
     def are_busy(self) -> bool:
-        """Whether a picture is being grabbed."""
+        """Whether an image is being grabbed."""
         with self._lock:
             return any(connection.is_unanswered() for connection in self._there)
 

@@ -6,7 +6,7 @@
     bind = 127.0.0.1     ; another address opens the link to other machines and wants a token
     port = 49010         ; 0 takes any free one; clients find it in the dataref dtd/bridge/capture_port
     token =              ; a secret; clients give it in the environment variable DTD_LINK_TOKEN
-    grab = off           ; on gives pictures of this computer's screen, all of it, to clients on other ones who know the token
+    grab = off           ; on gives images of this computer's screen, all of it, to clients on other ones who know the token
 
     [weather]
     settle_s = 15        ; how long regenerated weather takes to show

@@ -42,7 +42,7 @@ CLOSING = (
 
 @dataclass(frozen=True)
 class Tick:
-    """Content of one picture."""
+    """Content of one image."""
 
     pose: Pose
     flap_ratio: float
@@ -153,7 +153,7 @@ class Stage:
         self._datarefs.set_if_there(names.OVERRIDES, 1)
 
     def _clear_the_view(self) -> None:
-        """Removes what covers the picture: windows, instruments, the cross of a mouse that flies. Landing lights on."""
+        """Removes what covers the image: windows, instruments, the cross of a mouse that flies. Landing lights on."""
         self.close_windows()
         self._datarefs.set_if_there((names.MOUSE_IS_YOKE,), 0)
         self._datarefs.set_if_there(names.LANDING_LIGHTS, 1)
@@ -201,7 +201,7 @@ class Stage:
 
     @property
     def still_shown(self) -> bool:
-        """Whether the view was ours in every frame since then. Whoever takes it loses nothing but a repeated picture."""
+        """Whether the view was ours in every frame since then. Whoever takes it loses nothing but a repeated image."""
         return self._still_shown
 
     def keep_view(self) -> None:

@@ -1,4 +1,4 @@
-"""No other aircraft while pictures are taken."""
+"""No other aircraft while images are taken."""
 
 from __future__ import annotations
 

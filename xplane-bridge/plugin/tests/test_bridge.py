@@ -414,7 +414,7 @@ class Capturing(WithBridge):
             took.append((self.xp.cycle - before) // 2)
         self.assertGreater(took[0], capturing.RESTLESS_FRAMES)
         self.assertLess(max(took[1:]), capturing.RESTLESS_FRAMES)
-        self.assertIn("no two pictures in a row agree", "\n".join(self.xp.lines))
+        self.assertIn("no two images in a row agree", "\n".join(self.xp.lines))
 
     def test_the_view_is_external_before_the_camera_is_taken_and_while_pictures_are(self):
         client = self.frozen()

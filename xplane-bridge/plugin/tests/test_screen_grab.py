@@ -241,7 +241,7 @@ class X11(unittest.TestCase):
         display, _ = self.server("50x40x24")
         screen = screen_x11.open_x11(display)
         self.addCleanup(screen.close)
-        with self.assertRaisesRegex(ScreenError, "gives no picture"):
+        with self.assertRaisesRegex(ScreenError, "gives no image"):
             screen.grab(40, 30, 20, 20)
         self.assertEqual(len(screen.grab(0, 0, 50, 40)), 6_000)
 

@@ -1,4 +1,4 @@
-"""Pictures by X-Plane's screenshot command: complete files, of the right tick, from our camera, and none left behind."""
+"""Images by X-Plane's screenshot command: complete files, of the right tick, from our camera, and none left behind."""
 
 import paths  # noqa: F401
 

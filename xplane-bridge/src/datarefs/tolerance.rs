@@ -34,7 +34,7 @@ pub enum Tolerance {
     Relative(f32),
     /// This many degrees around the circle.
     Degrees(f32),
-    /// It is not read back: no picture and no flight depends on it.
+    /// It is not read back: no image and no flight depends on it.
     Unread,
 }
 

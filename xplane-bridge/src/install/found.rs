@@ -176,7 +176,7 @@ impl Found {
             11 => {
                 steps.push("Settings > Network: leave the UDP port at 49000, or give yours to dtd as HOST:PORT.".into());
                 steps.push(
-                    "Settings > Graphics: switch the Vulkan/Metal driver off to have pixels read back (gl); with it, pictures \
+                    "Settings > Graphics: switch the Vulkan/Metal driver off to have pixels read back (gl); with it, images \
                      come off the screen."
                         .into(),
                 );
@@ -187,7 +187,7 @@ impl Found {
             ),
         }
         steps.push(
-            "Start X-Plane with a window of the size of your pictures, e.g. --window=1920x1280, at a display scale of 100 %. If dtd runs on \
+            "Start X-Plane with a window of the size of your images, e.g. --window=1920x1280, at a display scale of 100 %. If dtd runs on \
              this computer and grabs its screen, a window of 32 pixels more each way (--window=1952x1312) is several times as fast."
                 .into(),
         );

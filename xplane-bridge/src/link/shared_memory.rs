@@ -153,7 +153,7 @@ pub enum NoSlot {
         number: u32,
     },
     /// The memory was shared for smaller images.
-    #[error("a picture of {picture_bytes} bytes does not fit slot {number} of {slot_bytes}")]
+    #[error("an image of {picture_bytes} bytes does not fit slot {number} of {slot_bytes}")]
     TooSmall {
         /// The number.
         number: u32,

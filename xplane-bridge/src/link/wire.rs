@@ -18,7 +18,7 @@ const MAGIC: [u8; 4] = *b"DTDL";
 pub const LINK_VERSION: u32 = 2;
 /// Longest header, bytes.
 pub const MAX_HEADER_BYTES: usize = 64 << 10;
-/// Longest payload, bytes: a picture of the largest size.
+/// Longest payload, bytes: an image of the largest size.
 pub const MAX_PAYLOAD_BYTES: usize = 192 << 20;
 
 /// Failure to read or write the link.

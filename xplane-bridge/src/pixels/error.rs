@@ -45,8 +45,8 @@ pub enum PixelError {
     },
     /// X-Plane runs on another computer, whose screen its plugin does not grab for us.
     #[error(
-        "pictures come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there, \
-         or, for few pictures, take --pixels screenshot (docs/x-plane.md, \"X-Plane on another computer\")"
+        "images come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there, \
+         or, for few images, take --pixels screenshot (docs/x-plane.md, \"X-Plane on another computer\")"
     )]
     ScreenElsewhere {
         /// Reason why its plugin does not grab it.
@@ -63,7 +63,7 @@ pub enum PixelError {
         r#source: LinkError,
     },
     /// The plugin does not provide an image.
-    #[error("the plugin at {link} gives no picture of its screen: {text}")]
+    #[error("the plugin at {link} gives no image of its screen: {text}")]
     RemoteRefused {
         /// Its capture link.
         link: SocketAddr,
@@ -71,9 +71,7 @@ pub enum PixelError {
         text: String,
     },
     /// An image of the screen did not arrive.
-    #[error(
-        "no picture of the screen: {what}. Was the window closed, resized or the screen locked?"
-    )]
+    #[error("no image of the screen: {what}. Was the window closed, resized or the screen locked?")]
     Grab {
         /// Description of the failure.
         what: String,
@@ -104,7 +102,7 @@ pub enum PixelError {
     /// Windows of the simulator cover the scene.
     #[error(
         "X-Plane or one of its plugins draws a window over the scene: it covers {cover} of the {window} that X-Plane draws, and would be in \
-         every picture. Close it: a message of X-Plane by its button, a plugin's window by its cross or its menu"
+         every image. Close it: a message of X-Plane by its button, a plugin's window by its cross or its menu"
     )]
     WindowOverScene {
         /// Covered rectangle, from the window's top left.
@@ -114,7 +112,7 @@ pub enum PixelError {
     },
     /// Another program covers the window.
     #[error(
-        "another program covers {cover} of the {window} of the simulator's window, and would be in every picture. Close what lies there (a \
+        "another program covers {cover} of the {window} of the simulator's window, and would be in every image. Close what lies there (a \
          notification, a window, a toolbar), or move the pointer away"
     )]
     ProgramOverWindow {
@@ -125,7 +123,7 @@ pub enum PixelError {
     },
     /// A cover does not go.
     #[error(
-        "{rectangle} of the pictures has not looked like the beginning of the block for {waited:.0?}: a message, a window, a notification \
+        "{rectangle} of the images has not looked like the beginning of the block for {waited:.0?}: a message, a window, a notification \
          or a pointer covers the scene, or covered it then and has gone. Close it, or move it away, and keep it from coming again"
     )]
     StaysCovered {
@@ -136,8 +134,8 @@ pub enum PixelError {
     },
     /// A cover was noticed too late.
     #[error(
-        "something covered {rectangle} of the pictures, and was noticed only after pictures of it had been recorded: a message, \
-         a window, a notification or a pointer that came in gradually, or in a pause between two pictures. Keep it from coming again"
+        "something covered {rectangle} of the images, and was noticed only after images of it had been recorded: a message, \
+         a window, a notification or a pointer that came in gradually, or in a pause between two images. Keep it from coming again"
     )]
     CoveredBefore {
         /// Covered rectangle, from the images' top left.
@@ -146,7 +144,7 @@ pub enum PixelError {
     /// An older pattern stays.
     #[error(
         "the simulator says that it shows the check pattern {code:08x}, but after {waited:.1?} the screen still shows {found:08x}: \
-         it is drawn late or not at all, and pictures would show earlier ticks. Is the simulator paused or its window frozen?"
+         it is drawn late or not at all, and images would show earlier ticks. Is the simulator paused or its window frozen?"
     )]
     StalePattern {
         /// The expected code.
@@ -158,7 +156,7 @@ pub enum PixelError {
     },
     /// There is no room for the numbers of frames.
     #[error(
-        "the window has no margins around the pictures, in which the plugin could number its frames"
+        "the window has no margins around the images, in which the plugin could number its frames"
     )]
     NoMargins,
     /// No number of a frame can be read.
@@ -174,7 +172,7 @@ pub enum PixelError {
     },
     /// The simulator draws into a window of another size.
     #[error(
-        "pictures of {wanted} pixels are wanted, and the simulator's window has {window}. {}, or change [picture] in the sweep",
+        "images of {wanted} pixels are wanted, and the simulator's window has {window}. {}, or change [picture] in the sweep",
         .wanted.window_advice(*.may_have_margins)
     )]
     OtherWindow {
@@ -187,7 +185,7 @@ pub enum PixelError {
     },
     /// No window on this screen can show such images.
     #[error(
-        "pictures of {wanted} pixels do not fit this screen, which has {screen}: {}. The window's frame and the desktop's bars need room besides; \
+        "images of {wanted} pixels do not fit this screen, which has {screen}: {}. The window's frame and the desktop's bars need room besides; \
          or let X-Plane run on a larger screen",
         fitting_advice(.fitting)
     )]
@@ -200,7 +198,7 @@ pub enum PixelError {
         fitting: Vec<PictureSize>,
     },
     /// The window is not as large as the images.
-    #[error("the simulator's window is {} on the screen, the pictures must be {width_px}x{height_px}: {}", size(.window), size_advice(.window, .reported_px))]
+    #[error("the simulator's window is {} on the screen, the images must be {width_px}x{height_px}: {}", size(.window), size_advice(.window, .reported_px))]
     WrongSize {
         /// Its position and size on the screen.
         window: Rectangle,
@@ -223,7 +221,7 @@ pub enum PixelError {
     },
     /// The pattern is in an image of the recording.
     #[error(
-        "the check pattern is still on the screen where a picture should be: the simulator did not remove it, or draws late"
+        "the check pattern is still on the screen where an image should be: the simulator did not remove it, or draws late"
     )]
     PatternStays,
     /// X-Plane's screenshot is not the requested image.
@@ -235,7 +233,7 @@ pub enum PixelError {
     /// After the recording, frames appeared later than before it.
     #[error(
         "frames took {found:.1?} to appear on the screen after the recording, more than the {allowed:.1?} waited for during it: \
-         its pictures may show earlier ticks. Close what else draws on this machine"
+         its images may show earlier ticks. Close what else draws on this machine"
     )]
     Slower {
         /// Measured after.
@@ -282,7 +280,7 @@ fn fitting_advice(fitting: &[PictureSize]) -> String {
 
 fn offer(offered: &[PixelKind]) -> String {
     match offered {
-        [] => "no source of pixels: it can neither send nor show pictures".into(),
+        [] => "no source of pixels: it can neither send nor show images".into(),
         kinds => {
             let names: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
             format!("only {}", names.join(", "))

@@ -1,9 +1,9 @@
-//! Pictures that come with the simulator's answer, ready to use.
+//! Images that come with the simulator's answer, ready to use.
 
 use super::{ComingPicture, Confirmed, PatternDisplay, PixelKind, PixelSource};
 use crate::link::MAX_OUTSTANDING_CAPTURES;
 
-/// The source `link` or `gl`: the answer's payload is the picture.
+/// The source `link` or `gl`: the answer's payload is the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Payload(pub(crate) PixelKind);
 

@@ -1,8 +1,8 @@
-//! Pictures in memory and positions in them.
+//! Images in memory and positions in them.
 
 use std::fmt;
 
-/// A rectangle in a picture or on a screen, pixels from its top left.
+/// A rectangle in an image or on a screen, pixels from its top left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rectangle {
     /// Its leftmost column.
@@ -59,7 +59,7 @@ impl fmt::Display for Rectangle {
     }
 }
 
-/// A picture: red, green, blue, one byte each, row by row from the top left.
+/// An image: red, green, blue, one byte each, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct RgbPicture {
     /// Number of columns.
@@ -71,7 +71,7 @@ pub struct RgbPicture {
 }
 
 impl RgbPicture {
-    /// A black picture.
+    /// A black image.
     pub fn black(width_px: u32, height_px: u32) -> Self {
         Self {
             width_px,

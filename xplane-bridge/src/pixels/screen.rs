@@ -1,4 +1,4 @@
-//! The source `screen`: the simulator's window, grabbed from the screen, with the proof that each picture is the requested frame.
+//! The source `screen`: the simulator's window, grabbed from the screen, with the proof that each image is the requested frame.
 //!
 //! Registration: the simulator shows a check pattern with our code; the whole screen is grabbed until that code is read, which
 //! gives the window's rectangle, and so its size. Afterwards only this rectangle is grabbed. More codes measure the lag: how many
@@ -69,9 +69,9 @@ pub trait Screen: fmt::Debug + Send + Sync {
     fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError>;
 }
 
-/// Takes pictures of a region of a screen.
+/// Takes images of a region of a screen.
 pub trait Grab: Send {
-    /// Takes the next picture. It may be older than this call: its age is measured, never assumed.
+    /// Takes the next image. It may be older than this call: its age is measured, never assumed.
     ///
     /// # Errors
     /// If there is none.
@@ -115,21 +115,21 @@ impl Lag {
     }
 }
 
-/// A picture that still equals the previous one after this many more grabs shows no change; before that, it may be late.
+/// An image that still equals the previous one after this many more grabs shows no change; before that, it may be late.
 const STALE_GRABS: u32 = 10;
 
-/// Window in which numbered frames are grabbed: the picture and the code around it.
+/// Window in which numbered frames are grabbed: the image and the code around it.
 #[derive(Debug, Clone)]
 pub struct CodedWindow {
     /// The screen.
     pub(crate) screen: Arc<dyn Screen>,
-    /// The picture and its code on the screen.
+    /// The image and its code on the screen.
     pub(crate) region: Rectangle,
-    /// The window's margins around the picture, left and right, above and below, pixels.
+    /// The window's margins around the image, left and right, above and below, pixels.
     pub(crate) margins_px: [u32; 2],
 }
 
-/// A window's margins around a picture in its middle, if they have room for the code.
+/// A window's margins around an image in its middle, if they have room for the code.
 pub(crate) fn margins_around(picture: PictureSize, window: PictureSize) -> Option<[u32; 2]> {
     let margin = |window_px: u32, picture_px: u32| {
         let both_px = window_px.checked_sub(picture_px)?;
@@ -151,12 +151,12 @@ pub struct ScreenSource {
     window: Rectangle,
     lag: Lag,
     codes: Codes,
-    /// The last picture.
+    /// The last image.
     last: Vec<u8>,
 }
 
 impl ScreenSource {
-    /// Finds the simulator's window on `screen`, proves that it is visible, complete, unscaled and in the size of the pictures, or with
+    /// Finds the simulator's window on `screen`, proves that it is visible, complete, unscaled and in the size of the images, or with
     /// margins for frame codes around them if it `may_have_margins`, and measures the lag. `reported`: the window as the simulator
     /// reports it, for messages.
     ///
@@ -228,7 +228,7 @@ impl ScreenSource {
         self.lag
     }
 
-    /// The waiting time, and the number of skipped grabs, before each picture.
+    /// The waiting time, and the number of skipped grabs, before each image.
     fn allowed(&self) -> Lag {
         Lag {
             grabs: self.lag.grabs,
@@ -352,7 +352,7 @@ impl ScreenSource {
         Ok(picture)
     }
 
-    /// The window in the pictures that are grabbed: all of them.
+    /// The window in the images that are grabbed: all of them.
     fn grabbed(&self) -> Rectangle {
         Rectangle {
             x_px: 0,
@@ -466,7 +466,7 @@ impl fmt::Debug for ScreenSource {
     }
 }
 
-/// The part of a rectangle of the window that is in the picture between the margins.
+/// The part of a rectangle of the window that is in the image between the margins.
 fn in_picture(
     cover: Rectangle,
     [width_px, height_px]: [u32; 2],
@@ -494,7 +494,7 @@ fn cut_margins(picture: &mut RgbPicture, [x_px, y_px]: [u32; 2]) {
     picture.resize(width_px, height_px);
 }
 
-/// Rejects pictures that are larger than the screen, where no window could show them.
+/// Rejects images that are larger than the screen, where no window could show them.
 async fn check_room(screen: &Arc<dyn Screen>, wanted: PictureSize) -> Result<(), PixelError> {
     let whole = Grabber::open(screen, None).await?;
     let picture = whole.grab(RgbPicture::default(), 0).await?;

@@ -10,7 +10,7 @@ use crate::link::PictureSize;
 /// X-Plane's own screenshots. Slow: suitable for sparse sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Screenshots {
-    /// The required size of the pictures.
+    /// The required size of the images.
     pub size: PictureSize,
 }
 

@@ -233,7 +233,7 @@ impl StillScene {
     /// # Panics
     /// If the image has another size.
     pub(crate) fn begin_with(&mut self, rgb: &[u8], moving: &[Rectangle]) {
-        assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
+        assert_eq!(rgb.len(), self.grid.bytes(), "an image of another size");
         self.uncovered.copy_from_slice(rgb);
         self.latest.copy_from_slice(rgb);
         for (cell, touched) in self.cells.iter_mut().zip(self.grid.touched(moving)) {
@@ -265,7 +265,7 @@ impl StillScene {
     /// # Panics
     /// If the image has another size.
     pub(crate) fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
-        assert_eq!(rgb.len(), self.grid.bytes(), "a picture of another size");
+        assert_eq!(rgb.len(), self.grid.bytes(), "an image of another size");
         if self.is_new {
             self.begin_with(rgb, moving);
             return Ok(());

@@ -3,7 +3,7 @@
 //! Input: the expected address of the simulator. Output: one [`Check`] after the other, each with the finding and, if it is not ok,
 //! a remedy. A check that depends on an earlier one that failed is reported as skipped. Once per installation it also measures what reports
 //! disagree on, and stores it as a [`Profile`]. Every change is undone: one course, the pause, the weather, and the aircraft's place during
-//! the pictures.
+//! the images.
 //!
 //! It is part of this crate because it measures with what the client keeps private, such as writing a dataref until it holds.
 
@@ -157,7 +157,7 @@ pub enum Measuring {
 pub struct Intent {
     /// File of the sweep, as the user names it.
     pub sweep: String,
-    /// Size of its pictures.
+    /// Size of its images.
     pub pictures: PictureSize,
 }
 
@@ -168,7 +168,7 @@ pub struct DoctorOptions {
     pub address: Option<SocketAddr>,
     /// Address of its Web API.
     pub web_api: WebApiPlace,
-    /// The screen that it draws on, if pictures come off it.
+    /// The screen that it draws on, if images come off it.
     pub screen: Arc<dyn Screen>,
     /// Time to listen for the beacon. X-Plane sends one per second.
     pub listen: Duration,
@@ -451,11 +451,11 @@ fn pixels(description: &SimulatorDescription) -> Check {
         let hint = "X-Plane 11: choose OpenGL in Settings > Graphics; X-Plane 12: run it in a window on this desktop, with XPPython3 able to draw";
         return Check::failed(
             "pixels",
-            format!("no way to get at pictures is offered ({CAPTURE_PORT} is)"),
+            format!("no way to get at images is offered ({CAPTURE_PORT} is)"),
             hint,
         );
     }
-    Check::ok("pixels", format!("pictures come by: {}", names.join(", ")))
+    Check::ok("pixels", format!("images come by: {}", names.join(", ")))
 }
 
 fn release(released: Result<(), BridgeError>) -> Check {

@@ -29,7 +29,7 @@ use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 const ATTEMPTS: u32 = 8;
 /// Maximum distance from its start of an aircraft whose flight X-Plane started while it did not answer, for a minute or two.
 const BEGUN_WITHIN_M: f64 = 12_000.0;
-/// Farther than this from where pictures are taken, the aircraft must travel: scenery and weather are those around it.
+/// Farther than this from where images are taken, the aircraft must travel: scenery and weather are those around it.
 const NEAR_M: f64 = 30_000.0;
 /// Maximum time for X-Plane to load an aircraft.
 const LOAD_TIMEOUT: Duration = Duration::from_secs(60);
@@ -54,7 +54,7 @@ pub(super) enum Starter {
 }
 
 impl Simulator {
-    /// Ensures that a flight is loaded, with the scenario's aircraft, where its pictures are taken or its approach starts, with the
+    /// Ensures that a flight is loaded, with the scenario's aircraft, where its images are taken or its approach starts, with the
     /// scenery there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or another one.
     ///
     /// # Errors

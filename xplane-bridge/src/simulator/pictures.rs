@@ -115,7 +115,7 @@ impl Simulator {
             };
             if has_codes && self.pixels.coded_window().is_none() {
                 tracing::info!(
-                    "the window has no margins around the pictures, so that each of them is settled, which takes several times as long: start \
+                    "the window has no margins around the images, so that each of them is settled, which takes several times as long: start \
                      X-Plane with --window={}",
                     wanted.with_margins()
                 );

@@ -1,7 +1,7 @@
 //! Checks, while a scenario is recorded, that the simulator is still the one that was set up.
 //!
 //! Every confirmed setting stays subscribed, and so does the simulator's running time. A restarted simulator has a shorter running
-//! time and its own settings; both end the attempt with an error, before a picture under other conditions can be mistaken for one of the
+//! time and its own settings; both end the attempt with an error, before an image under other conditions can be mistaken for one of the
 //! scenario.
 
 use std::collections::BTreeMap;

@@ -1,6 +1,6 @@
-//! Memory for pictures that client and simulator share: offered with the first capture, if the simulator is on this computer.
+//! Memory for images that client and simulator share: offered with the first capture, if the simulator is on this computer.
 //!
-//! If it is unavailable, or all in use, pictures are sent over the link.
+//! If it is unavailable, or all in use, images are sent over the link.
 
 use std::net::SocketAddr;
 
@@ -8,7 +8,7 @@ use super::{SWITCH_TIMEOUT, Simulator, wrong};
 use crate::error::BridgeError;
 use crate::link::{Answer, CaptureRequest, Deliver, Request, SharedPicture, SharedPictures};
 
-/// Maximum shared pictures in flight: a few being drawn, and those that wait for two encoders.
+/// Maximum shared images in flight: a few being drawn, and those that wait for two encoders.
 const SLOTS: u32 = 16;
 
 /// State of the shared memory.
@@ -28,7 +28,7 @@ impl Sharing {
         match with {
             Some(with) if with == local => Self::Possible,
             Some(with) => {
-                tracing::debug!(%with, %local, "somebody stands between: pictures travel");
+                tracing::debug!(%with, %local, "somebody stands between: images travel");
                 Self::Impossible
             }
             None => Self::Impossible,
@@ -37,7 +37,7 @@ impl Sharing {
 }
 
 impl Simulator {
-    /// Memory to lend for the requested picture, unless it must be sent.
+    /// Memory to lend for the requested image, unless it must be sent.
     pub(super) async fn lend_memory(
         &mut self,
         request: &CaptureRequest,
@@ -67,7 +67,7 @@ impl Simulator {
         let pictures = match SharedPictures::new(SLOTS, picture_bytes) {
             Ok(pictures) => pictures,
             Err(error) => {
-                tracing::info!(%error, "no memory to share: pictures travel");
+                tracing::info!(%error, "no memory to share: images travel");
                 return Ok(Sharing::Impossible);
             }
         };
@@ -80,7 +80,7 @@ impl Simulator {
             Ok(Answer::MemoryShared) => Ok(Sharing::Shared(pictures)),
             Ok(other) => Err(wrong("memory_shared", &other)),
             Err(BridgeError::Refused { text, .. }) => {
-                tracing::info!(text, "the simulator shares no memory: pictures travel");
+                tracing::info!(text, "the simulator shares no memory: images travel");
                 Ok(Sharing::Impossible)
             }
             Err(error) => Err(error),

@@ -47,9 +47,9 @@ impl Default for Conventions {
 /// One camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraEntry {
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Height of the picture, pixels.
+    /// Height of the image, pixels.
     pub height_px: u32,
     /// Intrinsics, row-major.
     pub k: [[f64; 3]; 3],
@@ -59,7 +59,7 @@ pub struct CameraEntry {
     /// Missing if light travels straight.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub refraction_coefficient: f64,
-    /// Blur, seeing and noise of the pictures; they do not affect geometry. Missing if there are none.
+    /// Blur, seeing and noise of the images; they do not affect geometry. Missing if there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub degradation: Option<Degradation>,
     /// Extrinsics.
@@ -96,7 +96,7 @@ impl CameraEntry {
         }
     }
 
-    /// The entry with the lens, the air and the sensor of its pictures.
+    /// The entry with the lens, the air and the sensor of its images.
     #[must_use]
     pub fn with_imaging(self, imaging: &Imaging) -> Self {
         Self {
@@ -109,7 +109,7 @@ impl CameraEntry {
         }
     }
 
-    /// Lens, air and sensor of its pictures.
+    /// Lens, air and sensor of its images.
     pub fn imaging(&self) -> Imaging {
         Imaging {
             distortion: Distortion::from_coefficients(&self.distortion),
@@ -197,7 +197,7 @@ impl CameraEntry {
 }
 
 impl Calibration {
-    /// A calibration of placed cameras, all with the same picture size.
+    /// A calibration of placed cameras, all with the same image size.
     pub fn from_poses<'a>(
         placed: impl IntoIterator<Item = (&'a str, CameraPose)>,
         width_px: u32,

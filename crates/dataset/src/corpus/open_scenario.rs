@@ -285,7 +285,7 @@ impl OpenScenario {
     /// Opens a view's video after reading all of it and checking it against the seal. Timestamps are in the unit of the tables' `pts`.
     ///
     /// # Errors
-    /// There is none, it does not match the seal, it cannot be decoded, or its pictures have another size than the calibrated camera's.
+    /// There is none, it does not match the seal, it cannot be decoded, or its images have another size than the calibrated camera's.
     pub fn open_video(&self, view: &str) -> Result<VideoReader> {
         let path = self.video_path(view)?;
         let reader = VideoReader::open_ticks(&path, self.record()?.frame_rate)?;
@@ -305,23 +305,23 @@ impl OpenScenario {
         Err(Error::corpus(
             &path,
             format!(
-                "has pictures of {} px, expected {} px as in {CALIBRATION}; generate the scenario again",
+                "has images of {} px, expected {} px as in {CALIBRATION}; generate the scenario again",
                 size(found),
                 size(expected)
             ),
         ))
     }
 
-    /// The picture of a view at a tick, from its sealed video.
+    /// The image of a view at a tick, from its sealed video.
     ///
     /// # Errors
-    /// The video cannot be opened or decoded, or has no such picture.
+    /// The video cannot be opened or decoded, or has no such image.
     pub fn picture(&self, view: &str, tick: u32) -> Result<RgbPicture> {
         let pts = self.record()?.frame_rate.pts_of_tick(tick);
         self.open_video(view)?.picture_at(pts)?.ok_or_else(|| {
             Error::corpus(
                 self.folder.root(),
-                format!("the video of view {view} has no picture of tick {tick}"),
+                format!("the video of view {view} has no image of tick {tick}"),
             )
         })
     }
@@ -396,7 +396,7 @@ fn kind_of(name: &'static str) -> FileKind {
     kind.unlinked()
 }
 
-/// The column that shows that a row of detections belongs to no picture of the scenario, and why.
+/// The column that shows that a row of detections belongs to no image of the scenario, and why.
 pub(crate) fn fault_of(row: &Row, record: &ScenarioRecord) -> Option<(&'static str, String)> {
     fault_of_picture(row.tick(), "view", row.view(), record)
 }

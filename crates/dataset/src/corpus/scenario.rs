@@ -95,7 +95,7 @@ pub struct ScenarioRecord {
     pub rig: String,
     /// Identifiers of the views, in the order of the tables.
     pub views: Vec<String>,
-    /// The blocks of ticks for which the camera rested; missing if the camera was settled for each picture separately.
+    /// The blocks of ticks for which the camera rested; missing if the camera was settled for each image separately.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blocks: Option<Blocks>,
     /// Versions of the software that made it.
@@ -114,7 +114,7 @@ pub struct Blocks {
     pub count: u32,
     /// Blocks in which a probe measured that. In the others the aircraft could not be seen, and the last value was kept.
     pub measured: u32,
-    /// Ticks that were held until their picture had settled, because no value was known.
+    /// Ticks that were held until their image had settled, because no value was known.
     pub held_ticks: u32,
     /// Ticks that were shown again, because their frame was lost or in doubt.
     pub repeated_ticks: u32,
@@ -136,7 +136,7 @@ pub struct Versions {
 }
 
 impl ScenarioRecord {
-    /// Number of pictures of all views.
+    /// Number of images of all views.
     pub fn pictures(&self) -> u64 {
         u64::from(self.ticks) * self.views.len() as u64
     }

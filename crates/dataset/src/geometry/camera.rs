@@ -1,7 +1,7 @@
-//! Cameras: where they are, and where a point of the world appears in their picture. Pinholes, unless a calibration specifies lens
+//! Cameras: where they are, and where a point of the world appears in their image. Pinholes, unless a calibration specifies lens
 //! distortion or refraction.
 //!
-//! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so a picture
+//! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so an image
 //! covers -0.5 to width - 0.5.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -19,16 +19,16 @@ pub struct CameraPose {
     /// Position and direction of the camera.
     #[serde(flatten)]
     pub pose: Pose,
-    /// Horizontal field of view over the whole width of the picture, degrees.
+    /// Horizontal field of view over the whole width of the image, degrees.
     pub hfov_deg: f64,
 }
 
 /// Intrinsics and extrinsics of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Height of the picture, pixels.
+    /// Height of the image, pixels.
     pub height_px: u32,
     /// Focal length, pixels (square pixels).
     pub focal_px: f64,
@@ -45,7 +45,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The camera for a placement: principal point in the centre of the picture, `focal = (width / 2) / tan(hfov / 2)`.
+    /// The camera for a placement: principal point in the centre of the image, `focal = (width / 2) / tan(hfov / 2)`.
     pub fn from_pose(placed: &CameraPose, width_px: u32, height_px: u32) -> Self {
         // Columns: the camera's right, down and forward axes in body axes (forward, right, down).
         let body_from_camera = DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X);
@@ -140,7 +140,7 @@ impl Camera {
         }
     }
 
-    /// Distance of the picture's corners from its centre, in image coordinates.
+    /// Distance of the image's corners from its centre, in image coordinates.
     pub fn corner(&self) -> f64 {
         f64::from(self.width_px).hypot(f64::from(self.height_px)) / 2.0 / self.focal_px
     }

@@ -2,7 +2,7 @@
 //! with OpenCV's formulation and coefficients.
 //!
 //! Input and output are image coordinates: right and down of the optical axis, divided by depth. A real lens does not fold a
-//! picture over; [`Distortion::check`] rejects coefficients that do.
+//! image over; [`Distortion::check`] rejects coefficients that do.
 
 use glam::{DMat2, DVec2};
 use schemars::JsonSchema;
@@ -35,16 +35,16 @@ pub enum BadLens {
     },
     /// Two places of the scene would be drawn in one.
     #[error(
-        "the lens folds the picture over at {radius:.2} of the way from its middle to its corners; expected coefficients under which it \
+        "the lens folds the image over at {radius:.2} of the way from its middle to its corners; expected coefficients under which it \
          grows steadily up to {FIELD_OVER_HALF_DIAGONAL}"
     )]
     Folds {
         /// Radius of the fold, relative to the half diagonal.
         radius: f64,
     },
-    /// The picture would not be filled.
+    /// The image would not be filled.
     #[error(
-        "the lens draws {FIELD_OVER_HALF_DIAGONAL} of the picture into {rim:.2} of it and leaves its corners empty; expected weaker \
+        "the lens draws {FIELD_OVER_HALF_DIAGONAL} of the image into {rim:.2} of it and leaves its corners empty; expected weaker \
          coefficients"
     )]
     EmptyCorners {
@@ -53,7 +53,7 @@ pub enum BadLens {
     },
 }
 
-/// The lens must map without folding up to this multiple of the picture's half diagonal from the principal point.
+/// The lens must map without folding up to this multiple of the image's half diagonal from the principal point.
 pub(crate) const FIELD_OVER_HALF_DIAGONAL: f64 = 1.5;
 /// A lens that shrinks areas below this share is close to folding.
 const LEAST_AREA: f64 = 0.05;
@@ -113,7 +113,7 @@ impl Distortion {
     }
 
     /// [`Self::distort`] inside a field of this radius; beyond it the mapping continues linearly, so that points far outside the
-    /// picture stay outside, which polynomials do not guarantee.
+    /// image stay outside, which polynomials do not guarantee.
     pub(crate) fn distort_within(&self, ideal: DVec2, field: f64) -> DVec2 {
         let rim = ideal.clamp_length_max(field);
         self.distort(rim) + (ideal - rim)
@@ -146,7 +146,7 @@ impl Distortion {
         ideal
     }
 
-    /// Rejects invalid lenses for a picture whose corners are at this radius: coefficients that are not finite, fold the picture
+    /// Rejects invalid lenses for an image whose corners are at this radius: coefficients that are not finite, fold the image
     /// over or leave its corners empty.
     ///
     /// # Errors

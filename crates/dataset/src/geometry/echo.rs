@@ -1,6 +1,6 @@
 //! Tolerance between the requested and the drawn pose of a simulator, shared by recording and verification.
 //!
-//! An echo is a simulator's report of where aircraft and camera were when it drew a picture. X-Plane places both in 32-bit floats,
+//! An echo is a simulator's report of where aircraft and camera were when it drew an image. X-Plane places both in 32-bit floats,
 //! in metres from an origin that may be 50 km away, and rotates them in 32-bit degrees. So an echo matches only approximately. The
 //! tolerance is the rounding of those floats with a margin, and far less than a pixel: at a field of view of 10 degrees on 1920
 //! pixels, 0.0002 degrees are 0.04 pixels. The next tick is metres away and never within tolerance.
@@ -78,7 +78,7 @@ pub fn aircraft_mismatch(drawn: &Pose, expected: &Pose) -> Option<EchoMismatch> 
     pose_mismatch(drawn, expected, AIRCRAFT_ANGLE_TOLERANCE_DEG)
 }
 
-/// Compares the camera that a picture was taken with and the requested one.
+/// Compares the camera that an image was taken with and the requested one.
 pub fn camera_mismatch(drawn: &CameraPose, expected: &CameraPose) -> Option<EchoMismatch> {
     pose_mismatch(&drawn.pose, &expected.pose, CAMERA_ANGLE_TOLERANCE_DEG).or_else(|| {
         angle_mismatch(

@@ -1,7 +1,7 @@
-//! The differences between an ideal picture and a real one: lens, refraction and turbulence of the air, mast, sensor, the camera's encoder.
+//! The differences between an ideal image and a real one: lens, refraction and turbulence of the air, mast, sensor, the camera's encoder.
 //!
 //! All of it is off by default, because X-Plane has none of it. Lens and refraction move objects, so they belong to the calibration
-//! and every projection includes them. The others degrade the picture: calibration and ground-truth boxes assume still air and a
+//! and every projection includes them. The others degrade the image: calibration and ground-truth boxes assume still air and a
 //! still mast.
 //!
 //! Only the stand-in can draw it; a simulator reports whether it can before a scenario is flown. The camera's encoder is ours, so its
@@ -22,7 +22,7 @@ pub struct Imaging {
     /// Coefficient of terrestrial refraction; 0 is straight light.
     #[serde(skip_serializing_if = "is_zero")]
     pub refraction_coefficient: f64,
-    /// Degradation of the picture.
+    /// Degradation of the image.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degradation: Option<Degradation>,
 }
@@ -58,7 +58,7 @@ pub struct Sensor {
     pub full_well_electrons: f64,
     /// Standard deviation of the read noise, electrons.
     pub read_noise_electrons: f64,
-    /// Exposure relative to an ideal picture, stops: 1 doubles the light.
+    /// Exposure relative to an ideal image, stops: 1 doubles the light.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub exposure_ev: f64,
 }
@@ -69,7 +69,7 @@ pub struct Sensor {
 pub struct Seeing {
     /// Root mean square of the image's motion along one axis over 10 km, arcseconds; grows with the square root of the distance.
     pub tilt_rms_arcsec: f64,
-    /// Standard deviation of the blur of one picture over 10 km, arcseconds; grows with the distance to the power 3/5.
+    /// Standard deviation of the blur of one image over 10 km, arcseconds; grows with the distance to the power 3/5.
     pub blur_sigma_arcsec: f64,
     /// The motion's autocorrelation falls to 1/e in this time, seconds. Either this or `crosswind`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -90,7 +90,7 @@ pub struct Crosswind {
     pub aperture_m: f64,
 }
 
-/// Motion of a whole picture, because its mast sways.
+/// Motion of a whole image, because its mast sways.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sway {
@@ -116,7 +116,7 @@ impl Crosswind {
 }
 
 impl Imaging {
-    /// Checks for numbers outside their limits. Whether a lens folds the picture over depends on the picture:
+    /// Checks for numbers outside their limits. Whether a lens folds the image over depends on the image:
     /// [`Distortion::check`].
     pub fn check(&self, check: &mut Check) {
         check.number(
@@ -143,14 +143,14 @@ impl Imaging {
         }
     }
 
-    /// True for ideal pictures of a pinhole in a vacuum, as X-Plane draws them.
+    /// True for ideal images of a pinhole in a vacuum, as X-Plane draws them.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
     }
 }
 
 impl Degradation {
-    /// True if it changes no picture.
+    /// True if it changes no image.
     pub fn is_none(&self) -> bool {
         let Self {
             blur_sigma_px,

@@ -229,10 +229,10 @@ pub(crate) const CAMERA_PITCH_DEG: Limits =
     Limits::new(-100.0, 100.0, "a camera's elevation in degrees");
 /// About an optical axis.
 pub(crate) const CAMERA_ROLL_DEG: Limits = Limits::new(-180.0, 180.0, "a camera's roll in degrees");
-/// Over the whole width of a picture.
+/// Over the whole width of an image.
 pub const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees");
-/// Width or height of a picture.
-pub const PICTURE_SIDE_PX: Limits = Limits::new(64.0, 8_192.0, "a size of a picture in pixels");
+/// Width or height of an image.
+pub const PICTURE_SIDE_PX: Limits = Limits::new(64.0, 8_192.0, "a size of an image in pixels");
 /// Intrinsics.
 pub const FOCAL_LENGTH_PX: Limits = Limits::new(1.0, 1e8, "a focal length in pixels");
 /// Intrinsics.
@@ -319,9 +319,9 @@ pub(crate) const MOST_TICKS: u32 = 1_000_000;
 pub const TICKS: Limits = Limits::new(1.0, MOST_TICKS as f64, "a number of ticks");
 /// Views of one scenario.
 pub const MOST_VIEWS: usize = 64;
-/// Pictures of one scenario.
+/// Images of one scenario.
 pub(crate) const MOST_PICTURES: u64 = MOST_TICKS as u64 * MOST_VIEWS as u64;
-/// Pictures per second, and the largest terms of their fraction.
+/// Images per second, and the largest terms of their fraction.
 pub(crate) const FRAME_RATE_HZ: Limits = Limits::new(1.0 / 60.0, 240.0, "a frame rate per second");
 /// See [`FRAME_RATE_HZ`].
 pub(crate) const MOST_FRAME_RATE_TERM: u32 = 1_000_000;
@@ -342,7 +342,7 @@ pub(crate) const TIME_TO_TOUCHDOWN_S: Limits =
 pub const BOX_PLACE_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
 /// Width or height of a box.
 pub(crate) const BOX_SIZE_PX: Limits = Limits::new(0.0, 16_384.0, "a size in pixels");
-/// More than one aircraft in a picture means false detections anyway.
+/// More than one aircraft in an image means false detections anyway.
 pub(crate) const MOST_DETECTIONS_PER_PICTURE: u64 = 1_000;
 /// Of a detector.
 pub const SCORE: Limits = Limits::new(0.0, 1.0, "a score");
@@ -361,9 +361,9 @@ pub(crate) const VIEW_LAG_SD_MS: Limits =
 pub(crate) const VIEW_SCALE: Limits = Limits::new(0.01, 100.0, "a ratio of two sizes");
 /// Of an aircraft between two views.
 pub(crate) const VIEW_GAIN: Limits = Limits::new(0.01, 100.0, "a ratio of two contrasts");
-/// Of two pictures.
+/// Of two images.
 pub(crate) const CORRELATION: Limits = Limits::new(-1.0, 1.0, "a correlation");
-/// Second passes in one picture.
+/// Second passes in one image.
 pub(crate) const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
 
 #[cfg(test)]

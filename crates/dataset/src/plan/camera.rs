@@ -92,7 +92,7 @@ pub struct Jitter {
 }
 
 impl PlannedCamera {
-    /// The camera as a scenario has it: placed, aimed, and with the lens, air and sensor of its pictures.
+    /// The camera as a scenario has it: placed, aimed, and with the lens, air and sensor of its images.
     pub fn calibrated(
         &self,
         runway: &Runway,

@@ -1,18 +1,18 @@
-//! Size and rate of the pictures of a corpus.
+//! Size and rate of the images of a corpus.
 
 use serde::{Deserialize, Serialize};
 
 use crate::numbers::frame_rate::{self, FrameRate};
 use crate::numbers::limits::{self, Check};
 
-/// Size and rate of the pictures, the same for all scenarios and views.
+/// Size and rate of the images, the same for all scenarios and views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Picture {
     /// Width, pixels; even.
     pub width_px: u32,
     /// Height, pixels; even.
     pub height_px: u32,
-    /// Pictures per second of flight.
+    /// Images per second of flight.
     #[serde(with = "frame_rate::text")]
     pub frame_rate: FrameRate,
 }

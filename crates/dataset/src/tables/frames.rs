@@ -11,15 +11,15 @@ use crate::numbers::limits::{self, Limits};
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::work::memory;
 
-/// The simulator's report about the picture of one view at one tick.
+/// The simulator's report about the image of one view at one tick.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct ViewStamp {
-    /// The simulator's frame counter of the picture, counted from the scenario's first picture. It grows from picture to picture, views of
+    /// The simulator's frame counter of the image, counted from the scenario's first image. It grows from image to image, views of
     /// a tick in the order of `views` in `scenario.json`. With `blocks` in `scenario.json`: the drawn frame in which the tick was written;
     /// no two ticks of a view share one, all frames of a block and view come before the frames of the next, and within a block they grow
     /// with the ticks but for at most `repeated_ticks`.
     pub sim_frame: u64,
-    /// Presentation timestamp of the picture in the view's video, in units of 1/numerator of the frame rate, seconds.
+    /// Presentation timestamp of the image in the view's video, in units of 1/numerator of the frame rate, seconds.
     pub pts: i64,
     /// The pose of the aircraft that the simulator reports as drawn: equal to the tick's within 0.01 m and 0.001 degrees (X-Plane uses
     /// 32-bit floats; the bundled simulator reports it exactly).

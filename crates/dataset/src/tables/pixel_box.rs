@@ -14,7 +14,7 @@ use crate::numbers::limits::{self, Limits};
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::work::memory;
 
-/// A detector is expected to find the aircraft if more than this part of it is in the picture.
+/// A detector is expected to find the aircraft if more than this part of it is in the image.
 const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
 
 /// An axis-parallel box, pixels.
@@ -57,7 +57,7 @@ impl PixelBox {
         self.width_px.max(0.0) * self.height_px.max(0.0)
     }
 
-    /// The part inside a picture of this size, or `None` if it is entirely outside.
+    /// The part inside an image of this size, or `None` if it is entirely outside.
     pub fn clipped_to(&self, picture_width_px: u32, picture_height_px: u32) -> Option<Self> {
         let [left, top, right, bottom] = self.edges();
         let clipped = Self::from_edges(
@@ -98,18 +98,18 @@ pub struct TruthBox {
     pub view: String,
     /// Class name: always `aircraft`.
     pub class: String,
-    /// Box of the projected mesh, clipped to the picture.
+    /// Box of the projected mesh, clipped to the image.
     pub pixel_box: PixelBox,
-    /// Part of the aircraft's silhouette that is inside the picture and above the ground; clouds are ignored.
+    /// Part of the aircraft's silhouette that is inside the image and above the ground; clouds are ignored.
     pub visible_fraction: f64,
-    /// Part of the unclipped box that is outside the picture.
+    /// Part of the unclipped box that is outside the image.
     pub truncation: f64,
     /// Share of contrast that remains over this distance: `exp(-3.912 * range / visibility)`.
     pub transmission: f64,
 }
 
 impl TruthBox {
-    /// True if a detector is expected to find this aircraft: most of it is in the picture.
+    /// True if a detector is expected to find this aircraft: most of it is in the image.
     pub fn is_expected(&self) -> bool {
         self.visible_fraction > EXPECTED_VISIBLE_FRACTION
     }
@@ -144,7 +144,7 @@ pub fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
         )
 }
 
-/// Reads `boxes_truth.parquet` of a scenario with this many pictures, each with at most one box, collecting numbers outside their limits.
+/// Reads `boxes_truth.parquet` of a scenario with this many images, each with at most one box, collecting numbers outside their limits.
 pub(crate) fn read_truth_boxes_with_faults(
     path: &Path,
     pictures: u64,

@@ -46,7 +46,7 @@ pub struct Shift {
     pub scale: f64,
     /// Contrast of the aircraft in the view over that in the reference view.
     pub gain: f64,
-    /// Correlation of the two pictures of the aircraft.
+    /// Correlation of the two images of the aircraft.
     pub correlation: f64,
 }
 
@@ -56,11 +56,11 @@ pub struct Shift {
 pub enum NoShift {
     /// One of the views has no detection.
     NoBox,
-    /// The picture's edge cuts off the aircraft, or its surroundings, in one of the views.
+    /// The image's edge cuts off the aircraft, or its surroundings, in one of the views.
     Edge,
     /// The aircraft does not stand out from what is around it in one of the views.
     Faint,
-    /// The two pictures do not show the same aircraft: correlation below 0.6, or contrasts that differ tenfold or in sign.
+    /// The two images do not show the same aircraft: correlation below 0.6, or contrasts that differ tenfold or in sign.
     Different,
     /// No shift within some pixels of the boxes' shift fits.
     Lost,
@@ -149,7 +149,7 @@ pub fn registration_columns(registrations: &[Registration]) -> TableWriter {
         )
 }
 
-/// Reads the content of `registrations/<model>.parquet` of a scenario with this many pictures, each with at most one row; messages
+/// Reads the content of `registrations/<model>.parquet` of a scenario with this many images, each with at most one row; messages
 /// name it as `path`.
 ///
 /// # Errors

@@ -99,7 +99,7 @@ fn check_scenario(
 ) {
     let parameters = &scenario.parameters;
     let common = &plan.common;
-    // Pictures and cameras that cannot be read are reported with the calibration.
+    // Images and cameras that cannot be read are reported with the calibration.
     let frame_rate = common.picture.value().map(|picture| {
         let planned = Written::Value(picture.frame_rate.to_string());
         planned.other_than("frame_rate", &record.frame_rate.to_string())

@@ -1,6 +1,6 @@
 //! Detections, registrations and health, if there are any: they were made from the current videos, their records and tables can be read
-//! and belong together, the counts and settings of the records are possible, every row refers to a picture of the scenario, and no
-//! picture has two rows of registration or of health.
+//! and belong together, the counts and settings of the records are possible, every row refers to an image of the scenario, and no
+//! image has two rows of registration or of health.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -114,7 +114,7 @@ fn check_owners_in(folder: &ScenarioFolder, parent: &str, models: &[String], fau
     }
 }
 
-/// The table of health is the one that the record names, and has at most one row of each picture.
+/// The table of health is the one that the record names, and has at most one row of each image.
 fn check_health(
     folder: &ScenarioFolder,
     model: &str,
@@ -323,7 +323,7 @@ fn check_counts(
     }
 }
 
-/// Every row belongs to a picture of the scenario, boxes have an area, and a picture with the reason why it has no box has none.
+/// Every row belongs to an image of the scenario, boxes have an area, and an image with the reason why it has no box has none.
 fn check_rows(file: &str, rows: &[Row], record: Option<&ScenarioRecord>, faults: &mut Faults) {
     let mut rows_of_pictures = BTreeMap::<_, usize>::new();
     for row in rows {

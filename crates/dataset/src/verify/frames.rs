@@ -66,7 +66,7 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
                     format!("pts_{view} is {}, expected {pts}", stamp.pts),
                 );
             }
-            // In the order of the requests, so that no picture of another tick is between the views of one.
+            // In the order of the requests, so that no image of another tick is between the views of one.
             let in_order = record.blocks.is_none();
             if let Some(last) = last_sim_frame.filter(|last| in_order && stamp.sim_frame <= *last) {
                 let message = format!(

@@ -147,7 +147,7 @@ fn check_approach(frames: &Frames, faults: &mut Faults) {
     }
 }
 
-/// Every box is inside its picture and contains the aircraft's centre of gravity, and every centre of gravity in a picture has one.
+/// Every box is inside its image and contains the aircraft's centre of gravity, and every centre of gravity in an image has one.
 pub(super) fn check_boxes(
     record: &ScenarioRecord,
     frames: &Frames,
@@ -216,7 +216,7 @@ pub(super) fn check_boxes(
                         && at.y <= f64::from(camera.height_px - 1)
                 });
             if seen && !boxed.contains(&(tick as u32, view.as_str())) {
-                let message = format!("tick {tick} has the aircraft in the picture, but no box");
+                let message = format!("tick {tick} has the aircraft in the image, but no box");
                 faults.view(FILE, view, message);
             }
         }
@@ -239,7 +239,7 @@ fn check_box(row: usize, truth: &TruthBox, size_px: (u32, u32), faults: &mut Fau
         && right <= most_x + slack
         && bottom <= most_y + slack;
     if !inside || truth.pixel_box.area() == 0.0 {
-        let message = format!("{} is not inside the picture", in_words(truth));
+        let message = format!("{} is not inside the image", in_words(truth));
         faults.view_row(view, FILE, row, "box", message);
     }
 }

@@ -1,17 +1,17 @@
-//! Compares the ground-truth boxes with the pixels: does every picture show the aircraft where and when the tables say?
+//! Compares the ground-truth boxes with the pixels: does every image show the aircraft where and when the tables say?
 //!
-//! Input: the decoded pictures of a view, one by one, and the ground-truth boxes of the scenario. Each box that is clear enough is examined
+//! Input: the decoded images of a view, one by one, and the ground-truth boxes of the scenario. Each box that is clear enough is examined
 //! ([`sight`]). Then all of them are judged together:
 //!
-//! - **Filled**: something stands out from the sky in the box. If most boxes of a view are empty, its pictures belong to another
-//!   view or flight; if single ones are, those pictures are wrong.
-//! - **In step**: what stands out is in the centre of the box. A part of the offset that is proportional to the speed in the picture is a
-//!   time shift: a late view, which the outline of the aircraft shows ([`lag`]), or pictures of other ticks ([`timing`]).
-//! - **Moving**: a picture that equals an earlier one is frozen if the aircraft moved by a pixel in between.
-//! - **Not elsewhere**: a picture with an empty box that shows the aircraft where another tick or view has it is of that one
+//! - **Filled**: something stands out from the sky in the box. If most boxes of a view are empty, its images belong to another
+//!   view or flight; if single ones are, those images are wrong.
+//! - **In step**: what stands out is in the centre of the box. A part of the offset that is proportional to the speed in the image is a
+//!   time shift: a late view, which the outline of the aircraft shows ([`lag`]), or images of other ticks ([`timing`]).
+//! - **Moving**: an image that equals an earlier one is frozen if the aircraft moved by a pixel in between.
+//! - **Not elsewhere**: an image with an empty box that shows the aircraft where another tick or view has it is of that one
 //!   ([`elsewhere`]).
-//! - **Of one scene**: outside the aircraft a picture equals the others of its view, and no picture is noise ([`scene`]).
-//! - **Before a sky**: behind an aircraft in the air the background is smooth. If it is rough in most places, the pictures show no sky.
+//! - **Of one scene**: outside the aircraft an image equals the others of its view, and no image is noise ([`scene`]).
+//! - **Before a sky**: behind an aircraft in the air the background is smooth. If it is rough in most places, the images show no sky.
 //!
 //! A box is clear enough if it is complete, above the ground, below all clouds, in front of a smooth background, and has at least a
 //! transmission of [`LEAST_TRANSMISSION`]: there an aircraft is visible in any weather. A view without clear boxes proves little; the
@@ -36,7 +36,7 @@ use crate::tables::pixel_box::{PixelBox, TruthBox};
 use elsewhere::{Other, Suspect};
 pub use lag::PairProof;
 pub(super) use lag::judge_lags;
-use lag::{Lag, MeasuredView, Offset, is_whole};
+use lag::{Lag, MeasuredView, Offset};
 use moving_image::MovingImage;
 use repeated::Reference;
 use scene::CoarsePicture;
@@ -49,14 +49,14 @@ const LEAST_TRANSMISSION: f64 = 0.2;
 const LEAST_VISIBLE: f64 = 0.99;
 /// Below this height over the target the aircraft is in front of ground, buildings and lights, metres.
 const LEAST_HEIGHT_M: f64 = 30.0;
-/// With fewer clear boxes than this the share of filled ones says nothing about a view; single pictures are judged all the same.
+/// With fewer clear boxes than this the share of filled ones says nothing about a view; single images are judged all the same.
 const LEAST_BOXES: usize = 5;
-/// At least this part of the clear boxes is filled in the pictures of the right view; sometimes paint and sky have the same grey,
+/// At least this part of the clear boxes is filled in the images of the right view; sometimes paint and sky have the same grey,
 /// in the worst of the measured scenarios (clouds at noon) in 37 of 100 boxes. In swapped views a tenth was filled.
 const LEAST_FILLED: f64 = 0.3;
 /// An empty box is a fault only if its contrast, by the other boxes and the air, is this many times the visible minimum.
 const SURE: f64 = 3.0;
-/// The pictures show no sky if less than this part of the boxes that would be clear is in front of a smooth background ...
+/// The images show no sky if less than this part of the boxes that would be clear is in front of a smooth background ...
 const LEAST_SMOOTH: f64 = 0.3;
 /// ... and the noise of the background is this many grey levels. In the measured scenarios it is below 4.
 const LEAST_ROUGH: f64 = 20.0;
@@ -76,14 +76,14 @@ impl Scenario<'_> {
     }
 }
 
-/// What the pictures of a view show about it.
+/// What the images of a view show about it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ViewProof {
     /// Identifier of the scenario.
     pub scenario: String,
     /// Identifier of the view.
     pub view: String,
-    /// Pictures decoded.
+    /// Images decoded.
     pub pictures: u64,
     /// Ground-truth boxes that are clear enough to show the aircraft.
     pub clear_boxes: usize,
@@ -95,13 +95,13 @@ pub struct ViewProof {
     pub not_filled: Vec<u32>,
     /// Median distance between the centre of what stands out and the centre of the box, pixels.
     pub offset_px: Option<f64>,
-    /// Time by which the pictures show an earlier aircraft than the tables, milliseconds.
+    /// Time by which the images show an earlier aircraft than the tables, milliseconds.
     pub lag_ms: Option<f64>,
     /// Standard error of the lag, milliseconds.
     pub lag_error_ms: Option<f64>,
 }
 
-/// Examines the pictures of one view as they are decoded.
+/// Examines the images of one view as they are decoded.
 pub(super) struct Watcher<'a> {
     view: &'a str,
     scenario: &'a Scenario<'a>,
@@ -112,19 +112,19 @@ pub(super) struct Watcher<'a> {
     /// The same for the other views.
     others: Vec<(&'a str, Vec<Option<PixelBox>>)>,
     seen: Vec<Seen>,
-    /// All pictures, coarsely.
+    /// All images, coarsely.
     coarse: Vec<CoarsePicture>,
-    /// Pictures that seem to be of another tick or view.
+    /// Images that seem to be of another tick or view.
     suspects: Vec<Suspect>,
-    /// The picture that later ones must differ from.
+    /// The image that later ones must differ from.
     reference: Reference,
 }
 
-/// Observations in one picture.
+/// Observations in one image.
 #[derive(Default)]
 struct Seen {
     sight: Option<Sight>,
-    /// The earlier picture that this one repeats, though the aircraft moved by this many pixels.
+    /// The earlier image that this one repeats, though the aircraft moved by this many pixels.
     repeats: Option<(usize, f64)>,
     /// For each other view, whether its box, outside this view's, is filled.
     others: Vec<Option<bool>>,
@@ -188,7 +188,7 @@ impl<'a> Watcher<'a> {
         !self.scenario.boxes.is_empty()
     }
 
-    /// Examines the next picture.
+    /// Examines the next image.
     pub(super) fn see(&mut self, rgb: &[u8], width_px: u32, height_px: u32) {
         let tick = self.seen.len();
         let picture = DecodedPicture::new(rgb, width_px, height_px);
@@ -217,7 +217,7 @@ impl<'a> Watcher<'a> {
         self.seen.push(seen);
     }
 
-    /// Places of the aircraft in pictures of other ticks and views.
+    /// Places of the aircraft in images of other ticks and views.
     fn other_places(&self, tick: usize) -> impl Iterator<Item = (Other, PixelBox)> {
         let ticks = Suspect::ticks_near(tick, self.boxes.len()).filter_map(|other| {
             let (_, truth) = self.boxes[other]?;
@@ -231,12 +231,12 @@ impl<'a> Watcher<'a> {
         ticks.chain(views)
     }
 
-    /// Whether some pictures have to be compared with all others.
+    /// Whether some images have to be compared with all others.
     pub(super) fn wants_second_look(&self) -> bool {
         !self.suspects.is_empty()
     }
 
-    /// Compares the suspects with a picture, in a second pass over the video.
+    /// Compares the suspects with an image, in a second pass over the video.
     pub(super) fn see_again(&mut self, tick: usize, rgb: &[u8], width_px: u32, height_px: u32) {
         let Some(own) = self.places.get(tick).copied().flatten() else {
             return;
@@ -250,7 +250,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Judges all pictures together; returns the lag as well if it could be measured. `file`: the video.
+    /// Judges all images together; returns the lag as well if it could be measured. `file`: the video.
     pub(super) fn judge(
         self,
         file: &str,
@@ -365,14 +365,14 @@ impl<'a> Watcher<'a> {
         let are_few = (clear.len() as f64) < LEAST_SMOOTH * all as f64;
         if all >= LEAST_BOXES && are_few && noise >= LEAST_ROUGH {
             let message = format!(
-                "the pictures show no sky: around {} of {all} ground-truth boxes of an aircraft in the air the noise is {noise:.0} grey levels, expected less than {LEAST_ROUGH:.0}",
+                "the images show no sky: around {} of {all} ground-truth boxes of an aircraft in the air the noise is {noise:.0} grey levels, expected less than {LEAST_ROUGH:.0}",
                 rough.len()
             );
             faults.view(file, self.view, message);
         }
     }
 
-    /// Whether the pictures would match another view.
+    /// Whether the images would match another view.
     fn hint(&self) -> String {
         for (index, (other, _)) in self.others.iter().enumerate() {
             let looked = || self.seen.iter().filter_map(|seen| seen.others[index]);
@@ -418,12 +418,12 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// No picture is frozen while the aircraft moves.
+    /// No image is frozen while the aircraft moves.
     fn check_moving(&self, file: &str, faults: &mut Faults) {
         for (tick, seen) in self.seen.iter().enumerate() {
             if let Some((earlier, moved_px)) = seen.repeats {
                 let message = format!(
-                    "is the picture of tick {earlier} again, but the aircraft moved by {moved_px:.1} pixels since"
+                    "is the image of tick {earlier} again, but the aircraft moved by {moved_px:.1} pixels since"
                 );
                 faults.view_row(self.view, file, tick, "frozen or doubled", message);
             }
@@ -454,18 +454,15 @@ impl<'a> Watcher<'a> {
         let own = found.truth.pixel_box;
         let row = self.scenario.frames?.rows.get(found.tick)?;
         let [north_mps, east_mps, _] = row.velocity_ned_mps;
-        let whole = found.sight.outline.filter(|outline| {
-            is_whole(outline.size_px.x, own.width_px) && is_whole(outline.size_px.y, own.height_px)
-        });
         Some(timing::Point {
             tick: found.tick,
             offset_px: found.sight.offset_px,
-            outline_px: whole.map(|outline| outline.offset_px),
             per_tick_px: glam::DVec2::new(
                 (after.cx_px - before.cx_px) / 2.0,
                 (after.cy_px - before.cy_px) / 2.0,
             ),
             size_px: glam::DVec2::new(own.width_px, own.height_px),
+            is_outlined: found.sight.outline.is_some(),
             speed_mps: north_mps.hypot(east_mps),
         })
     }

@@ -1,7 +1,7 @@
 //! Compares `calibration.json` with `plan.json`: are the cameras placed, aimed and configured as planned?
 //!
 //! The plan has masts, the aim of a scenario, the placement error of each mast, and the lens, air and sensor; together they determine each
-//! camera and the quality of its pictures. A calibration that is consistent with itself, the tables and the labels may still belong to
+//! camera and the quality of its images. A calibration that is consistent with itself, the tables and the labels may still belong to
 //! another rig.
 
 use std::collections::BTreeMap;

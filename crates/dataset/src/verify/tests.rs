@@ -281,7 +281,7 @@ fn write_plan(corpus: &Corpus, common: &serde_json::Value, scenarios: &[serde_js
     write_json(&corpus.plan_path(), &plan).unwrap();
 }
 
-/// Boxes around every centre of gravity inside a picture.
+/// Boxes around every centre of gravity inside an image.
 fn truth_boxes() -> Vec<TruthBox> {
     let mut boxes = Vec::new();
     for frame in frames().rows {
@@ -544,7 +544,7 @@ fn a_dropped_picture_and_a_truncated_video_are_found() {
         Example::with(|example| write_video(&example.path("views/right.mp4"), TICKS - 1));
     assert_found(
         &findings,
-        "views/right.mp4 view right: has 4 pictures, but scenario.json says 5 ticks",
+        "views/right.mp4 view right: has 4 images, but scenario.json says 5 ticks",
     );
     let findings = Example::with(|example| {
         let path = example.path("views/left.mp4");
@@ -925,13 +925,13 @@ fn registrations_of_no_picture_of_the_scenario_or_with_other_counts_are_found() 
     }
 }
 
-/// A box of the first picture.
+/// A box of the first image.
 fn detection() -> Detection {
     let pixel_box = PixelBox::from_edges(10.0, 10.0, 20.0, 20.0);
     Detection::untracked(0, "left", pixel_box, 0.5, 0)
 }
 
-/// The reason why a picture has no box.
+/// The reason why an image has no box.
 fn miss(tick: u32) -> Miss {
     Miss {
         tick,
@@ -1145,7 +1145,7 @@ fn boxes_that_are_missing_moved_doubled_or_not_numbers_are_found() {
         ("row 0: width_px NaN is out of range", |boxes| {
             boxes[0].pixel_box.width_px = f64::NAN;
         }),
-        ("is not inside the picture", |boxes| {
+        ("is not inside the image", |boxes| {
             boxes[0].pixel_box.width_px += 500.0;
         }),
         ("distance and visibility give", |boxes| {

@@ -1,4 +1,4 @@
-//! The videos: every picture can be decoded, and there is exactly one per tick at exactly its time.
+//! The videos: every image can be decoded, and there is exactly one per tick at exactly its time.
 
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -13,7 +13,7 @@ use crate::work::watch::Watch;
 /// Evidence from the videos of a scenario.
 #[derive(Default)]
 pub(super) struct Proofs {
-    /// Pictures decoded.
+    /// Images decoded.
     pub(super) pictures: u64,
     pub(super) views: Vec<ViewProof>,
     pub(super) pairs: Vec<PairProof>,
@@ -118,7 +118,7 @@ fn decode<'a>(path: &Path, mut watcher: Watcher<'a>, watch: &dyn Watch) -> Decod
     decoded
 }
 
-/// Compares pictures that seem to be of another tick or view with all others.
+/// Compares images that seem to be of another tick or view with all others.
 fn look_again(path: &Path, watcher: &mut Watcher, watch: &dyn Watch) -> crate::Result<()> {
     if !watcher.wants_second_look() {
         return Ok(());
@@ -149,7 +149,7 @@ fn judge(view: &str, file: &str, decoded: &Decoded, scenario: &Scenario, faults:
         faults.view(
             file,
             view,
-            format!("pictures have {width}x{height} pixels, calibration.json says {expected}"),
+            format!("images have {width}x{height} pixels, calibration.json says {expected}"),
         );
     }
     if decoded.fault.is_none() && decoded.pts.len() != record.ticks as usize {
@@ -157,7 +157,7 @@ fn judge(view: &str, file: &str, decoded: &Decoded, scenario: &Scenario, faults:
             file,
             view,
             format!(
-                "has {} pictures, but scenario.json says {} ticks",
+                "has {} images, but scenario.json says {} ticks",
                 decoded.pts.len(),
                 record.ticks
             ),

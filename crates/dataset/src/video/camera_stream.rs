@@ -1,10 +1,10 @@
-//! The stream between a camera and its recorder: a picture after the camera's own encoder.
+//! The stream between a camera and its recorder: an image after the camera's own encoder.
 //!
-//! Cameras code H.264 at a bit rate, whatever the picture needs: a key frame every two seconds, no B-frames, limited range, one second of
-//! buffer. Each picture is coded with x264 and decoded again at once; the corpus's encoder then takes it. One thread: the same pictures
+//! Cameras code H.264 at a bit rate, whatever the image needs: a key frame every two seconds, no B-frames, limited range, one second of
+//! buffer. Each image is coded with x264 and decoded again at once; the corpus's encoder then takes it. One thread: the same images
 //! give the same bytes.
 //!
-//! The bit rate is for a camera with 30 pictures per second. A corpus with fewer pictures gives each of them its share of such a
+//! The bit rate is for a camera with 30 images per second. A corpus with fewer images gives each of them its share of such a
 //! stream. They differ more from one another than a camera's would, so they come out worse.
 
 use std::path::{Path, PathBuf};
@@ -21,12 +21,12 @@ use crate::error::{Error, Result};
 use crate::geometry::imaging::Stream;
 use crate::numbers::frame_rate::FrameRate;
 
-/// Pictures per second of a camera, unless the corpus has more.
+/// Images per second of a camera, unless the corpus has more.
 const CAMERA_RATE: FrameRate = FrameRate {
     numerator: 30,
     denominator: 1,
 };
-/// Seconds between key frames, and of pictures in the rate control's buffer.
+/// Seconds between key frames, and of images in the rate control's buffer.
 const KEY_FRAME_S: f64 = 2.0;
 const BUFFER_S: f64 = 1.0;
 /// About as good as encoders in cameras.
@@ -48,7 +48,7 @@ pub struct CameraStream {
 }
 
 impl CameraStream {
-    /// A stream of pictures of one size. `path`: the video that it leads to, for messages.
+    /// A stream of images of one size. `path`: the video that it leads to, for messages.
     ///
     /// # Errors
     /// This FFmpeg lacks x264, or a decoder for H.264.
@@ -127,21 +127,21 @@ impl CameraStream {
         })
     }
 
-    /// Sends a picture (rows of RGB from top to bottom without gaps) through the stream into `received`, and returns the bytes that it
+    /// Sends an image (rows of RGB from top to bottom without gaps) through the stream into `received`, and returns the bytes that it
     /// took there.
     ///
     /// # Errors
-    /// FFmpeg fails, or holds the picture back.
+    /// FFmpeg fails, or holds the image back.
     pub fn pass(&mut self, rgb: &[u8], received: &mut Vec<u8>) -> Result<usize> {
         let bytes = self
             .code(rgb)
-            .map_err(|e| self.fault("code a picture in the camera's stream", e))?;
+            .map_err(|e| self.fault("code an image in the camera's stream", e))?;
         self.decoder
             .receive_frame(&mut self.decoded)
-            .map_err(|e| self.fault("decode a picture of the camera's stream", e))?;
+            .map_err(|e| self.fault("decode an image of the camera's stream", e))?;
         self.from_coded
             .whole(&self.decoded, received)
-            .map_err(|e| self.fault("convert a picture of the camera's stream", e))?;
+            .map_err(|e| self.fault("convert an image of the camera's stream", e))?;
         Ok(bytes)
     }
 
@@ -151,7 +151,7 @@ impl CameraStream {
         self.coded.set_pts(Some(self.pictures));
         self.pictures += 1;
         self.encoder.send_frame(&self.coded)?;
-        // One packet for each picture, without delay.
+        // One packet for each image, without delay.
         let mut packet = Packet::empty();
         self.encoder.receive_packet(&mut packet)?;
         self.decoder.send_packet(&packet)?;
@@ -200,7 +200,7 @@ mod tests {
         .unwrap()
     }
 
-    /// A sky with noise that differs from picture to picture, and a dark bar that moves.
+    /// A sky with noise that differs from image to image, and a dark bar that moves.
     fn picture(tick: u32) -> Vec<u8> {
         let (width, height) = SIZE_PX;
         let mut rgb = Vec::new();

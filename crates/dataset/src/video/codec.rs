@@ -4,14 +4,14 @@ use ffmpeg_next::format::Pixel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How pictures are coded. `docs/video.md` has what each of them leaves of small targets.
+/// How images are coded. `docs/video.md` has what each of them leaves of small targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub enum VideoCodec {
     /// H.264, 4:2:0: small, plays everywhere, halves the contrast of colours of small things.
     #[default]
     #[serde(rename = "h264")]
     H264,
-    /// H.264 in RGB without loss: about four times larger in smooth pictures; browsers do not play it.
+    /// H.264 in RGB without loss: about four times larger in smooth images; browsers do not play it.
     #[serde(rename = "h264-lossless")]
     H264Lossless,
     /// H.265, 4:2:0: needs a far better quality setting than H.264 to keep small targets.
@@ -20,7 +20,7 @@ pub enum VideoCodec {
     /// AV1, 4:2:0: the slowest by far.
     #[serde(rename = "av1")]
     Av1,
-    /// FFV1 in RGB without loss, every picture on its own and with a checksum: the archivists' choice.
+    /// FFV1 in RGB without loss, every image on its own and with a checksum: the archivists' choice.
     #[serde(rename = "ffv1")]
     Ffv1,
 }
@@ -53,7 +53,7 @@ impl VideoCodec {
         Self::Ffv1,
     ];
 
-    /// True if decoded pictures equal the input byte for byte.
+    /// True if decoded images equal the input byte for byte.
     pub fn is_lossless(self) -> bool {
         matches!(self, Self::H264Lossless | Self::Ffv1)
     }

@@ -1,7 +1,7 @@
-//! Conversion of decoded pictures, or parts of them, to RGB.
+//! Conversion of decoded images, or parts of them, to RGB.
 //!
-//! A part is copied out of the planes and converted separately, with the settings of the whole picture: if only one small aircraft is of
-//! interest, 97 % of a picture are never converted.
+//! A part is copied out of the planes and converted separately, with the settings of the whole image: if only one small aircraft is of
+//! interest, 97 % of an image are never converted.
 
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::software::scaling::Flags;
@@ -10,7 +10,7 @@ use ffmpeg_next::{color, frame};
 use super::BYTES_PER_PIXEL;
 use super::scaler::{Matrix, Scaler};
 
-/// A rectangle of whole pixels in a picture.
+/// A rectangle of whole pixels in an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PicturePart {
     /// Column of the left-most pixels.
@@ -32,21 +32,21 @@ const SHARED_PX: u32 = 2;
 /// Converters that are kept: more sizes than the parts of one flight have.
 const MOST_CONVERTERS: usize = 16;
 
-/// Converts pictures of one video.
+/// Converts images of one video.
 #[derive(Default)]
 pub(super) struct Conversion {
     whole: Option<Converter>,
     parts: Vec<(Converter, frame::Video)>,
 }
 
-/// Converts pictures of one size.
+/// Converts images of one size.
 struct Converter {
     scaler: Scaler,
     rgb: frame::Video,
 }
 
 impl Conversion {
-    /// The whole picture as rows of RGB without gaps.
+    /// The whole image as rows of RGB without gaps.
     pub(super) fn whole(
         &mut self,
         coded: &frame::Video,
@@ -63,7 +63,7 @@ impl Conversion {
         Ok(())
     }
 
-    /// The same of a part, which must be inside the picture.
+    /// The same of a part, which must be inside the image.
     pub(super) fn part(
         &mut self,
         coded: &frame::Video,
@@ -110,7 +110,7 @@ impl Conversion {
 }
 
 impl Converter {
-    /// For pictures of this size, coded like the given one.
+    /// For images of this size, coded like the given one.
     fn new(coded: &frame::Video, (width, height): (u32, u32)) -> Result<Self, ffmpeg_next::Error> {
         let matrix = match coded.color_space() {
             color::Space::BT470BG | color::Space::SMPTE170M => Matrix::Bt601,
@@ -133,7 +133,7 @@ impl Converter {
     }
 }
 
-/// Start and length of what is converted for a part, along one side of the picture.
+/// Start and length of what is converted for a part, along one side of the image.
 fn around(start: u32, length: u32, picture: u32) -> Result<(u32, u32), ffmpeg_next::Error> {
     let is_inside = length > 0 && u64::from(start) + u64::from(length) <= u64::from(picture);
     if !is_inside {
@@ -161,7 +161,7 @@ pub(super) fn has_planes_of_bytes(format: Pixel) -> bool {
     )
 }
 
-/// The three planes of a picture, one after the other without gaps, if they are as all pictures of the lossy codecs: 8 bits, two by two
+/// The three planes of an image, one after the other without gaps, if they are as all images of the lossy codecs: 8 bits, two by two
 /// pixels that share their colour, BT.709, full range.
 pub(super) fn planes(coded: &frame::Video) -> Option<Vec<u8>> {
     let is_usual = matches!(coded.format(), Pixel::YUV420P | Pixel::YUVJ420P)
@@ -182,11 +182,11 @@ pub(super) fn planes(coded: &frame::Video) -> Option<Vec<u8>> {
     Some(planes)
 }
 
-/// Copies the part of a picture that begins at (left, top) and has the size of `copy`.
+/// Copies the part of an image that begins at (left, top) and has the size of `copy`.
 fn copy_planes(coded: &frame::Video, (left, top): (u32, u32), copy: &mut frame::Video) {
     for plane in 0..coded.planes().min(copy.planes()) {
         let width = copy.plane_width(plane) as usize;
-        // Of the chroma planes, two or one columns or rows belong to two of the picture.
+        // Of the chroma planes, two or one columns or rows belong to two of the image.
         let column = (left / (copy.width() / copy.plane_width(plane))) as usize;
         let row = (top / (copy.height() / copy.plane_height(plane))) as usize;
         let (from_stride, to_stride) = (coded.stride(plane), copy.stride(plane));
@@ -212,7 +212,7 @@ fn copy_rows(
     }
 }
 
-/// Keeps a part of a picture of this width.
+/// Keeps a part of an image of this width.
 fn cut(rgb: &mut Vec<u8>, width_px: usize, part: PicturePart) {
     let row_bytes = part.width_px as usize * BYTES_PER_PIXEL;
     for row in 0..part.height_px as usize {

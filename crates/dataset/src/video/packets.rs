@@ -1,4 +1,4 @@
-//! Packets of a video: the coded pictures, for formats that take packets without re-encoding.
+//! Packets of a video: the coded images, for formats that take packets without re-encoding.
 //!
 //! MP4 keeps the parameter sets of H.264 and H.265 in its header, and writes the length of each unit before it (ISO/IEC 14496-15).
 //! Streams have start codes instead (Annex B), and repeat the parameter sets at key frames, so that a reader may begin there. AV1 is the
@@ -16,7 +16,7 @@ use crate::numbers::frame_rate::FrameRate;
 
 const START_CODE: [u8; 4] = [0, 0, 0, 1];
 
-/// A codec whose pictures stand alone as packets.
+/// A codec whose images stand alone as packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PacketCodec {
     /// H.264 with start codes.
@@ -27,7 +27,7 @@ pub enum PacketCodec {
     Av1,
 }
 
-/// A coded picture.
+/// A coded image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CodedPicture {
     /// Its timestamp, in units of the `pts` of tables.
@@ -96,12 +96,12 @@ impl PacketReader {
         }))
     }
 
-    /// Codec of the pictures.
+    /// Codec of the images.
     pub fn codec(&self) -> PacketCodec {
         self.codec
     }
 
-    /// The next picture, or `None` after the last.
+    /// The next image, or `None` after the last.
     ///
     /// # Errors
     /// The file is damaged.
@@ -118,14 +118,14 @@ impl PacketReader {
         };
         let pts = packet.pts();
         let pts = pts.and_then(|pts| self.time_base.convert(pts, self.unit));
-        let pts = pts.ok_or_else(|| self.fault("place a picture", "its time is between ticks"))?;
+        let pts = pts.ok_or_else(|| self.fault("place an image", "its time is between ticks"))?;
         let mut data = Vec::new();
         if packet.is_key() {
             data.extend_from_slice(&self.framing.parameter_sets);
         }
         let coded = packet.data().unwrap_or_default();
         append_units(coded, self.framing.length_bytes, &mut data)
-            .ok_or_else(|| self.fault("divide a picture", "the lengths of its parts are wrong"))?;
+            .ok_or_else(|| self.fault("divide an image", "the lengths of its parts are wrong"))?;
         Ok(Some(CodedPicture {
             pts,
             is_key: packet.is_key(),

@@ -1,4 +1,4 @@
-//! Reads a video from its first picture to its last.
+//! Reads a video from its first image to its last.
 
 use std::path::{Path, PathBuf};
 
@@ -14,10 +14,10 @@ use crate::numbers::frame_rate::FrameRate;
 use crate::numbers::limits::PICTURE_SIDE_PX;
 use crate::work::memory;
 
-/// Pictures that a decoder references, the one that it decodes, the one before, and those being converted to RGB.
+/// Images that a decoder references, the one that it decodes, the one before, and those being converted to RGB.
 const FRAMES_HELD: u64 = 9;
 
-/// A decoded picture.
+/// A decoded image.
 #[derive(Debug, Clone)]
 pub struct RgbPicture {
     /// Rows of RGB from top to bottom without gaps.
@@ -26,7 +26,7 @@ pub struct RgbPicture {
     pub size_px: [u32; 2],
 }
 
-/// A video that is being read. Pictures are decoded on the calling thread: use several threads for several videos.
+/// A video that is being read. Images are decoded on the calling thread: use several threads for several videos.
 pub struct VideoReader {
     path: PathBuf,
     input: format::context::Input,
@@ -34,7 +34,7 @@ pub struct VideoReader {
     decoder: decoder::Video,
     width_px: u32,
     height_px: u32,
-    /// The picture that was decoded last.
+    /// The image that was decoded last.
     coded: frame::Video,
     /// The one before it.
     previous: frame::Video,
@@ -51,7 +51,7 @@ pub struct VideoReader {
 }
 
 impl VideoReader {
-    /// Opens the video of a scenario: its timestamps are in the unit of the `pts` of its tables, whatever the unit of the file. A picture
+    /// Opens the video of a scenario: its timestamps are in the unit of the `pts` of its tables, whatever the unit of the file. An image
     /// between two such units belongs to no tick and is an error.
     pub fn open_ticks(path: &Path, frame_rate: FrameRate) -> Result<Self> {
         let mut reader = Self::open(path)?;
@@ -95,7 +95,7 @@ impl VideoReader {
         let most_px = PICTURE_SIDE_PX.most as u32;
         if !(1..=most_px).contains(&width_px) || !(1..=most_px).contains(&height_px) {
             let found = format!(
-                "its pictures have {width_px}x{height_px} pixels, expected sides of 1 to {most_px}"
+                "its images have {width_px}x{height_px} pixels, expected sides of 1 to {most_px}"
             );
             return Err(fault(path, "read it", found));
         }
@@ -123,12 +123,12 @@ impl VideoReader {
         })
     }
 
-    /// Width of the pictures, pixels.
+    /// Width of the images, pixels.
     pub fn width(&self) -> u32 {
         self.width_px
     }
 
-    /// Height of the pictures, pixels.
+    /// Height of the images, pixels.
     pub fn height(&self) -> u32 {
         self.height_px
     }
@@ -142,7 +142,7 @@ impl VideoReader {
         ]
     }
 
-    /// Leaves out all pictures but key frames from here on: a sample that takes little time.
+    /// Leaves out all images but key frames from here on: a sample that takes little time.
     pub fn leave_out_all_but_keys(&mut self) {
         self.only_keys = true;
         self.frames_announced = 0;
@@ -153,8 +153,8 @@ impl VideoReader {
         self.time_base
     }
 
-    /// Decodes the next picture into `rgb` (rows of RGB from top to bottom without gaps) and returns its timestamp, or `None` after
-    /// the last picture. A damaged picture, and an end before the declared number of pictures, are errors.
+    /// Decodes the next image into `rgb` (rows of RGB from top to bottom without gaps) and returns its timestamp, or `None` after
+    /// the last image. A damaged image, and an end before the declared number of images, are errors.
     pub fn next_frame(&mut self, rgb: &mut Vec<u8>) -> Result<Option<i64>> {
         let pts = self.skip_frame()?;
         if pts.is_some() {
@@ -163,12 +163,12 @@ impl VideoReader {
         Ok(pts)
     }
 
-    /// Decodes the next picture without converting it, and returns its timestamp: enough to check that it can be decoded.
+    /// Decodes the next image without converting it, and returns its timestamp: enough to check that it can be decoded.
     pub fn skip_frame(&mut self) -> Result<Option<i64>> {
         self.decode()
     }
 
-    /// Continues at a keyframe at or before the picture with this timestamp: the next ones lead to it. From then on the number of pictures
+    /// Continues at a keyframe at or before the image with this timestamp: the next ones lead to it. From then on the number of images
     /// is no longer compared with the header, and messages count from the keyframe.
     pub fn seek(&mut self, pts: i64) -> Result<()> {
         let TimeBase {
@@ -187,7 +187,7 @@ impl VideoReader {
         Ok(())
     }
 
-    /// Goes to the picture with this timestamp and converts it; `None` if there is none.
+    /// Goes to the image with this timestamp and converts it; `None` if there is none.
     pub(crate) fn picture_at(&mut self, pts: i64) -> Result<Option<RgbPicture>> {
         self.seek(pts)?;
         let found = loop {
@@ -207,11 +207,11 @@ impl VideoReader {
         }))
     }
 
-    /// The picture that was decoded last, as [`VideoReader::next_frame`] gives it.
+    /// The image that was decoded last, as [`VideoReader::next_frame`] gives it.
     pub fn convert(&mut self, rgb: &mut Vec<u8>) -> Result<()> {
         self.check_size()?;
         let done = self.conversion.whole(&self.coded, rgb);
-        done.map_err(|e| self.fault("convert a picture", e))
+        done.map_err(|e| self.fault("convert an image", e))
     }
 
     /// The brightness of the image that was decoded last; `None` if it is not coded in planes of bytes.
@@ -247,7 +247,7 @@ impl VideoReader {
     pub fn convert_part(&mut self, part: PicturePart, rgb: &mut Vec<u8>) -> Result<()> {
         self.check_size()?;
         let done = self.conversion.part(&self.coded, part, rgb);
-        done.map_err(|e| self.fault(format!("convert the part {part:?} of a picture"), e))
+        done.map_err(|e| self.fault(format!("convert the part {part:?} of an image"), e))
     }
 
     fn check_size(&self) -> Result<()> {
@@ -260,7 +260,7 @@ impl VideoReader {
             found.0, found.1, self.width_px, self.height_px
         );
         let last = self.frames_read.saturating_sub(1);
-        Err(self.fault(format!("convert picture {last}"), cause))
+        Err(self.fault(format!("convert image {last}"), cause))
     }
 
     fn decode(&mut self) -> Result<Option<i64>> {
@@ -270,20 +270,20 @@ impl VideoReader {
                 Ok(()) => {
                     if self.coded.is_corrupt() || self.coded.has_decode_errors() {
                         return Err(self.fault(
-                            format!("decode picture {}", self.frames_read),
+                            format!("decode image {}", self.frames_read),
                             "the data is damaged",
                         ));
                     }
                     let pts = self.coded.timestamp().ok_or_else(|| {
                         self.fault(
-                            format!("place picture {}", self.frames_read),
+                            format!("place image {}", self.frames_read),
                             "it has no timestamp",
                         )
                     })?;
                     let in_units = self.time_base.convert(pts, self.unit);
                     let pts = in_units.ok_or_else(|| {
                         self.fault(
-                            format!("place picture {}", self.frames_read),
+                            format!("place image {}", self.frames_read),
                             format!(
                                 "its time is {pts} units of {}, expected a multiple of {}",
                                 self.time_base, self.unit
@@ -299,7 +299,7 @@ impl VideoReader {
                 {
                     self.send()?;
                 }
-                Err(e) => return Err(self.fault(format!("decode picture {}", self.frames_read), e)),
+                Err(e) => return Err(self.fault(format!("decode image {}", self.frames_read), e)),
             }
         }
     }
@@ -314,7 +314,7 @@ impl VideoReader {
                 Ok(()) if self.only_keys && !packet.is_key() => {}
                 Ok(()) => {
                     return self.decoder.send_packet(&packet).map_err(|e| {
-                        self.fault(format!("decode after picture {}", self.frames_read), e)
+                        self.fault(format!("decode after image {}", self.frames_read), e)
                     });
                 }
                 Err(ffmpeg_next::Error::Eof) if !self.all_sent => {
@@ -325,9 +325,7 @@ impl VideoReader {
                         .map_err(|e| self.fault("finish decoding", e));
                 }
                 Err(e) => {
-                    return Err(
-                        self.fault(format!("read on after picture {}", self.frames_read), e)
-                    );
+                    return Err(self.fault(format!("read on after image {}", self.frames_read), e));
                 }
             }
         }
@@ -336,7 +334,7 @@ impl VideoReader {
     fn end(&self) -> Result<Option<i64>> {
         if self.frames_announced > 0 && self.frames_read != self.frames_announced {
             let cause = format!(
-                "it ends after {} pictures, its header says {}",
+                "it ends after {} images, its header says {}",
                 self.frames_read, self.frames_announced
             );
             return Err(self.fault("read it whole", cause));

@@ -1,7 +1,7 @@
 //! Conversion between RGB and the coded pixel format, in BT.709.
 //!
 //! FFmpeg's converter assumes BT.601 by default, whatever the frames' tags say, and `ffmpeg-next` does not wrap the function that changes
-//! it. Nor does it wrap a conversion from memory outside FFmpeg's frames, without which every picture would be copied once more
+//! it. Nor does it wrap a conversion from memory outside FFmpeg's frames, without which every image would be copied once more
 //! (`docs/video.md` has the cost).
 #![allow(unsafe_code)]
 
@@ -15,20 +15,20 @@ use ffmpeg_next::software::scaling::{Context, Flags};
 
 use super::BYTES_PER_PIXEL;
 
-/// Converts pictures of one size from one pixel format to another.
+/// Converts images of one size from one pixel format to another.
 pub(super) struct Scaler(Context);
 
 /// swscale reads whole vectors: it may read some bytes past its input, but never this many.
 const READ_BEHIND_BYTES: usize = 256;
 
-/// The end of a picture, with readable memory behind it.
+/// The end of an image, with readable memory behind it.
 #[derive(Default)]
 pub(super) struct PaddedEnd(Vec<u8>);
 
 // SAFETY: this value alone owns the context, and swscale keeps no per-thread state.
 unsafe impl Send for Scaler {}
 
-/// The YUV matrix of a picture.
+/// The YUV matrix of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Matrix {
     /// ITU-R BT.601, for old or untagged standard-definition video.
@@ -42,7 +42,7 @@ const FULL_SATURATION: i32 = 1 << 16;
 const LIMITED_RANGE: i32 = 0;
 
 impl Scaler {
-    /// A converter for pictures of `width` x `height` pixels. `full_range`: YUV values use 0 to 255 instead of 16 to 235.
+    /// A converter for images of `width` x `height` pixels. `full_range`: YUV values use 0 to 255 instead of 16 to 235.
     pub(super) fn new(
         (from, to): (Pixel, Pixel),
         width: u32,
@@ -75,7 +75,7 @@ impl Scaler {
         Ok(Self(context))
     }
 
-    /// Converts one picture.
+    /// Converts one image.
     pub(super) fn run(
         &mut self,
         input: &frame::Video,
@@ -84,7 +84,7 @@ impl Scaler {
         self.0.run(input, output)
     }
 
-    /// Converts one RGB picture whose rows are contiguous in memory, in place: only its last rows are copied, to `end`, since the
+    /// Converts one RGB image whose rows are contiguous in memory, in place: only its last rows are copied, to `end`, since the
     /// memory behind them may not be readable.
     pub(super) fn run_rgb(
         &mut self,
@@ -115,7 +115,7 @@ impl Scaler {
                 continue;
             }
             // SAFETY: the context is valid and not shared, and takes RGB of this size (checked above), which has one plane. From
-            // `rows` on `count` rows can be read, and READ_BEHIND_BYTES behind them: the rest of the picture, or the padding. The
+            // `rows` on `count` rows can be read, and READ_BEHIND_BYTES behind them: the rest of the image, or the padding. The
             // output is a writable frame of the size and format that the context produces (checked above), and swscale writes only
             // to its rows.
             let done = unsafe {

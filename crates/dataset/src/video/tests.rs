@@ -33,7 +33,7 @@ fn cover(d: f64, half: f64) -> f64 {
     ((d + 0.5).min(half) - (d - 0.5).max(-half)).clamp(0.0, 1.0)
 }
 
-/// Centre and peak of the difference from the picture without a target, by green.
+/// Centre and peak of the difference from the image without a target, by green.
 fn centre(rgb: &[u8], near: (f64, f64)) -> (f64, f64, f64) {
     let background = picture(-100.0, -100.0);
     let (mut sum, mut sum_x, mut sum_y, mut peak) = (0.0, 0.0, 0.0, 0.0_f64);

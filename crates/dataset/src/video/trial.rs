@@ -1,9 +1,9 @@
-//! Trial of an encoder before a long recording: a hundred pictures on the user's machine.
+//! Trial of an encoder before a long recording: a hundred images on the user's machine.
 //!
-//! Input: the settings, size and frame rate of a recording, and an encoder. Output: success, or the fault. Pictures carry their number and
+//! Input: the settings, size and frame rate of a recording, and an encoder. Output: success, or the fault. Images carry their number and
 //! patches of known colours. They are encoded twice: into a file that is finished, which must have all of them in order with their
-//! timestamps and colours; and into one that is never finished. A copy of the latter, taken after the last picture, is what a killed
-//! process would leave on the disk, and must have all but the last pictures.
+//! timestamps and colours; and into one that is never finished. A copy of the latter, taken after the last image, is what a killed
+//! process would leave on the disk, and must have all but the last images.
 
 mod chart;
 
@@ -14,9 +14,9 @@ use super::{TimeBase, VideoEncoder, VideoReader, VideoSettings, VideoWriter};
 use crate::error::{Error, Result};
 use crate::numbers::frame_rate::FrameRate;
 
-/// Pictures of a trial.
+/// Images of a trial.
 pub const TRIAL_PICTURES: u32 = 100;
-/// Pictures that may be missing at the end after a kill: the last fragment, and the one before it.
+/// Images that may be missing at the end after a kill: the last fragment, and the one before it.
 const LOST_BY_A_KILL: u32 = 2;
 /// Tolerance between the mean of a patch and its colour, of 255. Another range or matrix is off by more than 15 somewhere.
 const COLOUR_TOLERANCE: f64 = 8.0;
@@ -27,14 +27,14 @@ pub enum TrialFault {
     /// It does not encode, or its file cannot be read.
     #[error(transparent)]
     Failed(#[from] Error),
-    /// Pictures are missing, or there are too many.
-    #[error("{found} pictures came back of {TRIAL_PICTURES}")]
+    /// Images are missing, or there are too many.
+    #[error("{found} images came back of {TRIAL_PICTURES}")]
     Count {
-        /// Number of pictures that came back.
+        /// Number of images that came back.
         found: u32,
     },
-    /// A picture is not the one of its place.
-    #[error("place {place} has {}, expected picture {place}: pictures are out of order or unrecognisable", .found.map_or("no readable number".to_owned(), |number| format!("picture {number}")))]
+    /// An image is not the one of its place.
+    #[error("place {place} has {}, expected image {place}: images are out of order or unrecognisable", .found.map_or("no readable number".to_owned(), |number| format!("image {number}")))]
     Order {
         /// Place in the file, from 0.
         place: u32,
@@ -42,7 +42,7 @@ pub enum TrialFault {
         found: Option<u32>,
     },
     /// A timestamp is not the one of its tick.
-    #[error("picture {place} has the timestamp {found}, expected {expected}")]
+    #[error("image {place} has the timestamp {found}, expected {expected}")]
     Timestamp {
         /// Place in the file, from 0.
         place: u32,
@@ -52,7 +52,7 @@ pub enum TrialFault {
         expected: String,
     },
     /// A colour is wrong.
-    #[error("picture {place}: {colour} became red {:.0}, green {:.0}, blue {:.0}, expected {:.0}, {:.0}, {:.0}: another range or matrix of colours", .found[0], .found[1], .found[2], .expected[0], .expected[1], .expected[2])]
+    #[error("image {place}: {colour} became red {:.0}, green {:.0}, blue {:.0}, expected {:.0}, {:.0}, {:.0}: another range or matrix of colours", .found[0], .found[1], .found[2], .expected[0], .expected[1], .expected[2])]
     Colour {
         /// Place in the file, from 0.
         place: u32,
@@ -65,11 +65,11 @@ pub enum TrialFault {
     },
     /// Too much is lost if the process is killed.
     #[error(
-        "after a kill {readable} of {TRIAL_PICTURES} pictures can be read, expected at least {}: {why}",
+        "after a kill {readable} of {TRIAL_PICTURES} images can be read, expected at least {}: {why}",
         TRIAL_PICTURES - LOST_BY_A_KILL
     )]
     Killed {
-        /// Pictures that are readable and right.
+        /// Images that are readable and right.
         readable: u32,
         /// The error that ends them.
         why: String,
@@ -159,7 +159,7 @@ impl Trial {
         Ok(())
     }
 
-    /// The number of pictures up to the first wrong one, and what is wrong with that; none at the end of the file.
+    /// The number of images up to the first wrong one, and what is wrong with that; none at the end of the file.
     fn right_pictures(&self, path: &Path) -> (u32, Option<TrialFault>) {
         let mut reader = match VideoReader::open(path) {
             Ok(reader) => reader,

@@ -19,7 +19,7 @@ pub(super) struct UploadedFrames(*mut ffi::AVBufferRef);
 unsafe impl Send for UploadedFrames {}
 
 impl UploadedFrames {
-    /// A pool on the first VA-API device, for pictures in NV12.
+    /// A pool on the first VA-API device, for images in NV12.
     pub(super) fn of_vaapi(width_px: u32, height_px: u32) -> Result<Self, ffmpeg_next::Error> {
         let mut device = ptr::null_mut();
         // SAFETY: `device` receives a reference that is owned here, or stays null with a negative result; null names and options mean the
@@ -72,13 +72,13 @@ impl UploadedFrames {
         }
     }
 
-    /// A copy of a picture in the GPU's memory, with its timestamp and tags.
+    /// A copy of an image in the GPU's memory, with its timestamp and tags.
     pub(super) fn upload(
         &self,
         picture: &frame::Video,
     ) -> Result<frame::Video, ffmpeg_next::Error> {
         let mut uploaded = frame::Video::empty();
-        // SAFETY: both frames are valid; the new one receives a buffer of the pool, of the size and format that the picture has.
+        // SAFETY: both frames are valid; the new one receives a buffer of the pool, of the size and format that the image has.
         let code = unsafe {
             match ffi::av_hwframe_get_buffer(self.0, uploaded.as_mut_ptr(), 0) {
                 code if code < 0 => code,

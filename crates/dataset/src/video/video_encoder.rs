@@ -78,7 +78,7 @@ impl VideoEncoder {
         })
     }
 
-    /// The pixel format of the pictures that are handed over: before an upload, if there is one.
+    /// The pixel format of the images that are handed over: before an upload, if there is one.
     pub(super) fn pixel(self, codec: VideoCodec) -> Pixel {
         match self {
             Self::Software => codec.pixel(),
@@ -87,7 +87,7 @@ impl VideoEncoder {
         }
     }
 
-    /// True if pictures must be uploaded to the GPU before they are encoded. The other encoders upload them internally.
+    /// True if images must be uploaded to the GPU before they are encoded. The other encoders upload them internally.
     pub(super) fn needs_upload(self) -> bool {
         self == Self::Vaapi
     }

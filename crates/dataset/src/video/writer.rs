@@ -1,7 +1,7 @@
-//! Writes a video, one picture per tick.
+//! Writes a video, one image per tick.
 //!
-//! Until it is finished the file consists of fragments, one per picture, each passed to the system at once: if the process is
-//! killed, all pictures but the last one or two can be read.
+//! Until it is finished the file consists of fragments, one per image, each passed to the system at once: if the process is
+//! killed, all images but the last one or two can be read.
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ const FULL_RANGE: bool = true;
 const X264_PARAMETERS: &str = "deadzone-inter=0:deadzone-intra=0";
 
 /// A video that is being written. If it is dropped before [`VideoWriter::finish`], it leaves a readable file without an index,
-/// possibly without its last pictures.
+/// possibly without its last images.
 pub struct VideoWriter {
     path: PathBuf,
     /// FFmpeg's name of the format.
@@ -210,7 +210,7 @@ impl VideoWriter {
         })
     }
 
-    /// Writes the picture of the next tick, rows of RGB from top to bottom without gaps, and returns its timestamp in units of the
+    /// Writes the image of the next tick, rows of RGB from top to bottom without gaps, and returns its timestamp in units of the
     /// time base.
     pub fn write(&mut self, rgb: &[u8]) -> Result<i64> {
         let Self {
@@ -223,13 +223,13 @@ impl VideoWriter {
         let expected = row_bytes * coded.height() as usize;
         if rgb.len() != expected {
             let found = format!("it has {} bytes, expected {expected}", rgb.len());
-            return Err(fault(path, "take a picture", found));
+            return Err(fault(path, "take an image", found));
         }
-        Scaler::make_writable(coded).map_err(|e| fault(path, "hold a picture", e))?;
+        Scaler::make_writable(coded).map_err(|e| fault(path, "hold an image", e))?;
         match conversion {
             Some(Conversion { scaler, end }) => scaler
                 .run_rgb(rgb, end, coded)
-                .map_err(|e| fault(path, "convert a picture", e))?,
+                .map_err(|e| fault(path, "convert an image", e))?,
             None => copy_rows(rgb, row_bytes, coded),
         }
         let pts = self.frame_rate.pts_of_tick(self.ticks);
@@ -240,13 +240,7 @@ impl VideoWriter {
                 .upload(coded)
                 .and_then(|uploaded| self.encoder.send_frame(&uploaded)),
         };
-        sent.map_err(|e| {
-            fault(
-                path,
-                &format!("encode the picture of tick {}", self.ticks),
-                e,
-            )
-        })?;
+        sent.map_err(|e| fault(path, &format!("encode the image of tick {}", self.ticks), e))?;
         self.ticks += 1;
         self.write_ready_packets()?;
         Ok(pts)

@@ -34,7 +34,7 @@ pub(crate) struct About {
     pub(crate) name: String,
     /// SPDX identifier or URL, as the user gave it.
     pub(crate) license: Option<String>,
-    /// Simulators that drew the pictures.
+    /// Simulators that drew the images.
     pub(crate) simulators: BTreeSet<String>,
     /// The splits that there are.
     pub(crate) splits: BTreeSet<&'static str>,
@@ -69,7 +69,7 @@ impl About {
     /// Its content, in a sentence.
     pub(crate) fn description(&self) -> String {
         format!(
-            "{}: landing approaches of an aircraft, seen by synchronised, calibrated cameras, with its pose, its boxes in the pictures and \
+            "{}: landing approaches of an aircraft, seen by synchronised, calibrated cameras, with its pose, its boxes in the images and \
              its distance to touchdown at every tick.",
             self.name
         )
@@ -97,7 +97,7 @@ impl About {
     pub(crate) fn collection(&self) -> String {
         let simulators: Vec<&str> = self.simulators.iter().map(String::as_str).collect();
         format!(
-            "Recorded by dtd from the simulator {}, in lockstep: each picture was drawn for the pose and the camera of its tick. The splits \
+            "Recorded by dtd from the simulator {}, in lockstep: each image was drawn for the pose and the camera of its tick. The splits \
              are by trajectory: no flown path is in two of them.",
             simulators.join(", ")
         )

@@ -68,7 +68,7 @@ const VIEW: Column = column("view", Kind::Text, "identifier of the view");
 const TICK: Column = column(
     "tick",
     Kind::U32,
-    "number of the tick, from 0; the picture with this number in the video of each view",
+    "number of the tick, from 0; the image with this number in the video of each view",
 );
 const CX: Column = column(
     "cx_px",
@@ -119,10 +119,10 @@ pub(crate) const SCENARIOS: TableText = TableText {
         ("touchdown_altitude_msl_m" F64 "height of the touchdown target, taken as height above the ellipsoid"),
         ("rig" Text "name of the camera rig"),
         ("ticks" U32 "number of ticks of the recording"),
-        ("frame_rate_numerator" U32 "pictures in frame_rate_denominator seconds"),
-        ("frame_rate_denominator" U32 "seconds in which frame_rate_numerator pictures pass"),
+        ("frame_rate_numerator" U32 "images in frame_rate_denominator seconds"),
+        ("frame_rate_denominator" U32 "seconds in which frame_rate_numerator images pass"),
         ("seed" U64 "seed of its random values"),
-        ("simulator" Text "what drew the pictures"),
+        ("simulator" Text "what drew the images"),
         ("dtd_version" Text "version of dtd that recorded it"),
         ("config_hash" Text "BLAKE3 hash of all its parameters"),
         ("manifest_blake3" Text "BLAKE3 hash of the manifest of its files in the corpus"),
@@ -136,8 +136,8 @@ pub(crate) const VIEWS: TableText = TableText {
         SCENARIO,
         VIEW,
         ("video" Text "file of the video in this export"),
-        ("width_px" U32 "width of the pictures"),
-        ("height_px" U32 "height of the pictures"),
+        ("width_px" U32 "width of the images"),
+        ("height_px" U32 "height of the images"),
         ("focal_px" F64 "focal length; pixels are square"),
         ("principal_x_px" F64 "principal point, right"),
         ("principal_y_px" F64 "principal point, down"),
@@ -201,11 +201,11 @@ pub(crate) const BOXES: TableText = TableText {
         CY,
         WIDTH,
         HEIGHT,
-        ("visible_fraction" F64 "part of the silhouette inside the picture and above the ground"),
-        ("truncated_fraction" F64 "part of the unclipped box outside the picture"),
+        ("visible_fraction" F64 "part of the silhouette inside the image and above the ground"),
+        ("truncated_fraction" F64 "part of the unclipped box outside the image"),
         ("transmission_ratio" F64 "share of contrast that haze leaves"),
         ("sight" Text "in_sight; haze: beyond the visibility; cloud: above the base of the lowest clouds, perhaps hidden"),
-        ("is_expected" Bool "whether most of the aircraft is in the picture"),
+        ("is_expected" Bool "whether most of the aircraft is in the image"),
     ],
 };
 
@@ -223,7 +223,7 @@ pub(crate) const DETECTIONS: TableText = TableText {
         HEIGHT,
         ("score" F64 "confidence, 0 to 1"),
         ("track" U32 "number of the track in its view; missing if nothing was tracked"),
-        ("mode" Text "how the picture was searched: full, tracked or scaled"),
+        ("mode" Text "how the image was searched: full, tracked or scaled"),
         ("confirmed" Bool "whether the box counts: its track has enough boxes and does not stand still"),
     ],
 };
@@ -248,7 +248,7 @@ pub(crate) const LEROBOT_FRAMES: TableText = TableText {
     row: "scenario and tick",
     columns: columns![
         ("observation.state" F64s(16) "pose, velocity and distances; meta/info.json names the numbers with their units"),
-        ("timestamp" F64 "time of the picture in the scenario's videos, seconds"),
+        ("timestamp" F64 "time of the image in the scenario's videos, seconds"),
         ("frame_index" I64 "number within the scenario, from 0"),
         ("episode_index" I64 "number of the scenario"),
         ("index" I64 "number within the dataset, from 0"),

@@ -138,7 +138,7 @@ fn description(corpus: &Corpus, license: Option<String>) -> Result<Value> {
             VIDEOS,
             videos,
             "video/mp4",
-            "A video per scenario and view, a picture per tick.",
+            "A video per scenario and view, an image per tick.",
         ),
         (
             FRAMES,
@@ -215,7 +215,7 @@ fn records() -> RecordSet {
             field(
                 "simulator",
                 Kind::Text,
-                "what drew the pictures",
+                "what drew the images",
                 "$.versions.simulator",
             ),
             field(
@@ -285,7 +285,7 @@ fn detections() -> RecordSet {
     fields.push(Field::new("model", Kind::Text, meaning, model));
     RecordSet {
         name: DETECTIONS.name,
-        what: "A record per detected box, or per picture without one, whose numbers are missing."
+        what: "A record per detected box, or per image without one, whose numbers are missing."
             .into(),
         fields,
     }

@@ -1,7 +1,7 @@
 //! `croissant.json`: what a folder contains, as machines read it (Croissant 1.1, MLCommons): files, hashes, fields with units, splits,
 //! licence, how it was made.
 //!
-//! Files that come in numbers (pictures, labels, videos) are sets. Every other file is listed with its SHA-256 hash; the seal's manifest
+//! Files that come in numbers (images, labels, videos) are sets. Every other file is listed with its SHA-256 hash; the seal's manifest
 //! beside it (`MANIFEST.b3`) has the BLAKE3 hashes of all of them.
 
 use std::fs::File;

@@ -2,7 +2,7 @@
 //! trainers and converters look for it, and `detections.json` in the form of COCO's results if a model's detections are exported beside the
 //! ground truth.
 //!
-//! An aircraft that no detector can be expected to find (beyond the visibility, perhaps behind a cloud, or mostly outside the picture) is a
+//! An aircraft that no detector can be expected to find (beyond the visibility, perhaps behind a cloud, or mostly outside the image) is a
 //! crowd (`iscrowd` 1), which COCO's evaluation neither requires nor counts as false. Boxes are `[left, top, width, height]` in pixels from
 //! the outer corner of the top-left pixel.
 
@@ -28,7 +28,7 @@ use crate::error::Result;
 use crate::request::BoxSource;
 use crate::scenarios::{LabelledBox, TruthFigures};
 
-/// Folder of its pictures, relative to the export.
+/// Folder of its images, relative to the export.
 const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
 /// The same file once more: mlcroissant reads lists of one length from a file.
@@ -94,7 +94,7 @@ impl FileFormat for Coco {
     }
 }
 
-/// Writes the files besides the pictures, part by part: together they may be larger than the memory. `sides`: those that the scenarios
+/// Writes the files besides the images, part by part: together they may be larger than the memory. `sides`: those that the scenarios
 /// are on.
 fn finish<P: Iterator<Item = Result<Part>>>(
     folder: &Path,
@@ -239,12 +239,12 @@ fn contents(boxes: BoxSource) -> Contents {
             annotation(
                 "visible_fraction",
                 Kind::F64,
-                "part of the aircraft inside the picture and above the ground",
+                "part of the aircraft inside the image and above the ground",
             ),
             annotation(
                 "truncation",
                 Kind::F64,
-                "part of the unclipped box outside the picture",
+                "part of the unclipped box outside the image",
             ),
             annotation(
                 "transmission",
@@ -255,7 +255,7 @@ fn contents(boxes: BoxSource) -> Contents {
             annotation(
                 "is_expected",
                 Kind::Bool,
-                "whether more than half of it is in the picture",
+                "whether more than half of it is in the image",
             ),
         ],
     });
@@ -271,12 +271,12 @@ fn contents(boxes: BoxSource) -> Contents {
             "pictures",
             "images/*",
             "image/*",
-            "The pictures.",
+            "The images.",
         )],
         records: vec![
             RecordSet {
                 name: "images",
-                what: "A record per picture.".into(),
+                what: "A record per image.".into(),
                 fields: images,
             },
             RecordSet {
@@ -289,7 +289,7 @@ fn contents(boxes: BoxSource) -> Contents {
     }
 }
 
-/// All pictures with their numbers, from 1.
+/// All images with their numbers, from 1.
 fn each_picture(
     parts: impl Iterator<Item = Result<Part>>,
     mut visit: impl FnMut(&Part, &ViewPart, &Picture, u64) -> Result<()>,
@@ -312,7 +312,7 @@ fn annotations_of(side: Side) -> String {
     format!("annotations/instances_{}.json", short_split_of(Some(side)))
 }
 
-/// The annotations of all pictures, and by side. An image has the same number in each.
+/// The annotations of all images, and by side. An image has the same number in each.
 struct AnnotationFiles {
     all: ListWriter,
     sides: BTreeMap<Side, ListWriter>,
@@ -406,7 +406,7 @@ impl ListWriter {
     }
 }
 
-/// COCO's names are relative to the folder of the pictures.
+/// COCO's names are relative to the folder of the images.
 fn file_name(file: &str) -> &str {
     let name = file.strip_prefix(PICTURES);
     name.map_or(file, |name| name.trim_start_matches('/'))

@@ -139,7 +139,7 @@ impl FileFormat for HuggingFace {
             "videos",
             "videos/*/*",
             "video/mp4",
-            "A picture per tick, a video per scenario and view, as in the corpus.",
+            "An image per tick, a video per scenario and view, as in the corpus.",
         );
         contents.sets.push(videos);
         let card = folder.join("README.md");
@@ -217,7 +217,7 @@ fn card_of(about: &About, contents: &Contents) -> String {
     }
     let _ = write!(
         card,
-        "---\n\n{}\n\nUnits are in the names of the columns. The picture of tick k is picture k of each video \
+        "---\n\n{}\n\nUnits are in the names of the columns. The image of tick k is image k of each video \
          (`videos/<scenario>/<view>.*`).\n\n```python\nfrom datasets import load_dataset\n\nticks = load_dataset(\"FOLDER\", \"ticks\")\n```\n{tables}",
         about.introduction(),
     );

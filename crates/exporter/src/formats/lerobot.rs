@@ -4,14 +4,14 @@
 //! meta/info.json                                     rate, features, splits, templates of paths
 //! meta/stats.json                                    range, mean and deviation of every feature
 //! meta/tasks.parquet                                 what is flown, in words
-//! meta/episodes/chunk-000/file-000.parquet           where the rows and pictures of each scenario are, and what it is
+//! meta/episodes/chunk-000/file-000.parquet           where the rows and images of each scenario are, and what it is
 //! data/chunk-000/file-000.parquet                    a row per tick, scenario after scenario
 //! videos/observation.images.<view>/chunk-000/file-000.mp4    a file per scenario
 //! README.md                                          dataset card
 //! ```
 //!
-//! The format finds the picture of a row by its time, `frame_index / fps`, so its rate is a whole number. If all ticks are requested,
-//! videos have the coded pictures of the corpus; otherwise the chosen pictures are encoded again with the corpus's settings. In both cases
+//! The format finds the image of a row by its time, `frame_index / fps`, so its rate is a whole number. If all ticks are requested,
+//! videos have the coded images of the corpus; otherwise the chosen images are encoded again with the corpus's settings. In both cases
 //! their unit of time is a fine one, because the library joins videos without encoding them (`merge_datasets`).
 
 mod moments;
@@ -141,7 +141,7 @@ impl FileFormat for LeRobot {
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Form {
     fps: u32,
-    /// Views with the width and height of their pictures.
+    /// Views with the width and height of their images.
     views: Vec<(String, [u32; 2])>,
     /// Ending of the videos' names.
     ending: String,
@@ -202,7 +202,7 @@ impl std::fmt::Display for Form {
     }
 }
 
-/// The whole number of pictures per second.
+/// The whole number of images per second.
 fn fps_of(scenario: &str, rate: FrameRate, ticks: Ticks) -> Result<u32> {
     let FrameRate {
         numerator,
@@ -258,13 +258,13 @@ fn key_of(view: &str) -> String {
 pub(super) struct VideoPart {
     codec: String,
     pixels: String,
-    /// Pictures whose colours were counted.
+    /// Images whose colours were counted.
     sampled: u64,
     /// Red, green and blue, from 0 to 1.
     colours: [Moments; 3],
 }
 
-/// Encodes the chosen pictures of a view.
+/// Encodes the chosen images of a view.
 fn encode(scenario: &Writing<'_>, view: &str, fps: u32, path: &Path) -> Result<()> {
     let source = &scenario.source;
     let mut pictures = ViewPictures::open(source, view)?;
@@ -287,7 +287,7 @@ fn encode(scenario: &Writing<'_>, view: &str, fps: u32, path: &Path) -> Result<(
     Ok(video.finish()?)
 }
 
-/// Counts the colours of a video's key frames; to decode all pictures would take longer than everything else.
+/// Counts the colours of a video's key frames; to decode all images would take longer than everything else.
 fn sample(path: &Path) -> Result<VideoPart> {
     let mut video = VideoReader::open(path)?;
     video.leave_out_all_but_keys();
@@ -654,7 +654,7 @@ fn contents(data: Vec<String>) -> Contents {
                 "videos",
                 "videos/*/*/*",
                 "video/mp4",
-                "A picture per row, a video per scenario and view.",
+                "An image per row, a video per scenario and view.",
             ),
         ],
         records: vec![

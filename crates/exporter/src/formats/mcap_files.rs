@@ -1,5 +1,5 @@
-//! MCAP for Foxglove: a file per scenario with the coded pictures of all views, the aircraft's pose and place, the cameras, the boxes and
-//! the labels, in the order of time. Pictures are the packets of the corpus's videos, without re-encoding.
+//! MCAP for Foxglove: a file per scenario with the coded images of all views, the aircraft's pose and place, the cameras, the boxes and
+//! the labels, in the order of time. Images are the packets of the corpus's videos, without re-encoding.
 //!
 //! Places are relative to the touchdown target, in the frame `touchdown`: x east, y north, z up. The aircraft's frame `aircraft` has x
 //! forward, y left, z up; the frame of a camera has the name of its view and OpenCV's axes. Times count from tick 0.
@@ -67,7 +67,7 @@ pub(super) struct Mcap;
 impl FileFormat for Mcap {
     type Part = ();
 
-    /// Refuses videos whose pictures Foxglove has no name for.
+    /// Refuses videos whose images Foxglove has no name for.
     fn check(&mut self, source: &Source<'_>, _: &Export<'_>) -> Result<()> {
         for view in &source.selected.views {
             // FFV1, the only one, is also the only codec in this container.

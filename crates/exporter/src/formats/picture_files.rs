@@ -1,4 +1,4 @@
-//! Pictures as separate files, for COCO and YOLO.
+//! Images as separate files, for COCO and YOLO.
 
 use std::fs;
 
@@ -10,7 +10,7 @@ use super::Writing;
 use crate::error::Result;
 use crate::scenarios::{LabelledBox, ViewPictures};
 
-/// The pictures of a scenario, noted so that the export can be resumed.
+/// The images of a scenario, noted so that the export can be resumed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Part {
     pub(super) scenario: String,
@@ -20,7 +20,7 @@ pub(super) struct Part {
     pub(super) views: Vec<ViewPart>,
 }
 
-/// The pictures of a view.
+/// The images of a view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct ViewPart {
     pub(super) view: String,
@@ -28,7 +28,7 @@ pub(super) struct ViewPart {
     pub(super) pictures: Vec<Picture>,
 }
 
-/// A picture that was written.
+/// An image that was written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Picture {
     pub(super) tick: u32,
@@ -43,7 +43,7 @@ pub(super) struct Picture {
     pub(super) found: Vec<LabelledBox>,
 }
 
-/// Writes the pictures of a scenario into `pictures`, a folder named relative to the export.
+/// Writes the images of a scenario into `pictures`, a folder named relative to the export.
 pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Part> {
     let source = &scenario.source;
     let stills = scenario.export.request.stills();

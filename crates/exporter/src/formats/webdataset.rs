@@ -1,4 +1,4 @@
-//! WebDataset: shards that are read from end to end, tar archives with a sample per tick: a picture per view and what is known of them.
+//! WebDataset: shards that are read from end to end, tar archives with a sample per tick: an image per view and what is known of them.
 //!
 //! ```text
 //! <split>-000000.tar
@@ -6,7 +6,7 @@
 //!   <scenario>_<tick>.json
 //! ```
 //!
-//! With whole pictures, a shard holds ticks of one scenario, up to a number of bytes, so that scenarios can be written side by side. With
+//! With whole images, a shard holds ticks of one scenario, up to a number of bytes, so that scenarios can be written side by side. With
 //! crops ([`crops`]), it holds ticks of all scenarios of a side.
 
 mod archive;
@@ -40,12 +40,12 @@ const UNNUMBERED: &str = "unnumbered";
 /// Croissant's name of the files that describe ticks.
 const SAMPLE_FILES: &str = "sample-files";
 
-/// Whole pictures.
+/// Whole images.
 struct Whole<'a> {
     source: &'a Source<'a>,
 }
 
-/// Boxes and calibration of a whole picture.
+/// Boxes and calibration of a whole image.
 #[derive(Serialize)]
 struct View<'a> {
     boxes: Vec<LabelledCorners>,
@@ -71,7 +71,7 @@ impl<'a> Showing for Whole<'a> {
     }
 }
 
-/// The format, with whole pictures.
+/// The format, with whole images.
 #[derive(Default)]
 pub(super) struct WebDataset;
 
@@ -134,7 +134,7 @@ fn contents(shards: Vec<String>) -> Contents {
                 SAMPLE_FILES,
                 "*.json",
                 JSON,
-                "What is known of a tick; its pictures have the same key.",
+                "What is known of a tick; its images have the same key.",
             )
         }],
         records: vec![RecordSet {

@@ -1,7 +1,7 @@
 //! The dataset format of Ultralytics' YOLO: `images/<side>/`, `labels/<side>/` with a line `class cx cy width height` per box, in parts of
-//! the picture's sides, and `data.yaml`. Pictures without a box are negatives: they have an empty file.
+//! the image's sides, and `data.yaml`. Images without a box are negatives: they have an empty file.
 //!
-//! `data.yaml` names a side only by its own pictures, so the test side is never trained on or validated with. The one exception is `val`
+//! `data.yaml` names a side only by its own images, so the test side is never trained on or validated with. The one exception is `val`
 //! of a dataset that has a training side and no validation side: Ultralytics requires it, and it repeats `train`.
 
 use std::collections::BTreeSet;
@@ -82,7 +82,7 @@ fn remark_on(sides: &BTreeSet<Side>) -> Option<&'static str> {
 }
 
 fn data_yaml(sides: &BTreeSet<Side>) -> String {
-    let mut yaml = String::from("# Made by dtd export. Boxes in parts of the picture's sides.\n");
+    let mut yaml = String::from("# Made by dtd export. Boxes in parts of the image's sides.\n");
     if let Some(remark) = remark_on(sides) {
         let _ = writeln!(yaml, "# Note: {remark}.");
     }
@@ -103,7 +103,7 @@ fn contents() -> Contents {
     Contents {
         files: vec![ListedFile::new(DATA, "application/yaml")],
         sets: vec![
-            FileSet::new("images", "images/*/*", "image/*", "The pictures, by split."),
+            FileSet::new("images", "images/*/*", "image/*", "The images, by split."),
             FileSet::new(
                 set,
                 "labels/*/*.txt",
@@ -113,7 +113,7 @@ fn contents() -> Contents {
         ],
         records: vec![RecordSet {
             name: "pictures",
-            what: "A record per picture.".into(),
+            what: "A record per image.".into(),
             fields: vec![
                 label(
                     "split",
@@ -127,7 +127,7 @@ fn contents() -> Contents {
                 ),
                 label(
                     "boxes",
-                    "a line `class cx cy width height` per box, in parts of the picture's sides",
+                    "a line `class cx cy width height` per box, in parts of the image's sides",
                     content_of(set),
                 ),
             ],
@@ -138,7 +138,7 @@ fn contents() -> Contents {
 
 fn line(labelled: &LabelledBox, [width_px, height_px]: [f64; 2]) -> String {
     let [left, top, width, height] = labelled.corner_and_size();
-    // Rounding must not lead out of the picture.
+    // Rounding must not lead out of the image.
     let part = |value: f64, of: f64| (value / of).clamp(0.0, 1.0);
     format!(
         "0 {:.7} {:.7} {:.7} {:.7}\n",

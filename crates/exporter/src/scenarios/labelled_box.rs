@@ -1,4 +1,4 @@
-//! Boxes of a picture, true or detected.
+//! Boxes of an image, true or detected.
 
 use dataset::conditions::sight::Sight;
 use dataset::tables::pixel_box::PixelBox;
@@ -11,7 +11,7 @@ pub(crate) struct LabelledBox {
     /// Of a detection.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) score: Option<f64>,
-    /// Of a ground-truth box: part of the aircraft in the picture, part of the box outside it, contrast that remains.
+    /// Of a ground-truth box: part of the aircraft in the image, part of the box outside it, contrast that remains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) truth: Option<TruthFigures>,
 }
@@ -23,7 +23,7 @@ pub(crate) struct TruthFigures {
     pub(crate) truncation: f64,
     pub(crate) transmission: f64,
     pub(crate) sight: Sight,
-    /// True if a detector is expected to find it: most of it is in the picture.
+    /// True if a detector is expected to find it: most of it is in the image.
     pub(crate) is_expected: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The pictures of a view, each checked against the timestamp of its tick.
+//! The images of a view, each checked against the timestamp of its tick.
 
 use dataset::tables::frames::TickRow;
 use dataset::video::VideoReader;
@@ -32,7 +32,7 @@ impl<'a> ViewPictures<'a> {
         [self.reader.width(), self.reader.height()]
     }
 
-    /// Decodes the picture of the next tick, which `row` is.
+    /// Decodes the image of the next tick, which `row` is.
     pub(crate) fn decode(&mut self, row: &TickRow) -> Result<()> {
         let expected = row.views[self.index].pts;
         let found = self.reader.skip_frame()?;
@@ -48,7 +48,7 @@ impl<'a> ViewPictures<'a> {
         })
     }
 
-    /// The picture that was decoded last, as RGB.
+    /// The image that was decoded last, as RGB.
     pub(crate) fn convert(&mut self, rgb: &mut Vec<u8>) -> Result<()> {
         Ok(self.reader.convert(rgb)?)
     }

@@ -1,4 +1,4 @@
-//! A scenario to export, with everything but its pictures.
+//! A scenario to export, with everything but its images.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU32;
@@ -157,7 +157,7 @@ impl<'a> Source<'a> {
         is_same_rate && !self.asked_for.contains(&false)
     }
 
-    /// True if the picture of a view at a tick is requested.
+    /// True if the image of a view at a tick is requested.
     pub(crate) fn has_picture(&self, view: &str, tick: u32) -> bool {
         self.is_asked_for(tick) && self.selected.views.iter().any(|name| name == view)
     }
@@ -176,7 +176,7 @@ impl<'a> Source<'a> {
         boxes.map_or(&[], Vec::as_slice)
     }
 
-    /// True if a sample of this tick is requested and has the pictures of all views.
+    /// True if a sample of this tick is requested and has the images of all views.
     pub(crate) fn has_sample(&self, tick: u32) -> bool {
         let mut views = self.selected.views.iter();
         self.is_asked_for(tick) && !views.any(|view| self.is_left_out(view, tick))
@@ -200,7 +200,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The pictures of ticks at which a view has no box for a crop to be around.
+/// The images of ticks at which a view has no box for a crop to be around.
 fn without_crops(
     selected: &Selected,
     asked_for: &[bool],
@@ -241,7 +241,7 @@ fn asked_for(ticks: Ticks, rate: FrameRate, count: usize) -> Vec<bool> {
     }
 }
 
-/// True if this number per second covers all pictures.
+/// True if this number per second covers all images.
 fn is_of_all(hz: NonZeroU32, rate: FrameRate) -> bool {
     u64::from(hz.get()) * u64::from(rate.denominator) >= u64::from(rate.numerator)
 }

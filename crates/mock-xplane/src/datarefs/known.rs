@@ -208,7 +208,7 @@ const TWELVE: &[Dataref] = &[
     floats(names::TURBULENCE, WINDS),
     floats(names::SHEAR_SPEED, WINDS),
     floats(names::SHEAR_DIRECTION, WINDS),
-    // The same weather as seen by instruments and the picture.
+    // The same weather as seen by instruments and the image.
     samples("sim/weather/aircraft/cloud_type", CLOUDS),
     samples("sim/weather/aircraft/cloud_coverage_percent", CLOUDS),
     samples("sim/weather/aircraft/cloud_base_msl_m", CLOUDS),

@@ -43,7 +43,7 @@ impl Blur {
         self.weights.len() - 1
     }
 
-    /// Blurs rows of this width; beyond its edges the picture is extended by its edge pixels.
+    /// Blurs rows of this width; beyond its edges the image is extended by its edge pixels.
     pub(crate) fn apply(&self, light: &mut [Vec3], width: usize) {
         if light.is_empty() {
             return;

@@ -1,6 +1,6 @@
 //! A cloud layer on the grid of the sky, tracked while it drifts.
 //!
-//! Marching through a layer is the most expensive part of a picture. So it is done only at key instants, between which it drifts by
+//! Marching through a layer is the most expensive part of an image. So it is done only at key instants, between which it drifts by
 //! a few pixels, and at any other instant the nearest key is looked up at the cloud's position at that time: every node has the distance of
 //! its cloud, so near clouds move faster than far ones. The sky at an instant does not depend on what was drawn before.
 

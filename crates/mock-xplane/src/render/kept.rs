@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Size of the cache. Rows of sky of a full-size picture are 5 MB each.
+/// Size of the cache. Rows of sky of a full-size image are 5 MB each.
 const KEPT: usize = 3;
 
 /// The results for some instants.

@@ -10,12 +10,12 @@ const SIGMA_PX: f64 = 0.65;
 /// Part of the light in the skirt, and its radius in pixels.
 const SKIRT: f64 = 8e-4;
 const SKIRT_RADIUS_PX: f64 = 3.0;
-/// Exposed light below which a lamp's edge is not drawn (half a grey level of a dark picture).
+/// Exposed light below which a lamp's edge is not drawn (half a grey level of a dark image).
 const FAINTEST: f64 = 4e-4;
 /// Maximum extent of a lamp, pixels.
 const FARTHEST_PX: f64 = 40.0;
 
-/// A lamp as it falls on the picture.
+/// A lamp as it falls on the image.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spot {
     /// Position, pixels.

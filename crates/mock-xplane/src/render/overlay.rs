@@ -1,7 +1,7 @@
 //! Overlays between the scene and the eye: a cockpit's panel, a pop-up window. Drawn so that they cannot be mistaken for anything
 //! else.
 
-/// A picture to draw on.
+/// An image to draw on.
 #[derive(Debug)]
 pub(crate) struct Canvas<'a> {
     /// Rows from the top, red, green, blue.
@@ -108,7 +108,7 @@ impl Canvas<'_> {
         }
     }
 
-    /// Fills a rectangle given in shares of the picture.
+    /// Fills a rectangle given in shares of the image.
     fn fill(&mut self, [left, top, right, bottom]: Area, colour: [u8; 3]) {
         let (width, height) = (self.width_px as f64, self.height_px as f64);
         let area = [left * width, top * height, right * width, bottom * height];

@@ -2,7 +2,7 @@
 
 use crate::render::noise::{hash, unit_hash};
 
-/// Streaks in a picture of one million pixels in the heaviest rain.
+/// Streaks in an image of one million pixels in the heaviest rain.
 const STREAKS_PER_MEGAPIXEL: f64 = 260.0;
 /// Strength with which a streak pulls a pixel towards the grey of the rain.
 const STRENGTH: f32 = 0.10;
@@ -19,7 +19,7 @@ pub(crate) fn draw(
     let (width, height) = size;
     let count =
         (STREAKS_PER_MEGAPIXEL * rain_ratio.clamp(0.0, 1.0) * (width * height) as f64 / 1e6) as u32;
-    // Drops cross the picture faster than the frame rate: every instant has its own streaks.
+    // Drops cross the image faster than the frame rate: every instant has its own streaks.
     let bits = time_s.to_bits();
     let instant = hash(bits as u32, (bits >> 32) as u32, seed);
     for streak in 0..count {

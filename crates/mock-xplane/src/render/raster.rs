@@ -5,12 +5,12 @@
 
 use glam::{DVec2, Vec4};
 
-/// A triangle in the picture.
+/// A triangle in the image.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScreenTriangle {
     /// Corners, pixels; clockwise or counter-clockwise.
     pub(crate) pixels: [DVec2; 3],
-    /// Nearness of the corners: any quantity that grows towards the camera and is linear in the picture, such as 1/depth.
+    /// Nearness of the corners: any quantity that grows towards the camera and is linear in the image, such as 1/depth.
     pub(crate) nearness: [f64; 3],
     /// Contribution of every sample of the triangle.
     pub(crate) light: Vec4,
@@ -45,7 +45,7 @@ const ROW_SHIFT: f64 = 0.618_033_988_749_895;
 const DENSEST: usize = 48;
 const COARSEST: usize = 2;
 
-/// Draws triangles into a picture of this size; `None` if none of them touches it.
+/// Draws triangles into an image of this size; `None` if none of them touches it.
 pub(crate) fn draw(
     triangles: &[ScreenTriangle],
     picture: (usize, usize),
@@ -116,7 +116,7 @@ impl<'a> Samples<'a> {
         if area == 0.0 {
             return;
         }
-        // Gradient of the nearness over the picture.
+        // Gradient of the nearness over the image.
         let (n_ab, n_ac) = (nearness[1] - nearness[0], nearness[2] - nearness[0]);
         let slope = DVec2::new(n_ab * ac.y - n_ac * ab.y, n_ac * ab.x - n_ab * ac.x) / area;
         let top = corners.iter().fold(f64::INFINITY, |y, p| y.min(p.y));

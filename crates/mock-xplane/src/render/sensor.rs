@@ -1,4 +1,4 @@
-//! Sensor noise, added to a finished picture.
+//! Sensor noise, added to a finished image.
 //!
 //! A pixel of display value 255 has a full well of electrons, others in proportion to their linear light. Variance is the number of
 //! electrons (Poisson's, as a Gaussian) plus the variance of the read noise: `sqrt(electrons + read^2)` (the mean-variance model of EMVA

@@ -1,8 +1,8 @@
-//! Sway: a mast that moves in the wind moves the whole picture.
+//! Sway: a mast that moves in the wind moves the whole image.
 //!
-//! The finished picture is interpolated between its pixels by polynomials of degree 5 (Lagrange's, through six pixels along each axis).
+//! The finished image is interpolated between its pixels by polynomials of degree 5 (Lagrange's, through six pixels along each axis).
 //! They keep the places of centroids exactly, and at half a pixel 95 % of the contrast of details four pixels long; blur has removed finer
-//! ones. Beyond its edges a picture is extended by its edge pixels.
+//! ones. Beyond its edges an image is extended by its edge pixels.
 
 use dataset::geometry::image_motion::SwayMotion;
 use dataset::geometry::imaging::Sway;
@@ -22,13 +22,13 @@ impl SwayingMast {
         Self(SwayMotion::new(sway, seed))
     }
 
-    /// Moves a picture by the sway of an instant.
+    /// Moves an image by the sway of an instant.
     pub(crate) fn move_picture(&self, rgb: &mut [u8], size: (usize, usize), time_s: f64) {
         displace(rgb, size, self.0.shift_px(time_s));
     }
 }
 
-/// Moves a picture of this size by a displacement, pixels right and down.
+/// Moves an image of this size by a displacement, pixels right and down.
 pub(crate) fn displace(rgb: &mut [u8], (width, height): (usize, usize), shift_px: DVec2) {
     let still = rgb.to_vec();
     // What is seen at x was at x - shift.

@@ -1,4 +1,4 @@
-//! Invariants of every picture: positions, contrasts, sub-pixel centres and bytes.
+//! Invariants of every image: positions, contrasts, sub-pixel centres and bytes.
 
 use dataset::conditions::{CloudKind, CloudLayer};
 use dataset::geometry::camera::CameraPose;
@@ -104,7 +104,7 @@ fn contrast(scene: &Scene, pose: &Pose) -> Vec<(DVec2, f64)> {
     let sky = &scene.backdrop.still_sky();
     let canvas = scene
         .composite(patch.as_ref(), &[], &clouds, sky, None)
-        .expect("the aircraft is in the picture");
+        .expect("the aircraft is in the image");
     canvas
         .light
         .iter()
@@ -468,7 +468,7 @@ fn the_same_inputs_give_the_same_bytes_whatever_the_number_of_threads() {
         let one = draw(1);
         assert!(
             one == draw(2) && one == draw(5),
-            "pictures differ between thread counts with {imaging:?}"
+            "images differ between thread counts with {imaging:?}"
         );
     }
 }
@@ -527,7 +527,7 @@ fn effects_that_are_off_change_no_byte_and_each_one_that_is_on_does() {
     }
 }
 
-/// Sum, centre and variance along the columns of the airframe's change to a picture's linear light.
+/// Sum, centre and variance along the columns of the airframe's change to an image's linear light.
 fn moments(scene: &Scene, pose: &Pose, time_s: f64) -> (f64, DVec2, f64) {
     let placed = Placed::new(&scene.world.view, pose, &LANDING);
     let clouds = CloudsBefore::new(&scene.world, &placed, time_s);
@@ -537,7 +537,7 @@ fn moments(scene: &Scene, pose: &Pose, time_s: f64) -> (f64, DVec2, f64) {
     let sky = &scene.backdrop.still_sky();
     let canvas = scene
         .composite(patch.as_ref(), &[], &clouds, sky, blur.as_ref())
-        .expect("the aircraft is in the picture");
+        .expect("the aircraft is in the image");
     let changes: Vec<(DVec2, f64)> = (0..canvas.light.len())
         .filter(|&i| canvas.touched[i])
         .map(|i| {
@@ -645,7 +645,7 @@ fn the_order_in_which_frames_are_asked_for_does_not_matter() {
         rgb
     };
     let first = draw(3.0);
-    // From the second picture of an instant on its rows are cached, from the third on they are copied.
+    // From the second image of an instant on its rows are cached, from the third on they are copied.
     for _ in 0..3 {
         assert!(
             first == draw(3.0),

@@ -72,7 +72,7 @@ impl View {
         self.true_camera.to_camera(ecef_m)
     }
 
-    /// A point of the site (east, north, up, metres) in the picture; `None` behind the camera.
+    /// A point of the site (east, north, up, metres) in the image; `None` behind the camera.
     pub(crate) fn project(&self, site_m: DVec3) -> Option<DVec2> {
         self.camera
             .project(self.origin_ecef_m + self.site_from_ecef.transpose() * site_m)
@@ -115,7 +115,7 @@ impl View {
         Some([first.min(second), first.max(second)])
     }
 
-    /// Solid angle of a pixel in the middle of the picture, steradians.
+    /// Solid angle of a pixel in the middle of the image, steradians.
     pub(crate) fn pixel_solid_angle_sr(&self) -> f64 {
         self.camera.focal_px.powi(-2)
     }

@@ -1,6 +1,6 @@
 //! The capture link, simulator's side: accepts requests, flies, draws, and answers in order.
 //!
-//! Pictures are drawn into the client's memory if it shares some, else into our own and sent. That happens on separate threads, one
+//! Images are drawn into the client's memory if it shares some, else into our own and sent. That happens on separate threads, one
 //! per processor, while further requests are read. A queue of pending answers keeps their order and, being short, limits the
 //! memory: when it is full, requests wait in the socket. One client at a time, see [`super::seat`]; it must send a hello, with the
 //! token if there is one, before it is admitted.
@@ -124,7 +124,7 @@ struct CaptureService {
     cameras: Mutex<FaultyCameras>,
     scenes: Scenes,
     painters: Arc<Semaphore>,
-    /// Buffers of sent pictures, for reuse.
+    /// Buffers of sent images, for reuse.
     buffers: Mutex<Vec<Vec<u8>>>,
     seat: Seat,
     /// The profile that a client measured.
@@ -416,10 +416,10 @@ impl CaptureService {
                 return refusal("no memory is shared: send share_memory first".into());
             }
             (Deliver::Screenshot, _) => {
-                return refusal("only an X-Plane writes screenshots: ask for the picture".into());
+                return refusal("only an X-Plane writes screenshots: ask for the image".into());
             }
             (Deliver::Coded | Deliver::Probe, _) => {
-                return refusal("only the plugin numbers its frames: ask for the picture".into());
+                return refusal("only the plugin numbers its frames: ask for the image".into());
             }
             (Deliver::Picture | Deliver::Drawn, _) => None,
         };
@@ -474,7 +474,7 @@ impl CaptureService {
             | Deliver::Screenshot
             | Deliver::Coded
             | Deliver::Probe => Pending::Drawing(drawing),
-            // The window shows one picture: the next one is not started before this one is visible.
+            // The window shows one image: the next one is not started before this one is visible.
             Deliver::Drawn => {
                 let (answer, rgb) = drawing.await.unwrap_or_else(failed);
                 if matches!(answer, Answer::Error { .. }) {
@@ -512,7 +512,7 @@ impl CaptureService {
         ready(Answer::CheckPatternShown { sim_frame })
     }
 
-    /// Shows a picture in the window, and returns its buffer to the others.
+    /// Shows an image in the window, and returns its buffer to the others.
     async fn show(&self, picture: RgbPicture) -> Result<(), String> {
         let stage = self.stage.clone().ok_or(NO_WINDOW)?;
         let shown = spawn_blocking(move || {

@@ -1,8 +1,8 @@
 //! Our plugin's own Python instead of the built-in capture link: `dtd mock-xplane --plugin DIR`.
 //!
 //! A Python child runs the plugin against a fake of XPPython3's module `xp` (`fake_xp/`). The fake queries the world here, through
-//! the child's standard input and output, and the pictures that the plugin reads back are drawn here, from the pose and the camera
-//! that it wrote in X-Plane's local coordinates. A wrong sign in the plugin gives a wrong picture.
+//! the child's standard input and output, and the images that the plugin reads back are drawn here, from the pose and the camera
+//! that it wrote in X-Plane's local coordinates. A wrong sign in the plugin gives a wrong image.
 //!
 //! So the generator and the plugin meet over the real link, without X-Plane: whether X-Plane itself behaves like the fake is not
 //! shown here.

@@ -1,4 +1,4 @@
-//! Lines and boxes on a picture, and its JPEG.
+//! Lines and boxes on an image, and its JPEG.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{Rgb, RgbImage};
@@ -14,7 +14,7 @@ pub(super) const FOUND: Rgb<u8> = Rgb([230, 60, 0]);
 /// Colour of tiles.
 pub(super) const TILE: Rgb<u8> = Rgb([250, 230, 60]);
 
-/// Colours a square of `width` pixels around a point; what is outside the picture is left out.
+/// Colours a square of `width` pixels around a point; what is outside the image is left out.
 fn dot(picture: &mut RgbImage, [x, y]: [f64; 2], width: u32, colour: Rgb<u8>) {
     let first = |centre: f64| (centre - f64::from(width) / 2.0).ceil() as i64;
     for (dx, dy) in
@@ -60,7 +60,7 @@ pub(super) fn outline(
     line(picture, &corners, width, colour);
 }
 
-/// The picture as JPEG. `what` names it in errors.
+/// The image as JPEG. `what` names it in errors.
 pub(super) fn jpeg(picture: &RgbImage, what: &'static str) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, QUALITY)

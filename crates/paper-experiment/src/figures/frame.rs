@@ -1,4 +1,4 @@
-//! A picture of an aircraft at 6 NM: with its trajectory (figure 2 of the paper), and with the tiles of the search (figure 3).
+//! An image of an aircraft at 6 NM: with its trajectory (figure 2 of the paper), and with the tiles of the search (figure 3).
 
 use dataset::corpus::Corpus;
 use dataset::corpus::detections::Detection;
@@ -14,15 +14,15 @@ use crate::error::{Error, Result};
 
 /// Distance at which the paper shows the aircraft, nautical miles.
 const SHOWN_NM: f64 = 6.0;
-/// The picture may be off by this much.
+/// The image may be off by this much.
 const NEAR_NM: f64 = 0.5;
-/// Conditions of the picture, if the corpus has them.
+/// Conditions of the image, if the corpus has them.
 const WANTED: (&str, &str) = ("clear", "12:00");
 /// Side of a tile, and of the window of the second pass, pixels.
 const TILE_PX: u32 = 640;
 /// Distance of a line from the box that it frames, pixels.
 const GAP_PX: f64 = 6.0;
-/// Distance between the two parts of the picture of the search, pixels.
+/// Distance between the two parts of the image of the search, pixels.
 const BETWEEN_PX: u32 = 8;
 /// Largest width of a figure's part, pixels.
 const LARGEST_WIDTH_PX: u32 = 960;
@@ -84,7 +84,7 @@ impl Shown {
         Err(Error::NoPicture { dtd_nm: SHOWN_NM })
     }
 
-    /// The picture with the trajectory of the whole flight and the ground-truth box.
+    /// The image with the trajectory of the whole flight and the ground-truth box.
     pub(super) fn with_trajectory(&self) -> Result<Vec<u8>> {
         let mut picture = self.picture.clone();
         let places = self.rows.iter().filter_map(|row| {
@@ -103,10 +103,10 @@ impl Shown {
             line(&mut picture, part, 2, TRUE);
         }
         outline(&mut picture, [left, top, right, bottom], 2, TRUE);
-        jpeg(&smaller(&picture), "the picture at 6 NM")
+        jpeg(&smaller(&picture), "the image at 6 NM")
     }
 
-    /// The picture with the tiles of the first pass, and beside it the window of the second pass with the box that it found.
+    /// The image with the tiles of the first pass, and beside it the window of the second pass with the box that it found.
     pub(super) fn with_tiles(&self) -> Result<Vec<u8>> {
         let (width, height) = self.picture.dimensions();
         let centre = self.found.unwrap_or(self.true_box);
@@ -138,7 +138,7 @@ impl Shown {
         let mut both = RgbImage::from_pixel(left + height, height, Rgb([255; 3]));
         imageops::replace(&mut both, &picture, 0, 0);
         imageops::replace(&mut both, &window, i64::from(left), 0);
-        jpeg(&both, "the picture of the search")
+        jpeg(&both, "the image of the search")
     }
 }
 
@@ -159,7 +159,7 @@ fn around(pixel_box: &PixelBox) -> [f64; 4] {
     [left - GAP_PX, top - GAP_PX, right + GAP_PX, bottom + GAP_PX]
 }
 
-/// The picture, shrunk to the width of a page if it is wider.
+/// The image, shrunk to the width of a page if it is wider.
 fn smaller(picture: &RgbImage) -> RgbImage {
     let (width, height) = picture.dimensions();
     if width <= LARGEST_WIDTH_PX {

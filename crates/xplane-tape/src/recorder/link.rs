@@ -86,7 +86,7 @@ impl Connection {
         } = admitted;
         if hello.opens_the_screen() {
             // The desktop's content is private to the client, but tapes are passed on.
-            tracing::info!(%from, "pictures of the screen pass, and are not recorded");
+            tracing::info!(%from, "images of the screen pass, and are not recorded");
             simulator_writes.write_all(hello.bytes()).await?;
             let (mut asks, mut answers) = (client_reads, simulator_reads);
             tokio::select! {

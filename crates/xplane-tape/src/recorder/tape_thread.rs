@@ -1,4 +1,4 @@
-//! The thread that writes the tape, and the short queue to it: compressing a picture takes longer than a datagram may wait.
+//! The thread that writes the tape, and the short queue to it: compressing an image takes longer than a datagram may wait.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};

@@ -31,7 +31,7 @@ pub(crate) struct Row {
     pub(crate) scenarios: u32,
     /// Scenarios in which something was noticed: without a cover, false alarms.
     pub(crate) noticed_in: u32,
-    /// Pictures of the corpus that show the cover.
+    /// Images of the corpus that show the cover.
     pub(crate) covered_pictures: u32,
     /// Covered scenarios in which nothing was noticed.
     pub(crate) not_noticed: Vec<String>,

@@ -18,7 +18,7 @@ pub(super) struct InSight {
 /// View of the flights in one weather.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Seen {
-    /// An aircraft is in the picture.
+    /// An aircraft is in the image.
     in_picture: bool,
     /// One of these is not beyond the visibility.
     in_sight: bool,
@@ -59,13 +59,13 @@ impl InSight {
             let of_view = || seen.iter().filter(|((of, _), _)| of == view);
             if !of_view().any(|(_, seen)| seen.in_picture) {
                 lines.push(format!(
-                    "view {view} never has the aircraft in its picture: are its direction, pitch_deg and hfov_deg as intended?"
+                    "view {view} never has the aircraft in its image: are its direction, pitch_deg and hfov_deg as intended?"
                 ));
                 continue;
             }
             for ((_, weather), seen) in of_view().filter(|(_, seen)| !seen.in_sight) {
                 lines.push(format!(
-                    "view {view} never has the aircraft in sight in the weather {weather:?}: where its picture shows it, it is beyond the \
+                    "view {view} never has the aircraft in sight in the weather {weather:?}: where its image shows it, it is beyond the \
                      visibility of at most {:.0} m",
                     seen.visibility_m
                 ));
@@ -75,7 +75,7 @@ impl InSight {
     }
 }
 
-/// Distance from a camera to the nearest of these states in its picture.
+/// Distance from a camera to the nearest of these states in its image.
 fn nearest_m(camera: &Camera, states: &[FlightState]) -> Option<f64> {
     let places = states.iter().map(|state| state.pose.position().to_ecef());
     places

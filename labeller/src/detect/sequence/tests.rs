@@ -21,7 +21,7 @@ const EACH_SECOND: FrameRate = FrameRate {
     denominator: 1,
 };
 
-/// Position of a blob at a tick, if it is in the picture: its left-most column and top-most row.
+/// Position of a blob at a tick, if it is in the image: its left-most column and top-most row.
 type Path = fn(u32) -> Option<[u32; 2]>;
 
 /// 24 x 8 pixels.
@@ -61,7 +61,7 @@ fn search(
     search_view(&scenario, &view, finder, None, &mut |_| Ok(())).unwrap()
 }
 
-/// Search mode of each picture: `f`ull, `t`racked or `s`caled; a capital if it has no box.
+/// Search mode of each image: `f`ull, `t`racked or `s`caled; a capital if it has no box.
 fn modes_of(findings: &ViewFindings, ticks: u32) -> String {
     let Detections { boxes, misses } = &findings.detections;
     let letter = |mode: SearchMode| mode.word().chars().next().unwrap();
@@ -128,7 +128,7 @@ fn an_aircraft_that_is_gone_is_lost_and_an_empty_view_is_searched_at_the_period_
     let goes: Path = |tick| (tick < 5).then_some([100 + tick, 200]);
     let corpus = flight(temporary.path(), LIVE, 100, &[goes]);
     let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 1.0);
-    // The whole picture was searched less than a quarter of a second before it went.
+    // The whole image was searched less than a quarter of a second before it went.
     let expected: String = (0..100)
         .map(|tick| match (tick % 30, tick < 5) {
             (0, true) => 'f',
@@ -168,7 +168,7 @@ fn at_one_picture_a_second_every_fifth_is_searched_whole_while_a_slow_aircraft_i
     let slow: Path = |tick| Some([100 + 4 * tick, 300]);
     let corpus = flight(temporary.path(), EACH_SECOND, 16, &[slow]);
     let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 1.0);
-    // The motion of an aircraft that was seen once is not known, and it is not confirmed before the third picture.
+    // The motion of an aircraft that was seen once is not known, and it is not confirmed before the third image.
     assert_eq!(modes_of(&found, 16), "fffttttfttttfttt");
     assert!(found.detections.boxes.iter().all(|found| found.confirmed));
 }
@@ -215,7 +215,7 @@ fn faint_boxes_count_where_clear_ones_confirm_their_track_and_are_dropped_elsewh
         let found = search(&corpus, &mut BlobFinder::of_any_size(), mode, 1.0).detections;
         assert_eq!(found.misses, [], "{mode:?}");
         let seen: Vec<_> = found.boxes.iter().map(|seen| seen.tick).collect();
-        assert_eq!(seen, (0..ticks).collect::<Vec<_>>(), "one box a picture");
+        assert_eq!(seen, (0..ticks).collect::<Vec<_>>(), "one box an image");
         for seen in &found.boxes {
             assert!(seen.confirmed, "{seen:?}");
             assert_eq!(seen.score < 0.4, !clear_ticks.contains(&seen.tick));
@@ -252,5 +252,5 @@ fn faint_boxes_count_where_clear_ones_confirm_their_track_and_are_dropped_elsewh
     };
     let mut finder = BlobFinder::of_any_size();
     let alone = find_aircraft(&mut finder, &picture, &TilingSettings::default()).unwrap();
-    assert!(alone.is_empty(), "a picture by itself confirms nothing");
+    assert!(alone.is_empty(), "an image by itself confirms nothing");
 }

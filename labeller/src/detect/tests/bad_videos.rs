@@ -37,7 +37,7 @@ fn a_video_that_ends_early_is_refused_with_the_tick_where_it_ends() {
     let reason = reason_after(|folder| write_video(folder, 2));
     assert!(
         reason.contains(
-            "view right: at tick 2 expected a picture with timestamp 2, found the end of the video"
+            "view right: at tick 2 expected an image with timestamp 2, found the end of the video"
         ) && reason.contains("generate the scenario again"),
         "{reason}"
     );
@@ -46,7 +46,7 @@ fn a_video_that_ends_early_is_refused_with_the_tick_where_it_ends() {
 #[test]
 fn a_video_that_goes_on_after_the_last_tick_is_refused() {
     let reason = reason_after(|folder| write_video(folder, 4));
-    let words = "view right: after the last tick there is a picture with timestamp 3";
+    let words = "view right: after the last tick there is an image with timestamp 3";
     assert!(reason.contains(words), "{reason}");
 }
 

@@ -99,8 +99,8 @@ fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Result<Vec<Show
                 absent: None,
             }),
             Err(fault) => {
-                tracing::warn!(scenario, tick, view, %fault, "the report lacks a picture");
-                Ok(Shown::without(view, format!("no picture: {fault}")))
+                tracing::warn!(scenario, tick, view, %fault, "the report lacks an image");
+                Ok(Shown::without(view, format!("no image: {fault}")))
             }
         }
     };

@@ -95,7 +95,7 @@ pub(in crate::evaluation) fn errors_by_distance(
     let distances = axis(first, last);
     let labels = (((last - first) / width_nm).round() as usize + 1).min(MOST_LABELS);
     let ends = boxes.iter().flat_map(|b| b.3.whiskers_pct).map(f64::abs);
-    // Whiskers of the worst estimators must not flatten all boxes: they are cut off at the picture's edge.
+    // Whiskers of the worst estimators must not flatten all boxes: they are cut off at the image's edge.
     let reach = reach_pct(ends.collect(), 0.7, 0.02, 1.15);
     let decimals = if reach < 0.5 { 2 } else { 1 };
     svg("the spread of errors by distance", 430, |area| {

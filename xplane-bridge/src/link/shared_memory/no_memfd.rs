@@ -1,4 +1,4 @@
-//! Systems other than Linux: no memory is shared, pictures are sent over the link.
+//! Systems other than Linux: no memory is shared, images are sent over the link.
 
 use std::fs::File;
 use std::io;

@@ -18,7 +18,7 @@ fn whole(width_px: u32, height_px: u32) -> Rectangle {
     Rectangle::between(0, 0, width_px, height_px)
 }
 
-/// A screen of vertical stripes in many colours with a picture somewhere on it.
+/// A screen of vertical stripes in many colours with an image somewhere on it.
 fn on_a_screen(window: &RgbPicture, at: (u32, u32), screen: (u32, u32)) -> RgbPicture {
     let mut picture = RgbPicture::black(screen.0, screen.1);
     for y in 0..screen.1 {

@@ -22,13 +22,13 @@ pub(super) struct DeviceCall {
     pub(super) input: String,
     /// Options of the device.
     pub(super) options: Vec<(&'static str, String)>,
-    /// The region of its pictures to keep, if the device itself cannot select it.
+    /// The region of its images to keep, if the device itself cannot select it.
     pub(super) crop: Option<Rectangle>,
 }
 
 /// Grabs are made on demand; the device must not wait between them.
 const UNPACED_HZ: &str = "1000";
-/// macOS delivers pictures at a rate that its displays support.
+/// macOS delivers images at a rate that its displays support.
 const PUSHED_HZ: &str = "60";
 
 impl Platform {

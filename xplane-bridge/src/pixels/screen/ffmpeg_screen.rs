@@ -96,7 +96,7 @@ impl FfmpegGrab {
         let failed = |error: ffmpeg_next::Error| PixelError::Grab {
             what: format!("{device} says: {error}"),
         };
-        // Before FFmpeg 6 a packet that is read into again loses its old memory for good: a picture with every grab.
+        // Before FFmpeg 6 a packet that is read into again loses its old memory for good: an image with every grab.
         let packet = loop {
             let mut packet = Packet::empty();
             packet.read(&mut self.input).map_err(failed)?;
@@ -104,7 +104,7 @@ impl FfmpegGrab {
                 break packet;
             }
         };
-        // Screens are not compressed: one packet is one picture.
+        // Screens are not compressed: one packet is one image.
         self.decoder.send_packet(&packet).map_err(failed)?;
         self.decoder.receive_frame(&mut self.frame).map_err(failed)
     }

@@ -1,6 +1,6 @@
-//! The number of a drawn frame, read from the margins around its picture.
+//! The number of a drawn frame, read from the margins around its image.
 //!
-//! The plugin draws the same code above and below the picture, and the lowest bits of the number in a column beside it, over the whole
+//! The plugin draws the same code above and below the image, and the lowest bits of the number in a column beside it, over the whole
 //! height. A grab that was taken while the screen changed has rows of two frames: then the strips differ, or a row of the column does not
 //! belong to them. `docs/capture-link.md` specifies the code for other implementations.
 
@@ -70,7 +70,7 @@ pub(crate) fn read_strip(picture: &RgbPicture, y_px: u32) -> Option<FrameCode> {
     is_sound.then(|| FrameCode::of_bits(code))
 }
 
-/// The code of a grab with [`MARGIN_PX`] around the picture. `None` if there is none, or if any row belongs to another frame.
+/// The code of a grab with [`MARGIN_PX`] around the image. `None` if there is none, or if any row belongs to another frame.
 pub(crate) fn read(grab: &RgbPicture) -> Option<FrameCode> {
     let (width, height) = (grab.width_px, grab.height_px);
     if width < 2 * CELLS || height <= 2 * MARGIN_PX {
@@ -102,7 +102,7 @@ fn is_white(pixel: [u8; 3]) -> Option<bool> {
     }
 }
 
-/// The rectangle of a picture and its code in the window, for margins of at least [`MARGIN_PX`].
+/// The rectangle of an image and its code in the window, for margins of at least [`MARGIN_PX`].
 pub(crate) fn coded_region(window: Rectangle, [margin_x, margin_y]: [u32; 2]) -> Rectangle {
     Rectangle {
         x_px: window.x_px + margin_x - MARGIN_PX,
@@ -118,7 +118,7 @@ mod tests {
 
     const SIDE_PX: (u32, u32) = (128, 96);
 
-    /// A grey picture with the code of a frame, as `plugin/dtd_bridge/frame_code.py` draws it.
+    /// A grey image with the code of a frame, as `plugin/dtd_bridge/frame_code.py` draws it.
     fn coded(number: u32, steady: u32) -> RgbPicture {
         let code = number << 8 | steady << 5 | 3;
         let bits = u64::from(code) << CHECKSUM_BITS | u64::from(checksum(code));
@@ -164,7 +164,7 @@ mod tests {
             let mut torn = before.clone();
             torn.rgb[row * row_bytes..].copy_from_slice(&after.rgb[row * row_bytes..]);
             let read = read(&torn);
-            // A tear within a strip leaves the picture whole.
+            // A tear within a strip leaves the image whole.
             let picture_is_whole =
                 !(MARGIN_PX as usize + 1..(SIDE_PX.1 - MARGIN_PX) as usize).contains(&row);
             assert!(read.is_none() || picture_is_whole, "row {row}: {read:?}");

@@ -28,7 +28,7 @@ impl Grabber {
         Ok(Self(Arc::new(Mutex::new(grab))))
     }
 
-    /// The picture after this many discarded ones; `picture` provides its memory.
+    /// The image after this many discarded ones; `picture` provides its memory.
     pub(super) async fn grab(
         &self,
         mut picture: RgbPicture,
@@ -43,7 +43,7 @@ impl Grabber {
         .await
     }
 
-    /// The next picture, decoded as a check pattern.
+    /// The next image, decoded as a check pattern.
     pub(super) async fn look(&self) -> Result<Result<Sighting, Unreadable>, PixelError> {
         self.with(|grab| {
             let mut picture = RgbPicture::default();

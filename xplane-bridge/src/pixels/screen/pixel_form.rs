@@ -32,7 +32,7 @@ impl PixelForm {
     }
 }
 
-/// Copies a part of a grabbed frame, or all of it, into a picture.
+/// Copies a part of a grabbed frame, or all of it, into an image.
 pub(super) fn copy(
     frame: &frame::Video,
     part: Option<Rectangle>,

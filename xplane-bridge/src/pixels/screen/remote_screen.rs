@@ -1,6 +1,6 @@
 //! The screen of another computer that X-Plane runs on: grabbed by the plugin, over a separate connection.
 //!
-//! X-Plane's main thread never handles this connection. To the client it is one more screen, with the same proof of its pictures. The
+//! X-Plane's main thread never handles this connection. To the client it is one more screen, with the same proof of its images. The
 //! plugin reports if it is on another computer, because it sees both addresses, even behind a recorder.
 
 use std::fmt;

@@ -16,7 +16,7 @@ const WINDOW: Rectangle = Rectangle {
 #[derive(Debug, Clone)]
 struct FakeDesktop {
     window: Rectangle,
-    /// Codes shown so far, `None` for the simulator's picture.
+    /// Codes shown so far, `None` for the simulator's image.
     shown: Vec<Option<u32>>,
     /// Grabs that still show the old content after each change.
     late_grabs: u32,
@@ -70,7 +70,7 @@ async fn pictures_larger_than_the_screen_are_refused_with_the_sizes_that_fit() {
     let set_up = ScreenSource::set_up(&screen, (1_920, 1_280), false, None, &mut display).await;
     let said = set_up.unwrap_err().to_string();
     assert!(
-        said.contains("pictures of 1920x1280 pixels do not fit this screen")
+        said.contains("images of 1920x1280 pixels do not fit this screen")
             && said.contains(" do; change [picture]"),
         "{said}"
     );

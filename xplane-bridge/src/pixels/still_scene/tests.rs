@@ -28,7 +28,7 @@ const SKIES: [Sky; 6] = [
     Sky::Storm,
 ];
 
-/// Looks at the pictures of a random scene, of which some are covered; those that were found, and those that may be covered although
+/// Looks at the images of a random scene, of which some are covered; those that were found, and those that may be covered although
 /// they were accepted.
 fn looked(
     seed: u64,
@@ -47,7 +47,7 @@ fn looked(
         .collect()
 }
 
-/// Which pictures would be used: those that are accepted, and not named afterwards.
+/// Which images would be used: those that are accepted, and not named afterwards.
 fn used(found: &[Option<Cover>]) -> Vec<bool> {
     let mut used = vec![true; found.len()];
     for (at, cover) in found.iter().enumerate() {
@@ -75,7 +75,7 @@ fn undisturbed_scenes_are_never_covered_in_any_weather() {
     }
 }
 
-/// Covers of 2 % of the picture that come and go: how many runs there were, and in how many the cover was not seen to go.
+/// Covers of 2 % of the image that come and go: how many runs there were, and in how many the cover was not seen to go.
 fn covers_come_and_go(sky: Sky) -> (usize, usize) {
     let (mut runs_made, mut stuck) = (0, 0);
     for form in CoverForm::ALL {
@@ -138,11 +138,7 @@ fn over_moving_water_a_cover_is_found_by_its_brightness() {
         });
         for (picture, found) in (0..).zip(found) {
             let is_covered = (from..to).contains(&picture);
-            assert_eq!(
-                found.is_some(),
-                is_covered,
-                "seed {seed}, picture {picture}"
-            );
+            assert_eq!(found.is_some(), is_covered, "seed {seed}, image {picture}");
         }
     }
 }
@@ -190,7 +186,7 @@ fn what_comes_and_goes_while_the_noise_is_learnt_is_found_at_its_end() {
                 CoverForm::Message.draw(rgb, (WIDTH_PX, HEIGHT_PX), 0.02, random);
             }
         });
-        let cover = found[LEARNT].expect("found with the last learnt picture");
+        let cover = found[LEARNT].expect("found with the last learnt image");
         assert_eq!(cover.pictures_before as usize, LEARNT, "{sky:?}");
         let late = found.iter().rposition(Option::is_some);
         let late = late.map(|late| (late, found[late]));

@@ -41,7 +41,7 @@ impl Covered {
         let since = *self.since.get_or_insert_with(|| {
             tracing::warn!(
                 %rectangle,
-                "something covers the scene; its pictures are taken again until it has gone"
+                "something covers the scene; its images are taken again until it has gone"
             );
             now
         });

@@ -24,7 +24,7 @@ const CLEAR_SHARE: f64 = 0.3;
 pub(super) enum Outcome {
     /// The scene is this many frames behind.
     Behind(u64),
-    /// The aircraft cannot be seen at all: fog, night, outside the picture.
+    /// The aircraft cannot be seen at all: fog, night, outside the image.
     Unseen,
     /// Grabs are missing, or several show it.
     Unclear,
@@ -33,7 +33,7 @@ pub(super) enum Outcome {
 /// A probe that is under way: the patch of each grab where the displaced aircraft will be.
 #[derive(Debug)]
 pub(super) struct Probe {
-    /// The patch in the picture.
+    /// The patch in the image.
     pub(super) patch: Rectangle,
     /// The lag with which images are taken now, if any.
     expected: Option<u64>,

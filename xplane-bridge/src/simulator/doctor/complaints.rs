@@ -1,7 +1,7 @@
 //! Does X-Plane's own log complain about us?
 //!
 //! X-Plane 12 logs deprecated datarefs and calls from where they must not come, and shows some of it over the scene, where it would be in
-//! the pictures. The plugin reads the log, on whatever computer.
+//! the images. The plugin reads the log, on whatever computer.
 
 use std::time::Duration;
 
@@ -45,7 +45,7 @@ fn verdict(read: Result<Vec<String>, BridgeError>) -> Check {
                 "X-Plane's Log.txt complains about us: {}",
                 lines.join(" | ")
             ),
-            "Look whether X-Plane shows an error over the scene, and close it: it would be in the pictures. Please report these lines, with \
+            "Look whether X-Plane shows an error over the scene, and close it: it would be in the images. Please report these lines, with \
              the version of X-Plane",
         ),
         // An older plugin, or a log that cannot be read.

@@ -84,7 +84,7 @@ impl<'a> Eyes<'a> {
     /// The reason why no image can be seen, if so.
     pub(super) fn blind(&self) -> Option<String> {
         deliver(self.simulator).is_none().then(|| {
-            "pictures cannot be seen from here: run the doctor on X-Plane's own computer, in its desktop session".into()
+            "images cannot be seen from here: run the doctor on X-Plane's own computer, in its desktop session".into()
         })
     }
 
@@ -137,7 +137,7 @@ impl<'a> Eyes<'a> {
         frames
             .try_into()
             .map_err(|frames: Vec<_>| BridgeError::WrongAnswer {
-                expected: format!("{N} pictures"),
+                expected: format!("{N} images"),
                 found: frames.len().to_string(),
             })
     }

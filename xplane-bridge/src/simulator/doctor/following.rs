@@ -52,7 +52,7 @@ pub(super) fn check(findings: &BTreeMap<EffectiveQuantity, Finding<bool>>) -> Ch
             NAME,
             format!("does not follow what is written: {}", others.join(", ")),
             "Is real weather on, or another weather plugin? Scenarios in which these differ are marked, and `dtd train` leaves them out unless \
-             --accept-weather; if pictures show the right weather, X-Plane reports something else by these datarefs",
+             --accept-weather; if images show the right weather, X-Plane reports something else by these datarefs",
         ),
     }
 }

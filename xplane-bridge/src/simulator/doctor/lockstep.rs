@@ -93,7 +93,7 @@ pub(super) async fn lockstep(
         ""
     };
     let found = format!(
-        "{} pictures, each {:.0} ms, all as asked{seen}",
+        "{} images, each {:.0} ms, all as asked{seen}",
         frames.len(),
         each.as_secs_f64() * 1e3
     );
@@ -101,7 +101,7 @@ pub(super) async fn lockstep(
         Check::warning(
             NAME,
             found,
-            "Each picture takes long: lower the graphics settings, or the settle frames",
+            "Each image takes long: lower the graphics settings, or the settle frames",
         )
     } else {
         Check::ok(NAME, found)
@@ -195,7 +195,7 @@ fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(
         }
     }
     let [(_, first), (_, again), (_, moved), (_, back)] = frames else {
-        return Err(format!("{} pictures instead of 4", frames.len()));
+        return Err(format!("{} images instead of 4", frames.len()));
     };
     if first.rgb.is_empty() || restless {
         return Ok(());
@@ -204,13 +204,13 @@ fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(
         let difference = difference(&first.rgb, &same.rgb);
         if difference > SAME {
             return Err(format!(
-                "the same pose {name} gives another picture: {difference:.2} of 255 on the average"
+                "the same pose {name} gives another image: {difference:.2} of 255 on the average"
             ));
         }
     }
     if largest_difference(&first.rgb, &moved.rgb) <= largest_difference(&first.rgb, &again.rgb) {
         return Err(format!(
-            "an aircraft that is {MOVED_M} m away gives the same picture"
+            "an aircraft that is {MOVED_M} m away gives the same image"
         ));
     }
     Ok(())
@@ -310,7 +310,7 @@ mod tests {
             ("the same pose at once", |frames| {
                 frames[1].1.rgb = vec![90; 64].into();
             }),
-            ("gives the same picture", |frames| {
+            ("gives the same image", |frames| {
                 frames[2].1.rgb = vec![100; 64].into();
             }),
         ];

@@ -87,7 +87,7 @@ pub(super) async fn measure(
 }
 
 impl Simulator {
-    /// Checks the pictures of an unmeasured X-Plane: some seconds, for this run alone. One that freezes its picture in a pause, or
+    /// Checks the images of an unmeasured X-Plane: some seconds, for this run alone. One that freezes its image in a pause, or
     /// whose exposure settles slowly, would give wrong ones. Before freezing, with the aircraft at this height.
     ///
     /// # Errors
@@ -107,7 +107,7 @@ impl Simulator {
                 altitude_msl_m: aircraft.altitude_msl_m,
                 ground_msl_m: 0.0,
             };
-            tracing::info!("no profile of this simulator: its pictures are checked first");
+            tracing::info!("no profile of this simulator: its images are checked first");
             // At night the scene is not visible.
             self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
             self.write_surely(ZULU_TIME_S, noon_zulu_s(aircraft.longitude_deg) as f32)
@@ -145,7 +145,7 @@ fn profile(
             .map(|_| simulator.pixels()),
         window: match window {
             Some(size) => Finding::Found(size),
-            None => Finding::NotMeasured("it draws pictures of any size".into()),
+            None => Finding::NotMeasured("it draws images of any size".into()),
         },
         grabbing,
         wind_unit: sky.wind_unit,
@@ -214,7 +214,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// The clock that must run while pictures are taken here, if one must.
+    /// The clock that must run while images are taken here, if one must.
     pub(super) fn running_clock(&self, clock: Clock) -> Option<Clock> {
         let profile = self.description.profile.current();
         profile

@@ -203,7 +203,7 @@ async fn settled(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, Bridge
 pub(super) fn check(pace: &Finding<Pace>) -> Check {
     Check::measured("pace", pace, |pace| {
         format!(
-            "{:.1} pictures of {} a second from two views, {}; `dtd plan SWEEP --sim HOST:PORT` counts with it",
+            "{:.1} images of {} a second from two views, {}; `dtd plan SWEEP --sim HOST:PORT` counts with it",
             pace.pictures_per_s,
             pace.size,
             pace.procedure()

@@ -48,8 +48,8 @@ impl PictureFindings {
         };
         let moves = paused.still_pictures_move.found() == Some(&true);
         let unsteady = match (is_paused, moves) {
-            (false, _) => Some("pictures are taken while time runs"),
-            (true, true) => Some("pictures move by themselves"),
+            (false, _) => Some("images are taken while time runs"),
+            (true, true) => Some("images move by themselves"),
             (true, false) => None,
         };
         Self {
@@ -81,8 +81,8 @@ impl PictureFindings {
         let pause = match &self.pause_shows_poses {
             Finding::Found(false) => Check::warning(
                 "pause",
-                "a pause keeps the picture that was there: a pose that is written then does not show",
-                "Nothing: pictures are taken with time running. If another plugin holds the pause or the camera, switch it off and measure again",
+                "a pause keeps the image that was there: a pose that is written then does not show",
+                "Nothing: images are taken with time running. If another plugin holds the pause or the camera, switch it off and measure again",
             ),
             other => Check::measured("pause", other, |_| {
                 "poses and cameras that are written in a pause show".into()
@@ -100,12 +100,12 @@ impl PictureFindings {
             pause,
             Check::measured("frames", &self.frames_until_still, |frames| {
                 format!(
-                    "the aircraft moved: two pictures in a row agree after {frames} frames at most"
+                    "the aircraft moved: two images in a row agree after {frames} frames at most"
                 )
             }),
             Check::measured("exposure", &self.frames_until_settled, |frames| {
                 format!(
-                    "the camera turned: the picture is the final one with settle_frames = {frames}"
+                    "the camera turned: the image is the final one with settle_frames = {frames}"
                 )
             }),
             Check::measured("callbacks", &self.callbacks, |found| {
@@ -136,7 +136,7 @@ async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<bool>, B
         Ok(Finding::Found(false))
     } else {
         Ok(Finding::NotMeasured(
-            "the sky and the aircraft give the same picture, as in fog".into(),
+            "the sky and the aircraft give the same image, as in fog".into(),
         ))
     }
 }
@@ -150,7 +150,7 @@ async fn differ(eyes: &mut Eyes<'_>, noise: f64) -> Result<bool, BridgeError> {
 async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
     if eyes.simulator.pixels() == PixelKind::Screen {
         return Finding::NotMeasured(
-            "pictures come off the screen: frames cannot be counted in them".into(),
+            "images come off the screen: frames cannot be counted in them".into(),
         );
     }
     let measured = async {
@@ -189,7 +189,7 @@ async fn until_settled(
         }
     }
     Ok(Finding::NotMeasured(format!(
-        "after {} frames a picture still differs from the one after {SETTLED}",
+        "after {} frames an image still differs from the one after {SETTLED}",
         TRIED[TRIED.len() - 1]
     )))
 }

@@ -64,7 +64,7 @@ async fn view(talk: &mut Talk) -> Check {
         None => Check::skipped(NAME, format!("{VIEW_IS_EXTERNAL} could not be read")),
         Some(0.0) => Check::ok(
             NAME,
-            "from inside the aircraft; pictures are taken from an outside view, and this one is given back",
+            "from inside the aircraft; images are taken from an outside view, and this one is given back",
         ),
         Some(_) => Check::ok(NAME, "from outside"),
     }
@@ -89,7 +89,7 @@ async fn pop_ups(talk: &mut Talk) -> Check {
     Check::warning(
         NAME,
         format!("open: {} ({POP_UPS})", open.join(", ")),
-        "They are closed before pictures are taken, as far as X-Plane has commands for it. Close them, and look that none comes back",
+        "They are closed before images are taken, as far as X-Plane has commands for it. Close them, and look that none comes back",
     )
 }
 

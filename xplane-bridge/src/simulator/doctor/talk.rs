@@ -222,7 +222,7 @@ impl Talk {
                     Check::warning(
                         NAME,
                         found,
-                        "Recording takes several frames a picture: lower the graphics settings",
+                        "Recording takes several frames an image: lower the graphics settings",
                     )
                 }
             }

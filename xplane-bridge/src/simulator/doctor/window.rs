@@ -1,4 +1,4 @@
-//! The window that X-Plane draws into: its size, and whether its pictures can be grabbed where necessary.
+//! The window that X-Plane draws into: its size, and whether its images can be grabbed where necessary.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::{Simulator, SimulatorDescription};
 
 pub(super) const NAME: &str = "window";
 
-/// The required picture size; `None` if the simulator draws any.
+/// The required image size; `None` if the simulator draws any.
 pub(super) fn picture_size(description: &SimulatorDescription) -> Option<PictureSize> {
     let of_window = description.window.as_ref().map(|window| PictureSize {
         width_px: window.width_px,
@@ -19,12 +19,12 @@ pub(super) fn picture_size(description: &SimulatorDescription) -> Option<Picture
     description.drawn_size.or(of_window)
 }
 
-/// Remedy for a window in which the pictures of the sweep cannot be taken.
+/// Remedy for a window in which the images of the sweep cannot be taken.
 fn misfit(size: PictureSize, may_have_margins: bool, intent: Option<&Intent>) -> Option<String> {
     let Intent { sweep, pictures } =
         intent.filter(|intent| !intent.pictures.fits(size, may_have_margins))?;
     Some(format!(
-        "Pictures of {sweep} have {pictures} pixels, which this window does not fit. {}, or give the sweep's [picture] width_px = {} and \
+        "Images of {sweep} have {pictures} pixels, which this window does not fit. {}, or give the sweep's [picture] width_px = {} and \
          height_px = {}",
         pictures.window_advice(may_have_margins),
         size.width_px,
@@ -32,14 +32,14 @@ fn misfit(size: PictureSize, may_have_margins: bool, intent: Option<&Intent>) ->
     ))
 }
 
-/// Checks the window. If pictures come only off the screen, it is located there by its check pattern, and pictures come from there
+/// Checks the window. If images come only off the screen, it is located there by its check pattern, and images come from there
 /// from now on; returns their delay.
 pub(super) async fn check(
     simulator: &mut Simulator,
     screen: &Arc<dyn Screen>,
     intent: Option<&Intent>,
 ) -> (Check, Finding<Grabbing>) {
-    let mut grabbing = Finding::NotMeasured("pictures do not come off the screen".into());
+    let mut grabbing = Finding::NotMeasured("images do not come off the screen".into());
     let check = look(simulator, screen, &mut grabbing).await;
     let source = simulator.description().pixels.first();
     let may_have_margins = source.is_some_and(|source| simulator.may_have_margins(*source));
@@ -61,7 +61,7 @@ async fn look(
     let first = description.pixels.first();
     let Some(size) = picture_size(&description) else {
         return match first {
-            Some(PixelKind::Link) => Check::skipped(NAME, "pictures do not come from a window"),
+            Some(PixelKind::Link) => Check::skipped(NAME, "images do not come from a window"),
             _ => Check::warning(
                 NAME,
                 "the plugin does not say how large it is",
@@ -86,7 +86,7 @@ async fn look(
     if window.scale == 1.0 {
         Check::ok(NAME, found)
     } else {
-        let hint = "The desktop is scaled: pictures are resampled. Set its scale to 100 %, or check sizes with care";
+        let hint = "The desktop is scaled: images are resampled. Set its scale to 100 %, or check sizes with care";
         Check::warning(NAME, found, hint)
     }
 }
@@ -120,7 +120,7 @@ async fn grabbed(
             Check::warning(
                 NAME,
                 format!("{size} pixels, but not to be seen from here: {error}"),
-                "Pictures of this simulator come off the screen: run dtd on its computer, in its desktop session, or have its plugin grab there \
+                "Images of this simulator come off the screen: run dtd on its computer, in its desktop session, or have its plugin grab there \
                  (docs/x-plane.md, \"X-Plane on another computer\"), with its window uncovered and the desktop's scale at 100 %",
             )
         }

@@ -1,7 +1,7 @@
-//! `detections/<model>.parquet`: the boxes that a model found, and why pictures without a box have none.
+//! `detections/<model>.parquet`: the boxes that a model found, and why images without a box have none.
 //!
-//! Input: what `dtd detect` found in each picture, one view at one tick. Output: a typed row for each box, and one with a reason for each
-//! picture without one.
+//! Input: what `dtd detect` found in each image, one view at one tick. Output: a typed row for each box, and one with a reason for each
+//! image without one.
 
 use std::path::Path;
 
@@ -13,12 +13,12 @@ use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::tables::pixel_box::{BOX_FIELDS, PixelBox};
 use crate::work::memory;
 
-/// A model's detections in the pictures of a scenario.
+/// A model's detections in the images of a scenario.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detections {
     /// The boxes, by tick.
     pub boxes: Vec<Detection>,
-    /// Pictures without a box, by tick.
+    /// Images without a box, by tick.
     pub misses: Vec<Miss>,
 }
 
@@ -33,7 +33,7 @@ pub struct Detection {
     pub pixel_box: PixelBox,
     /// Confidence of the model.
     pub score: f64,
-    /// Number of the window of the first pass that saw it, row by row from 0; in pictures of the mode `tracked`, number of the crop.
+    /// Number of the window of the first pass that saw it, row by row from 0; in images of the mode `tracked`, number of the crop.
     pub tile: u32,
     /// Number of its track, which is one aircraft in one view; null without tracking.
     pub track: Option<u32>,
@@ -47,42 +47,42 @@ pub struct Detection {
     pub counts_live: Option<bool>,
 }
 
-/// A picture without a box.
+/// An image without a box.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct Miss {
     /// Number of the tick.
     pub tick: u32,
     /// Identifier of the view.
     pub view: String,
-    /// Search mode of the picture.
+    /// Search mode of the image.
     pub mode: SearchMode,
     /// The reason why it has no box. In the table, rows with a box have none, and rows with a reason have no numbers.
     pub reason: MissReason,
 }
 
-/// Search mode of a picture.
+/// Search mode of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
 #[schemars(rename_all = "kebab-case")]
 pub enum SearchMode {
-    /// The whole picture, pixel by pixel.
+    /// The whole image, pixel by pixel.
     Full,
     /// Only where known tracks were expected.
     Tracked,
-    /// The whole picture, made smaller.
+    /// The whole image, made smaller.
     Scaled,
 }
 
-/// Reasons why a picture has no box.
+/// Reasons why an image has no box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
 #[schemars(rename_all = "kebab-case")]
 pub enum MissReason {
-    /// The search found no box, or, in a shrunk picture, only faint boxes that do not count.
+    /// The search found no box, or, in a shrunk image, only faint boxes that do not count.
     Nothing,
     /// The first pass found something that the second did not confirm, or only as a faint box that does not count.
     Refuted,
     /// The windows of the known tracks were empty, and the rest was not searched.
     Lost,
-    /// There was no track to follow, and the next search of a whole picture was not due.
+    /// There was no track to follow, and the next search of a whole image was not due.
     NotSearched,
 }
 
@@ -116,7 +116,7 @@ impl MissReason {
 }
 
 impl Detection {
-    /// A box from a search of one whole picture without tracking. It counts as confirmed, for lack of other evidence.
+    /// A box from a search of one whole image without tracking. It counts as confirmed, for lack of other evidence.
     pub fn untracked(
         tick: u32,
         view: impl Into<String>,
@@ -260,7 +260,7 @@ pub fn detection_columns(detections: &Detections) -> TableWriter {
     }
 }
 
-/// Reads the content of `detections/<model>.parquet` of a scenario with this many pictures; messages name it as `path`.
+/// Reads the content of `detections/<model>.parquet` of a scenario with this many images; messages name it as `path`.
 ///
 /// # Errors
 /// A number is outside its limits, or a row has neither a whole box nor a known reason.

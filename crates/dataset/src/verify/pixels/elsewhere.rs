@@ -1,23 +1,23 @@
-//! Pictures that show the aircraft where another tick or another view has it.
+//! Images that show the aircraft where another tick or another view has it.
 //!
 //! An empty box alone proves nothing, because paint and sky may have the same grey. But if the aircraft stands out where another tick or
-//! view has it, the picture is of that one. What is there even in pictures with the aircraft in their own box is not the aircraft.
-//! One picture is enough for that conclusion, whereas the share of filled boxes needs several.
+//! view has it, the image is of that one. What is there even in images with the aircraft in their own box is not the aircraft.
+//! One image is enough for that conclusion, whereas the share of filled boxes needs several.
 
 use super::Faults;
 use super::sight::{DecodedPicture, look};
 use crate::tables::pixel_box::PixelBox;
 
-/// Boxes of this many ticks before and after a picture are looked at.
+/// Boxes of this many ticks before and after an image are looked at.
 const REACH_TICKS: usize = 32;
 /// What stands out there is as clear as that, grey levels ...
 const LEAST_CONTRAST: f64 = 10.0;
 /// ... and not farther from the middle of the box than this part of its sides.
 const LARGEST_OFFSET: f64 = 0.35;
-/// A place belongs to a fixture if it is filled in more than this share of the pictures that have the aircraft in their own box.
+/// A place belongs to a fixture if it is filled in more than this share of the images that have the aircraft in their own box.
 const MOST_FILLED: f64 = 0.3;
 
-/// Where the aircraft of a picture should be, if it is a picture of something else.
+/// Where the aircraft of an image should be, if it is an image of something else.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Other {
     /// The same view at another tick.
@@ -26,20 +26,20 @@ pub(super) enum Other {
     View(String),
 }
 
-/// A picture whose own box is empty, and the place where it shows an aircraft.
+/// An image whose own box is empty, and the place where it shows an aircraft.
 #[derive(Debug)]
 pub(super) struct Suspect {
     pub(super) tick: usize,
     place: PixelBox,
     other: Other,
     contrast: f64,
-    /// Pictures with the aircraft in their own box, and how many of them are filled in this place.
+    /// Images with the aircraft in their own box, and how many of them are filled in this place.
     compared: usize,
     filled: usize,
 }
 
 impl Suspect {
-    /// Looks for the aircraft of a picture in the boxes of other ticks and views. `own`: its ground-truth box, which is empty.
+    /// Looks for the aircraft of an image in the boxes of other ticks and views. `own`: its ground-truth box, which is empty.
     pub(super) fn find(
         picture: &DecodedPicture,
         tick: usize,
@@ -67,13 +67,13 @@ impl Suspect {
         clear.max_by(|a, b| a.contrast.total_cmp(&b.contrast))
     }
 
-    /// The ticks near that of the picture, whose boxes are searched for its aircraft.
+    /// The ticks near that of the image, whose boxes are searched for its aircraft.
     pub(super) fn ticks_near(tick: usize, ticks: usize) -> impl Iterator<Item = usize> {
         let near = tick.saturating_sub(REACH_TICKS)..(tick + REACH_TICKS + 1).min(ticks);
         near.filter(move |other| *other != tick)
     }
 
-    /// Compares with a picture that has the aircraft in its own box.
+    /// Compares with an image that has the aircraft in its own box.
     pub(super) fn compare(&mut self, picture: &DecodedPicture, tick: usize, own: &PixelBox) {
         if tick.abs_diff(self.tick) > 2 * REACH_TICKS || own.iou(&self.place) > 0.0 {
             return;
@@ -102,7 +102,7 @@ impl Suspect {
             "its ground-truth box is empty, and the aircraft is where {whose}, {:.0} grey levels clear",
             self.contrast
         );
-        faults.view_row(view, file, self.tick, "another picture", message);
+        faults.view_row(view, file, self.tick, "another image", message);
         true
     }
 }
@@ -139,7 +139,7 @@ mod tests {
         }
     }
 
-    /// The faults of a picture that should show the aircraft at the first of three places and shows it at the second, beside pictures that
+    /// The faults of an image that should show the aircraft at the first of three places and shows it at the second, beside images that
     /// show it at the third and these bars.
     fn found(shown: &[PixelBox], besides: &[PixelBox]) -> Vec<String> {
         let [own, other, third] = [place(20.0, 20.0), place(50.0, 30.0), place(70.0, 70.0)];
@@ -164,7 +164,7 @@ mod tests {
         ] {
             let faults = found(&[shown], &[]);
             assert_eq!(faults.len(), 1, "{faults:?}");
-            let expected = "0001/views/right.mp4 row 5 view right: another picture";
+            let expected = "0001/views/right.mp4 row 5 view right: another image";
             assert!(
                 faults[0].starts_with(expected) && faults[0].contains(whose),
                 "{faults:?}"

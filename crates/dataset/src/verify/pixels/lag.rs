@@ -117,7 +117,9 @@ pub(super) struct Offset {
 
 impl Offset {
     fn is_of_whole_outline(&self) -> bool {
-        is_whole(self.outline_px, self.size_px)
+        let larger_px = self.outline_px - self.size_px;
+        let part_px = MOST_OF_SIZE * self.size_px;
+        (-(part_px + MOST_SMALLER_PX)..=part_px + MOST_LARGER_PX).contains(&larger_px)
     }
 
     /// Offset that a lag does not explain, pixels.
@@ -133,13 +135,6 @@ impl Offset {
         let of_size_px = ERROR_OF_SIZE * self.size_px;
         ERROR_PX.hypot(of_size_px).hypot(self.error_of_excess_px())
     }
-}
-
-/// Whether an outline of this size is all of a box of that size, along one axis, pixels.
-pub(super) fn is_whole(outline_px: f64, size_px: f64) -> bool {
-    let larger_px = outline_px - size_px;
-    let part_px = MOST_OF_SIZE * size_px;
-    (-(part_px + MOST_SMALLER_PX)..=part_px + MOST_LARGER_PX).contains(&larger_px)
 }
 
 /// The lag of one view.

@@ -1,16 +1,16 @@
-//! Pictures that repeat an earlier one though the aircraft moved.
+//! Images that repeat an earlier one though the aircraft moved.
 
 use super::sight::{DecodedPicture, Sight, change_between};
 use crate::tables::pixel_box::PixelBox;
 
-/// A picture equals an earlier one if the change where the aircraft is, is less than this part of its contrast ...
+/// An image equals an earlier one if the change where the aircraft is, is less than this part of its contrast ...
 const SAME: f64 = 0.15;
-/// ... which must be this many grey levels, far above the effect of encoding the same picture twice ...
+/// ... which must be this many grey levels, far above the effect of encoding the same image twice ...
 const SAME_LEAST_CONTRAST: f64 = 10.0;
 /// ... and is frozen if the aircraft moved this far, pixels.
 const MOVED_PX: f64 = 1.0;
 
-/// The picture that the following ones are compared with, until the aircraft has moved by [`MOVED_PX`].
+/// The image that the following ones are compared with, until the aircraft has moved by [`MOVED_PX`].
 #[derive(Default)]
 pub(super) struct Reference(Option<Anchor>);
 
@@ -22,7 +22,7 @@ struct Anchor {
 }
 
 impl Reference {
-    /// The tick of the earlier picture that this one repeats and the way of the aircraft since then in pixels, if it moved far enough for
+    /// The tick of the earlier image that this one repeats and the way of the aircraft since then in pixels, if it moved far enough for
     /// motion to be visible. `own`: the ground-truth box, `sight`: its content, `would_be_seen`: whether neither air nor clouds hide the
     /// aircraft.
     pub(super) fn repeated(
@@ -60,7 +60,7 @@ impl Reference {
             .filter(Sight::is_filled)
             .map_or(0.0, |sight| sight.contrast);
         if repeated.is_some() || contrast < SAME_LEAST_CONTRAST {
-            // A frozen picture need not show the aircraft in this box: the picture that it repeats stays the reference.
+            // A frozen image need not show the aircraft in this box: the image that it repeats stays the reference.
             if repeated.is_none() {
                 self.0 = None;
             }

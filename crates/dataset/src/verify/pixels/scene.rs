@@ -1,8 +1,8 @@
-//! The scene of a whole picture: all pictures of a camera that stands still show the same one, whether or not the aircraft is visible.
+//! The scene of a whole image: all images of a camera that stands still show the same one, whether or not the aircraft is visible.
 //!
-//! Each picture is reduced to the mean brightness of some blocks, without those at the aircraft, and to the difference between neighbouring
-//! pixels. A picture belongs to a group if it differs by little from the latest one in it, so that light and clouds may change over time.
-//! The limit follows the usual change from one picture of the view to the next. A few pictures amid a group of many are wrong; if there
+//! Each image is reduced to the mean brightness of some blocks, without those at the aircraft, and to the difference between neighbouring
+//! pixels. An image belongs to a group if it differs by little from the latest one in it, so that light and clouds may change over time.
+//! The limit follows the usual change from one image of the view to the next. A few images amid a group of many are wrong; if there
 //! are more of them, or if they are at either end, nothing in the view says which group is the right one, so the view is named with both.
 //!
 //! Noise is recognised without a comparison: its neighbouring pixels differ as much as distant ones.
@@ -18,22 +18,22 @@ use crate::tables::pixel_box::PixelBox;
 const COLUMNS: usize = 12;
 const ROWS: usize = 8;
 const BLOCKS: usize = COLUMNS * ROWS;
-/// Of large pictures only every third pixel of every third row is read, of small ones more.
+/// Of large images only every third pixel of every third row is read, of small ones more.
 const MOST_STEP: usize = 3;
 const LEAST_ROWS_READ: usize = 64;
 /// A block counts as showing the aircraft, its lights or its shadow if it is this near to the box, as a part of the longer side.
 const MARGIN: f64 = 0.5;
-/// A picture is compared if the aircraft leaves this many blocks. Any two of them then have a quarter of all blocks in common.
+/// An image is compared if the aircraft leaves this many blocks. Any two of them then have a quarter of all blocks in common.
 const LEAST_BLOCKS: usize = BLOCKS * 5 / 8;
 
-/// Pictures of one scene differ by at most this many times the usual change to a neighbour, within bounds in grey levels. In 72 recorded
+/// Images of one scene differ by at most this many times the usual change to a neighbour, within bounds in grey levels. In 72 recorded
 /// views of 64x64 to 1920x1280 pixels, 1/8 to 30 a second, with drifting clouds, the change never exceeded 1.0.
 const TIMES_USUAL: f64 = 5.0;
 const LEAST_LIMIT: f64 = 3.0;
 const MOST_LIMIT: f64 = 15.0;
-/// The usual change is that to the most similar of this many pictures before and after.
+/// The usual change is that to the most similar of this many images before and after.
 const NEIGHBOURS: usize = 2;
-/// With more groups than this, further pictures join the nearest.
+/// With more groups than this, further images join the nearest.
 const MOST_GROUPS: usize = 8;
 
 /// Noise: neighbouring pixels differ by this many grey levels ...
@@ -41,7 +41,7 @@ const LEAST_NOISE: f64 = 20.0;
 /// ... and by this part of the standard deviation of all pixels. It is 1.1 in white noise and 0.01 in rendered scenes.
 const NOISE_PART: f64 = 0.5;
 
-/// A picture as it is kept for comparison.
+/// An image as it is kept for comparison.
 #[derive(Debug, Clone)]
 pub(super) struct CoarsePicture {
     /// Mean brightness of the blocks in grey levels; NaN where the aircraft is.
@@ -53,7 +53,7 @@ pub(super) struct CoarsePicture {
 }
 
 impl CoarsePicture {
-    /// Reduces a picture. `aircraft`: its ground-truth box.
+    /// Reduces an image. `aircraft`: its ground-truth box.
     pub(super) fn of(picture: &DecodedPicture, aircraft: Option<&PixelBox>) -> Self {
         let [width_px, height_px] = picture.size_px().map(|size_px| size_px as usize);
         let (mut sums, mut counts) = ([0.0; BLOCKS], [0.0; BLOCKS]);
@@ -91,7 +91,7 @@ impl CoarsePicture {
         self.blocks.iter().filter(|block| !block.is_nan()).count() >= LEAST_BLOCKS
     }
 
-    /// Difference of two comparable pictures, grey levels.
+    /// Difference of two comparable images, grey levels.
     fn difference(&self, other: &Self) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for (one, other) in self.blocks.iter().zip(&other.blocks) {
@@ -124,7 +124,7 @@ fn is_near(block: usize, place: &PixelBox, width_px: f64, height_px: f64) -> boo
     PixelBox::from_edges(left, top, right, bottom).intersection(&grown) > 0.0
 }
 
-/// Reports noise, and the pictures that cannot be of the same scene as the others.
+/// Reports noise, and the images that cannot be of the same scene as the others.
 pub(super) fn judge(pictures: &[CoarsePicture], file: &str, view: &str, faults: &mut Faults) {
     let mut compared = Vec::new();
     for (row, picture) in pictures.iter().enumerate() {
@@ -169,7 +169,7 @@ pub(super) fn judge(pictures: &[CoarsePicture], file: &str, view: &str, faults: 
     }
 }
 
-/// The largest difference between pictures of one scene; `None` with fewer than two.
+/// The largest difference between images of one scene; `None` with fewer than two.
 fn limit(pictures: &[(usize, &CoarsePicture)]) -> Option<f64> {
     let changes = (0..pictures.len()).filter_map(|at| {
         let near = at.saturating_sub(NEIGHBOURS)..(at + NEIGHBOURS + 1).min(pictures.len());
@@ -177,14 +177,14 @@ fn limit(pictures: &[(usize, &CoarsePicture)]) -> Option<f64> {
             .map(|other| pictures[at].1.difference(pictures[other].1))
             .min_by(f64::total_cmp)
     });
-    // Of an even number the smaller one in the middle: with two wrong pictures of four it is between the two right ones.
+    // Of an even number the smaller one in the middle: with two wrong images of four it is between the two right ones.
     let usual = -median(changes.map(|change| -change))?;
     Some((TIMES_USUAL * usual).clamp(LEAST_LIMIT, MOST_LIMIT))
 }
 
-/// The rows of pictures that belong together.
+/// The rows of images that belong together.
 fn groups(pictures: &[(usize, &CoarsePicture)], limit: f64) -> Vec<Vec<usize>> {
-    /// The latest picture of a group, and the rows of all.
+    /// The latest image of a group, and the rows of all.
     struct Group<'a>(&'a CoarsePicture, Vec<usize>);
     let mut groups: Vec<Group> = Vec::new();
     for &(row, picture) in pictures {
@@ -203,13 +203,13 @@ fn groups(pictures: &[(usize, &CoarsePicture)], limit: f64) -> Vec<Vec<usize>> {
     groups.into_iter().map(|Group(_, rows)| rows).collect()
 }
 
-/// The difference between a picture and the nearest in time of a group.
+/// The difference between an image and the nearest in time of a group.
 fn between(pictures: &[CoarsePicture], group: &[usize], row: usize) -> f64 {
     let nearest = group.iter().min_by_key(|other| other.abs_diff(row));
     nearest.map_or(0.0, |other| pictures[row].difference(&pictures[*other]))
 }
 
-/// The message about a view whose pictures are of several scenes.
+/// The message about a view whose images are of several scenes.
 fn in_groups(
     pictures: &[CoarsePicture],
     usual: &[usize],
@@ -225,7 +225,7 @@ fn in_groups(
         "others"
     };
     format!(
-        "its pictures are of different scenes, up to {most:.1} grey levels apart, expected at most {limit:.1}: one in {}, {another} in {}",
+        "its images are of different scenes, up to {most:.1} grey levels apart, expected at most {limit:.1}: one in {}, {another} in {}",
         in_words(usual),
         in_words(&rows)
     )
@@ -262,7 +262,7 @@ fn in_words(rows: &[usize]) -> String {
 mod tests {
     use super::*;
 
-    /// A picture of one brightness with a roughness, grey levels.
+    /// An image of one brightness with a roughness, grey levels.
     fn even(grey: f32, roughness: f64) -> CoarsePicture {
         CoarsePicture {
             blocks: [grey; BLOCKS],
@@ -278,7 +278,7 @@ mod tests {
         findings.map(|finding| finding.to_string()).collect()
     }
 
-    /// A view of which some pictures have another brightness.
+    /// A view of which some images have another brightness.
     fn view(count: usize, grey_of: impl Fn(usize) -> f32) -> Vec<CoarsePicture> {
         (0..count).map(|row| even(grey_of(row), 0.1)).collect()
     }
@@ -327,7 +327,7 @@ mod tests {
             let found = found(&view(100, grey_of));
             assert_eq!(found.len(), 1, "{found:?}");
             assert!(
-                found[0].contains("left.mp4 view left: its pictures"),
+                found[0].contains("left.mp4 view left: its images"),
                 "{found:?}"
             );
             assert!(found[0].contains(rows), "{found:?}");

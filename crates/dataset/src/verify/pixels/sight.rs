@@ -1,4 +1,4 @@
-//! One box in one picture: what stands out from the background around it, and where.
+//! One box in one image: what stands out from the background around it, and where.
 //!
 //! The background is a plane through the brightness of the pixels around the box: over so few pixels the brightness of the sky
 //! changes linearly. The residual of the pixels around the box is noise, that of those inside is the aircraft.
@@ -23,7 +23,7 @@ const LEAST_BACKGROUND: usize = 40;
 /// A background with a larger residual is not smooth, grey levels.
 const MOST_NOISE: f64 = 5.0;
 
-/// A decoded picture.
+/// A decoded image.
 pub(super) struct DecodedPicture<'a> {
     rgb: &'a [u8],
     width: i64,
@@ -74,7 +74,7 @@ impl<'a> DecodedPicture<'a> {
         }
     }
 
-    /// Another picture of this size.
+    /// Another image of this size.
     pub(super) fn of_same_size<'b>(&self, rgb: &'b [u8]) -> DecodedPicture<'b> {
         DecodedPicture {
             rgb,
@@ -112,7 +112,7 @@ impl<'a> DecodedPicture<'a> {
         })
     }
 
-    /// Whole pixels of a box that are in the picture.
+    /// Whole pixels of a box that are in the image.
     fn pixels(&self, within: &PixelBox, margin_px: f64) -> impl Iterator<Item = (i64, i64)> {
         let [left, top, right, bottom] = within.edges();
         let first = |edge: f64| ((edge - margin_px).ceil() as i64).max(0);
@@ -188,7 +188,7 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
     })
 }
 
-/// How much changed between two pictures where the aircraft was and is, grey levels: the mean of the tenth of the pixels that
+/// How much changed between two images where the aircraft was and is, grey levels: the mean of the tenth of the pixels that
 /// changed most.
 pub(super) fn change_between(
     before: &DecodedPicture,

@@ -5,22 +5,24 @@
 //! `offset = share * size + ahead * motion per tick`. Both are fitted by least squares; the tick at which the time ahead starts is the one
 //! with the best fit. Lags that are smaller than an aircraft are measured by its outline ([`lag`](super::lag)).
 
+use std::ops::RangeInclusive;
+
 use glam::{DMat3, DVec2, DVec3};
 
 use super::super::Faults;
 use crate::numbers::spread;
 
-/// The observation of one picture.
+/// The observation of one image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub(super) tick: usize,
     /// Centre of what stands out relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
-    /// Middle of the outline relative to the same, if all of the outline stands out, pixels.
-    pub(super) outline_px: Option<DVec2>,
     /// Motion of the box in one tick, pixels.
     pub(super) per_tick_px: DVec2,
     pub(super) size_px: DVec2,
+    /// True if its outline stands out. Lamps hide it.
+    pub(super) is_outlined: bool,
     /// Speed of the aircraft over ground, metres per second.
     pub(super) speed_mps: f64,
 }
@@ -37,6 +39,9 @@ const LEAST_POINTS: usize = 6;
 const OFFSET_ERROR_PX: f64 = 0.3;
 /// ... and a part of the size, as light and attitude change what stands out.
 const OFFSET_ERROR: f64 = 0.01;
+/// The same for a single image that has no outline, or a neighbour without one: where lamps outshine the aircraft, one at a wing tip comes
+/// into sight as the aircraft turns by half a degree, and moves the centre of brightness by 3 %.
+const OFFSET_ERROR_OF_LAMPS: f64 = 0.04;
 /// Number of places that are tried first for the start of a lag.
 const PLACES: usize = 128;
 /// Points on either side used to decide whether a point is out of line.
@@ -51,7 +56,7 @@ pub(super) fn check(points: &[Point], period_s: f64, file: &str, view: &str, fau
     let (ahead, point) = (fit.ahead_ticks, &points[from]);
     let ahead_s = ahead.abs() * period_s;
     let message = format!(
-        "from here on the pictures show the aircraft where it is {:.1} ticks {} (+-{:.1}), {:.0} ms or {:.0} m along its track",
+        "from here on the images show the aircraft where it is {:.1} ticks {} (+-{:.1}), {:.0} ms or {:.0} m along its track",
         ahead.abs(),
         in_words(ahead),
         fit.error_ticks,
@@ -79,11 +84,10 @@ fn in_words(ahead: f64) -> &'static str {
     if ahead > 0.0 { "later" } else { "earlier" }
 }
 
-/// Single images that are out of line with their neighbours along the path of the aircraft. Light moves the centre of brightness when the
-/// aircraft turns, so its outline must be out of line in the same direction where it can be seen.
+/// Single images that are out of line with their neighbours along the path of the aircraft.
 fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
     let out_of_line: Vec<Option<f64>> = (0..points.len())
-        .map(|index| out_of_line(points, index, |point| Some(point.offset_px)))
+        .map(|index| out_of_line(points, index))
         .collect();
     let part = |index: usize, off_px: f64| off_px / points[index].size_px.max_element();
     let offs = || {
@@ -96,12 +100,16 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
     for (index, off_px) in offs() {
         let point = &points[index];
         let ticks = off_px / point.per_tick_px.length();
-        let sure_px = OFFSET_ERROR_PX * 3.0 + OFFSET_ERROR * point.size_px.max_element();
+        let near = &points[neighbourhood(points, index)];
+        let error = if near.iter().all(|point| point.is_outlined) {
+            OFFSET_ERROR
+        } else {
+            OFFSET_ERROR_OF_LAMPS
+        };
+        let sure_px = OFFSET_ERROR_PX * 3.0 + error * point.size_px.max_element();
         if ticks.abs() >= LEAST_TICKS
             && off_px.abs() >= sure_px
             && part(index, off_px).abs() >= 2.5 * SURE * usual
-            && out_of_line(points, index, |point| point.outline_px)
-                .is_none_or(|outline_px| outline_px * off_px.signum() >= off_px.abs() / 2.0)
         {
             let message = format!(
                 "shows the aircraft {:.1} pixels from where it should be: where it is {:.1} ticks {}",
@@ -114,28 +122,24 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
     }
 }
 
-/// How far an offset of a point is ahead along the path of the aircraft, given the same offset of its neighbours, pixels. `None` if it is
-/// missing at the point or at most of its neighbours.
-fn out_of_line(
-    points: &[Point],
-    index: usize,
-    offset_px: impl Fn(&Point) -> Option<DVec2>,
-) -> Option<f64> {
+/// A point and those on either side.
+fn neighbourhood(points: &[Point], index: usize) -> RangeInclusive<usize> {
+    index.saturating_sub(NEIGHBOURS)..=(index + NEIGHBOURS).min(points.len() - 1)
+}
+
+/// How far a point is ahead along the path of the aircraft, given the offset of its neighbours, pixels.
+fn out_of_line(points: &[Point], index: usize) -> Option<f64> {
     let point = &points[index];
-    let own_px = offset_px(point)?;
     let way = point.per_tick_px.try_normalize()?;
-    let first = index.saturating_sub(NEIGHBOURS);
-    let last = (index + NEIGHBOURS).min(points.len() - 1);
-    let parts: Vec<DVec2> = (points[first..=last].iter())
-        .filter(|other| other.tick != point.tick)
-        .filter_map(|other| Some(offset_px(other)? / other.size_px))
-        .collect();
-    if parts.len() < NEIGHBOURS {
+    let others = || neighbourhood(points, index).filter(|other| *other != index);
+    if others().count() < NEIGHBOURS {
         return None;
     }
-    let share = |axis: usize| median(parts.iter().map(|part| part[axis]));
+    let share = |axis: usize| {
+        median(others().map(|other| points[other].offset_px[axis] / points[other].size_px[axis]))
+    };
     let usual_px = DVec2::new(share(0)?, share(1)?) * point.size_px;
-    Some((own_px - usual_px).dot(way))
+    Some((point.offset_px - usual_px).dot(way))
 }
 
 /// A fit to all points, with a time ahead that starts at one of them.
@@ -218,9 +222,9 @@ mod tests {
                     offset_px: size_px * DVec2::new(0.0, 0.1)
                         + per_tick_px * ahead(tick)
                         + DVec2::new(jitter, -jitter),
-                    outline_px: Some(per_tick_px * ahead(tick)),
                     per_tick_px,
                     size_px,
+                    is_outlined: true,
                     speed_mps: 70.0,
                 }
             })
@@ -264,12 +268,16 @@ mod tests {
     }
 
     #[test]
-    fn light_on_one_side_of_the_aircraft_is_no_picture_of_another_tick() {
+    fn a_lamp_that_comes_into_sight_is_no_image_of_another_tick() {
         let mut points = approach(|_| 0.0);
-        points[30].offset_px += points[30].per_tick_px;
+        // Large beside its motion: 49 pixels wide, and 3.4 in one tick.
+        points.iter_mut().for_each(|point| point.size_px *= 3.0);
+        points[20].offset_px.x += 2.4;
+        assert_eq!(found(&points).len(), 1, "by day");
+        points[20].is_outlined = false;
         assert_eq!(found(&points), []);
-        points[30].outline_px = None;
-        let found = found(&points);
-        assert_eq!(found.len(), 1, "without an outline it counts: {found:?}");
+        let in_a_tick_px = points[20].per_tick_px;
+        points[20].offset_px += in_a_tick_px;
+        assert_eq!(found(&points).len(), 1, "by a whole tick");
     }
 }

@@ -1,8 +1,8 @@
-//! The picture of a trial: patches of known colours above, its number in black and white below.
+//! The image of a trial: patches of known colours above, its number in black and white below.
 
 use super::super::BYTES_PER_PIXEL;
 
-/// Digits of the number, least significant first, and then each of them inverted: a grey or misplaced picture shows no number.
+/// Digits of the number, least significant first, and then each of them inverted: a grey or misplaced image shows no number.
 const DIGITS: u32 = 7;
 const CELLS: usize = 2 * DIGITS as usize;
 
@@ -32,7 +32,7 @@ impl Chart {
         }
     }
 
-    /// Draws the picture with this number.
+    /// Draws the image with this number.
     pub(super) fn draw(&self, number: u32, rgb: &mut Vec<u8>) {
         rgb.clear();
         rgb.reserve(self.width * self.height * BYTES_PER_PIXEL);
@@ -48,7 +48,7 @@ impl Chart {
         }
     }
 
-    /// The number of a picture, if it shows one.
+    /// The number of an image, if it shows one.
     pub(super) fn number(&self, rgb: &[u8]) -> Option<u32> {
         let lower = (self.height / 2, self.height);
         let bright = |cell: usize| self.mean(rgb, (cell, CELLS), lower)[1] > 128.0;

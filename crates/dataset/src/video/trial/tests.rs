@@ -34,9 +34,9 @@ struct Faulty {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
-    /// Two pictures change places.
+    /// Two images change places.
     Order,
-    /// One picture is lost.
+    /// One image is lost.
     Loss,
     /// Levels are scaled to the limited range.
     Range,

@@ -141,7 +141,7 @@ pub(crate) fn ticks(source: &Source<'_>) -> TableWriter {
         )
 }
 
-/// The ground-truth boxes of the requested pictures.
+/// The ground-truth boxes of the requested images.
 pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
     let mut boxes = source.scenario.truth_boxes()?;
     boxes.retain(|real| source.has_picture(&real.view, real.tick));
@@ -165,7 +165,7 @@ pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
         .bool("is_expected", boxes().map(TruthBox::is_expected)))
 }
 
-/// The model's detections in the requested pictures; empty if it did not search the scenario.
+/// The model's detections in the requested images; empty if it did not search the scenario.
 pub(crate) fn detections(source: &Source<'_>) -> Result<TableWriter> {
     let Some(model) = &source.model else {
         return Ok(TableWriter::new());

@@ -1,7 +1,7 @@
 //! Crops around the aircraft, for training at full rate: a sample is a tick at which every view has a box, and shows the surroundings of
 //! that box in each.
 //!
-//! A crop has the pixels of its picture, and always the same size: at an edge it is moved into the picture, not padded. A box larger than
+//! A crop has the pixels of its image, and always the same size: at an edge it is moved into the image, not padded. A box larger than
 //! the crop leaves it on both sides. Samples of all scenarios of a side are mixed ([`super::mixed_shards`]).
 
 use dataset::corpus::calibration::CameraEntry;
@@ -31,7 +31,7 @@ fn target(boxes: &[LabelledBox]) -> Option<PixelBox> {
     Some(best.pixel_box)
 }
 
-/// Position of a crop in its picture.
+/// Position of a crop in its image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 struct Crop {
     left_px: u32,
@@ -41,7 +41,7 @@ struct Crop {
 }
 
 impl Crop {
-    /// The crop around a box, moved into the picture, which is at least as large.
+    /// The crop around a box, moved into the image, which is at least as large.
     fn around(
         target: &PixelBox,
         [width_px, height_px]: [u32; 2],
@@ -59,7 +59,7 @@ impl Crop {
         }
     }
 
-    /// Copies its pixels out of a picture with rows of this width.
+    /// Copies its pixels out of an image with rows of this width.
     fn copy(self, picture: &[u8], picture_width_px: u32, to: &mut Vec<u8>) {
         to.clear();
         let row_bytes = 3 * self.width_px as usize;
@@ -85,7 +85,7 @@ struct View<'a> {
     truth: Option<Vec<LabelledCorners>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     detections: Option<Vec<LabelledCorners>>,
-    /// Of the whole picture.
+    /// Of the whole image.
     calibration: &'a CameraEntry,
 }
 
@@ -131,7 +131,7 @@ pub(in crate::formats) struct Crops;
 impl FileFormat for Crops {
     type Part = Vec<Stored>;
 
-    /// Refuses crops that are larger than a picture.
+    /// Refuses crops that are larger than an image.
     fn check(&mut self, source: &Source<'_>, export: &Export<'_>) -> Result<()> {
         let crop_px = export.request.crop_px();
         for view in &source.selected.views {

@@ -1,4 +1,4 @@
-//! The samples of a scenario: at a tick, a picture of each view and a JSON file of what is known of it.
+//! The samples of a scenario: at a tick, an image of each view and a JSON file of what is known of it.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -64,7 +64,7 @@ pub(super) struct LabelledCorners {
 }
 
 impl LabelledCorners {
-    /// A box in the part of a picture whose top-left pixel is this one.
+    /// A box in the part of an image whose top-left pixel is this one.
     pub(super) fn within([left_px, top_px]: [u32; 2], labelled: &LabelledBox) -> Self {
         let [left, top, width, height] = labelled.corner_and_size();
         Self {
@@ -80,7 +80,7 @@ impl LabelledCorners {
     }
 }
 
-/// A decoded picture.
+/// A decoded image.
 pub(super) struct Decoded<'a> {
     /// Rows from top to bottom without gaps.
     pub(super) rgb: &'a [u8],
@@ -88,7 +88,7 @@ pub(super) struct Decoded<'a> {
     pub(super) size_px: [u32; 2],
 }
 
-/// Form in which a format stores the pictures of its samples.
+/// Form in which a format stores the images of its samples.
 pub(super) trait Showing {
     /// Metadata of a view.
     type View: Serialize;

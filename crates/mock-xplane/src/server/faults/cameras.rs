@@ -34,7 +34,7 @@ pub struct CameraFault {
 pub enum CameraFaultKind {
     /// Everything is shown where it was this long before. The first images of a flight show its beginning.
     Late(Duration),
-    /// The camera shakes about its two transverse axes. The finished picture is displaced as a whole, because each direction of a camera
+    /// The camera shakes about its two transverse axes. The finished image is displaced as a whole, because each direction of a camera
     /// needs a backdrop of its own, which takes seconds. With ten degrees of view that differs from a rotation by less than one percent.
     Shakes {
         /// Root mean square along each axis of the image, pixels.
@@ -57,7 +57,7 @@ pub enum CameraFaultKind {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drawn {
     pub(crate) request: CaptureRequest,
-    /// Displacement of the finished picture, pixels right and down.
+    /// Displacement of the finished image, pixels right and down.
     pub(crate) shift_px: DVec2,
 }
 

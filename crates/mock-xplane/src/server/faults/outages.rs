@@ -45,7 +45,7 @@ impl Outages {
         self.count(|counts| counts.frames += 1);
     }
 
-    /// A picture was requested.
+    /// An image was requested.
     pub(crate) fn count_capture(&self) {
         self.count(|counts| counts.captures += 1);
     }

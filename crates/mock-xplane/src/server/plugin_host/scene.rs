@@ -61,7 +61,7 @@ const FLYING_MPS: f64 = 20.0;
 /// airport.
 const ORIGINS: [(f64, f64); 3] = [(1.5, 103.5), (1.4, 104.4), (1.0, 103.9)];
 
-/// A picture to draw.
+/// An image to draw.
 #[derive(Debug, Clone, PartialEq)]
 struct PictureToDraw {
     key: SceneKey,
@@ -91,13 +91,13 @@ pub(super) struct PluginScene {
     /// Number of placements of the aircraft by others at the last check.
     placements: u64,
     shots: Shots,
-    /// The last picture before the pause, if a pause freezes it.
+    /// The last image before the pause, if a pause freezes it.
     before_pause: Option<Shot>,
     exposure: Exposure,
     window_px: (u32, u32),
     /// The content of the window: the scene, the simulator's windows over it, and the rectangles that the plugin drew.
     shown: Option<(PictureToDraw, Windows, Value)>,
-    /// Memory of a picture, which is drawn over.
+    /// Memory of an image, which is drawn over.
     memory: Vec<u8>,
 }
 
@@ -244,7 +244,7 @@ impl PluginScene {
         })
     }
 
-    /// The picture of the plugin's pose and camera, with overlays: `windows` too, or not yet.
+    /// The image of the plugin's pose and camera, with overlays: `windows` too, or not yet.
     pub(super) async fn render(&self, arguments: &[Value]) -> Option<Vec<u8>> {
         let side = |at: usize| u32::try_from(arguments.get(at)?.as_u64()?).ok();
         let (width_px, height_px) = (side(0)?, side(1)?);
@@ -293,7 +293,7 @@ impl PluginScene {
         Ok(())
     }
 
-    /// Draws a frame over a picture of any size.
+    /// Draws a frame over an image of any size.
     async fn draw(&self, frame: PictureToDraw, mut rgb: Vec<u8>) -> Option<Vec<u8>> {
         let (engine, scenes) = (self.engine.clone(), self.scenes.clone());
         let drawn = spawn_blocking(move || {
@@ -331,7 +331,7 @@ impl PluginScene {
         }
         let mut clock = world.clock();
         if !paused {
-            // Changes within a minute are invisible, and preparing a picture for every instant is too expensive.
+            // Changes within a minute are invisible, and preparing an image for every instant is too expensive.
             clock.zulu_time_s = (clock.zulu_time_s / MINUTE_S).floor() * MINUTE_S;
         }
         PictureToDraw {
@@ -514,7 +514,7 @@ impl PluginScene {
         self.frames
     }
 
-    /// Remembers the picture that a pause keeps showing, as long as there is one.
+    /// Remembers the image that a pause keeps showing, as long as there is one.
     fn keep_through_pause(&mut self, shot: Shot) {
         let paused = self.world.lock().datarefs().get(PAUSED) != 0.0;
         if !paused || !self.quirks.has(Quirk::PauseKeepsPose) {
@@ -804,7 +804,7 @@ impl PluginScene {
     }
 }
 
-/// A picture of a size, to be drawn on.
+/// An image of a size, to be drawn on.
 fn canvas(rgb: &mut [u8], (width_px, height_px): (u32, u32)) -> Canvas<'_> {
     Canvas {
         rgb,

@@ -1,4 +1,4 @@
-//! The content of a frame: subject and camera, and what else is in the picture.
+//! The content of a frame: subject and camera, and what else is in the image.
 
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::geodesy::Geodetic;
@@ -60,7 +60,7 @@ impl Windows {
     }
 }
 
-/// Contents of a picture besides the scene and the aircraft.
+/// Contents of an image besides the scene and the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Painter {
     /// Size of the aircraft relative to the airliner.
@@ -84,7 +84,7 @@ impl Painter {
         (width_px, height_px): (u32, u32),
         rgb: &mut [u8],
     ) {
-        // Lamps never flash here, so that pictures of a tick can be compared.
+        // Lamps never flash here, so that images of a tick can be compared.
         let draw = |pose: &Pose, rgb: &mut [u8]| {
             picture.draw_in_moving_weather(pose, &shot.controls, 0.0, shot.weather_time_s, rgb);
         };
@@ -131,7 +131,7 @@ impl Painter {
     }
 }
 
-/// Moves the lowest quarter of a picture, as water in the foreground does.
+/// Moves the lowest quarter of an image, as water in the foreground does.
 fn ripple(rgb: &mut [u8], width_px: usize, wave: u64) {
     let from = rgb.len() / (3 * width_px) * 3 / 4;
     for (row, pixels) in rgb.chunks_exact_mut(3 * width_px).enumerate().skip(from) {

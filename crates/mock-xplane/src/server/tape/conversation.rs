@@ -1,7 +1,7 @@
 //! The recorded requests of the capture link, looked up by their content.
 //!
 //! A tape may contain the same capture under several skies: a flight recorded once and replayed in two weathers. So requests for
-//! pictures and flights are looked up together with what clients had written since the link was opened, and match only under the
+//! images and flights are looked up together with what clients had written since the link was opened, and match only under the
 //! same. Among equal requests the next one in the order of the tape is taken.
 
 use std::collections::{BTreeMap, HashMap};

@@ -97,7 +97,7 @@ impl Hosted {
         self.ask("values", json!([]))[0].as_f64().unwrap()
     }
 
-    /// The shares of the picture that are panel or pop-up, and its last pixel's colour.
+    /// The shares of the image that are panel or pop-up, and its last pixel's colour.
     async fn draw(&self, windows: bool) -> (f64, [u8; 3]) {
         let arguments = [json!(SIZE.0), json!(SIZE.1), json!(windows)];
         let rgb = self.scene.render(&arguments).await.unwrap();
