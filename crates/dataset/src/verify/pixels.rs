@@ -454,6 +454,7 @@ impl<'a> Watcher<'a> {
         let own = found.truth.pixel_box;
         let row = self.scenario.frames?.rows.get(found.tick)?;
         let [north_mps, east_mps, _] = row.velocity_ned_mps;
+        let rain_ratio = self.scenario.record.conditions.weather.rain_ratio;
         Some(timing::Point {
             tick: found.tick,
             offset_px: found.sight.offset_px,
@@ -462,7 +463,7 @@ impl<'a> Watcher<'a> {
                 (after.cy_px - before.cy_px) / 2.0,
             ),
             size_px: glam::DVec2::new(own.width_px, own.height_px),
-            is_outlined: found.sight.outline.is_some(),
+            is_plain: found.sight.outline.is_some() && rain_ratio == 0.0,
             speed_mps: north_mps.hypot(east_mps),
         })
     }

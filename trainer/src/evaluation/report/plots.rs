@@ -187,6 +187,8 @@ pub(in crate::evaluation) fn convergence(log: &Convergence) -> Result<String> {
     svg("errors during training", 360, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
+            // Half of the last label.
+            .margin_right(28)
             .x_label_area_size(44)
             .y_label_area_size(58)
             .build_cartesian_2d(steps.clone(), errors.clone())?;

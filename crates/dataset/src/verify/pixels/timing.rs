@@ -21,8 +21,8 @@ pub(super) struct Point {
     /// Motion of the box in one tick, pixels.
     pub(super) per_tick_px: DVec2,
     pub(super) size_px: DVec2,
-    /// True if its outline stands out. Lamps hide it.
-    pub(super) is_outlined: bool,
+    /// True if its outline stands out, which lamps hide, and no rain falls before it.
+    pub(super) is_plain: bool,
     /// Speed of the aircraft over ground, metres per second.
     pub(super) speed_mps: f64,
 }
@@ -39,9 +39,10 @@ const LEAST_POINTS: usize = 6;
 const OFFSET_ERROR_PX: f64 = 0.3;
 /// ... and a part of the size, as light and attitude change what stands out.
 const OFFSET_ERROR: f64 = 0.01;
-/// The same for a single image that has no outline, or a neighbour without one: where lamps outshine the aircraft, one at a wing tip comes
-/// into sight as the aircraft turns by half a degree, and moves the centre of brightness by 3 %.
-const OFFSET_ERROR_OF_LAMPS: f64 = 0.04;
+/// The same for a single image that is not plain, or has a neighbour that is not. Where lamps outshine the aircraft, one at a wing tip
+/// comes into sight as the aircraft turns by half a degree, and moves the centre of brightness by 3 %; streaks of rain move a faint one
+/// as far.
+const OFFSET_ERROR_OF_LAMPS_AND_RAIN: f64 = 0.04;
 /// Number of places that are tried first for the start of a lag.
 const PLACES: usize = 128;
 /// Points on either side used to decide whether a point is out of line.
@@ -101,10 +102,10 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
         let point = &points[index];
         let ticks = off_px / point.per_tick_px.length();
         let near = &points[neighbourhood(points, index)];
-        let error = if near.iter().all(|point| point.is_outlined) {
+        let error = if near.iter().all(|point| point.is_plain) {
             OFFSET_ERROR
         } else {
-            OFFSET_ERROR_OF_LAMPS
+            OFFSET_ERROR_OF_LAMPS_AND_RAIN
         };
         let sure_px = OFFSET_ERROR_PX * 3.0 + error * point.size_px.max_element();
         if ticks.abs() >= LEAST_TICKS
@@ -224,7 +225,7 @@ mod tests {
                         + DVec2::new(jitter, -jitter),
                     per_tick_px,
                     size_px,
-                    is_outlined: true,
+                    is_plain: true,
                     speed_mps: 70.0,
                 }
             })
@@ -274,7 +275,7 @@ mod tests {
         points.iter_mut().for_each(|point| point.size_px *= 3.0);
         points[20].offset_px.x += 2.4;
         assert_eq!(found(&points).len(), 1, "by day");
-        points[20].is_outlined = false;
+        points[20].is_plain = false;
         assert_eq!(found(&points), []);
         let in_a_tick_px = points[20].per_tick_px;
         points[20].offset_px += in_a_tick_px;
