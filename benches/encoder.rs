@@ -37,7 +37,7 @@ fn main() {
     write_pictures(&raw, pictures);
     println!("{pictures} images of {WIDTH_PX}x{HEIGHT_PX}, {ROUNDS} rounds, best of each");
     println!(
-        "| codec | ours, images/s | ffmpeg, images/s | ratio of the bests | ratios of the rounds | CPU ms an image, ours and ffmpeg's | ratio | bytes, ours and ffmpeg's |"
+        "| codec | ours, images/s | ffmpeg, images/s | ratio of the bests | ratios of the rounds | CPU ms per image, ours and ffmpeg's | ratio | bytes, ours and ffmpeg's |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     for codec in [VideoCodec::H264, VideoCodec::H264Lossless] {

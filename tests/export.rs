@@ -864,7 +864,7 @@ fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> 
     said_of_it.unwrap()
 }
 
-/// A folder with the labelled corpus of three views at 30 images a second, to which tests add exports under different names.
+/// A folder with the labelled corpus of three views at 30 images per second, to which tests add exports under different names.
 fn at_30_hz() -> &'static Path {
     static MADE: LazyLock<TempDir> =
         LazyLock::new(|| DTD.recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30")));

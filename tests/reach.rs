@@ -170,7 +170,7 @@ fn sends(relay: &Relay) -> bool {
     relay.answers() > before
 }
 
-/// Begins to record some 2,000 images a view from a simulator, into `corpus` beside the folder of notes, until images come.
+/// Begins to record some 2,000 images per view from a simulator, into `corpus` beside the folder of notes, until images come.
 fn recording_from(sim: &str, folder: &Path, state: &Path) -> Child {
     let sweep = SmallSweep {
         name: "killed",

@@ -393,7 +393,7 @@ fn swapped_views_are_found_though_all_hashes_are_right() {
 
 #[test]
 fn poses_that_are_one_tick_late_in_all_tables_are_found_in_the_pictures() {
-    // Every pose is that of the next tick, consistent with velocities, echoes, labels and boxes: only the images reveal it.
+    // Every pose belongs to the next tick, consistent with velocities, echoes, labels and boxes: only the images reveal it.
     let copy = Copy::new();
     copy.change_frames(|frames| {
         let rows = &mut frames.rows;

@@ -99,7 +99,7 @@ def main():
                 best[name] = (max(rate, old_rate), min(cpu_ms, old_cpu_ms), boxes / pictures)
     plain = best[PYTHON_WHOLE]
     print(f"{len(videos)} views, best of {ROUNDS} rounds each; {Path(model).name}")
-    print("| | images/s | CPU ms an image | boxes an image | images/s, ratio to the plain loop | CPU, ratio |")
+    print("| | images/s | CPU ms per image | boxes per image | images/s, ratio to the plain loop | CPU, ratio |")
     print("|---|---|---|---|---|---|")
     for name, (rate, cpu_ms, boxes) in best.items():
         print(f"| {name} | {rate:.1f} | {cpu_ms:.1f} | {boxes:.2f} | {rate / plain[0]:.2f} | {plain[1] / cpu_ms:.2f} |")

@@ -75,7 +75,7 @@ impl Scenery {
         }
     }
 
-    /// Where the aircraft is in image `number`: on the glide path.
+    /// Place of the aircraft in image `number`: on the glide path.
     fn pose(number: u32) -> Pose {
         let runway = changi_02l();
         let to_go_m = DTD_M - f64::from(number) * SPEED_MPS / PICTURES_PER_S;

@@ -29,7 +29,7 @@ use xplane_bridge::fly::FlyRequest;
 
 /// Ticks that are drawn before they are encoded when encoding is timed alone. Limits memory: 14.7 MB a tick.
 const TICKS_AT_ONCE: usize = 16;
-/// Targets: share of the rate of encoding alone, and images a second.
+/// Targets: share of the rate of encoding alone, and images per second.
 const GOAL: (f64, f64) = (0.7, 45.0);
 
 /// The stand-in's engine, remembering what it draws.
@@ -137,7 +137,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         fs::read_to_string("/proc/loadavg")?.trim_end()
     );
     println!(
-        "| round | images | recording, images/s | encoding alone, images/s | ratio | recording, CPU ms | encoding alone, CPU ms | CPU ratio | bytes an image |"
+        "| round | images | recording, images/s | encoding alone, images/s | ratio | recording, CPU ms | encoding alone, CPU ms | CPU ratio | bytes per image |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for round in 1..=rounds {

@@ -194,7 +194,7 @@ fn cameras(workshop: &Workshop) -> [(&'static str, &'static Path); 2] {
     VIEWS.map(|view| (view, &*stills[view]))
 }
 
-/// A minute of each camera's view at ten images a second, with noise. Made once.
+/// A minute of each camera's view at ten images per second, with noise. Made once.
 fn stills(workshop: &Workshop) -> &'static BTreeMap<&'static str, PathBuf> {
     static VIDEOS: OnceLock<BTreeMap<&'static str, PathBuf>> = OnceLock::new();
     VIDEOS.get_or_init(|| {

@@ -103,7 +103,7 @@ impl Workshop {
         self.folder.path().join("run")
     }
 
-    /// Videos of the end of an approach, five images a second. Recorded once.
+    /// Videos of the end of an approach, five images per second. Recorded once.
     pub(crate) fn flight(&self) -> &'static [PathBuf; 2] {
         static FLIGHT: OnceLock<[PathBuf; 2]> = OnceLock::new();
         FLIGHT.get_or_init(|| {

@@ -22,7 +22,7 @@ use testkit::{MadeOnce, TINY_TRAINING, onnx_runtime};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-/// Five live approaches from 2 NM, six images a view.
+/// Five live approaches from 2 NM, six images per view.
 fn sweep_toml() -> String {
     SmallSweep {
         name: "tiny",

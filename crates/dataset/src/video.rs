@@ -52,7 +52,7 @@ pub const BYTES_PER_PIXEL: usize = 3;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "GivenSettings")]
 pub struct VideoSettings {
-    /// How images are coded.
+    /// Coding of the images.
     pub codec: VideoCodec,
     /// Preset of the encoder, one of [`VideoCodec::presets`]: trades time for size.
     pub preset: String,
@@ -67,7 +67,7 @@ pub struct VideoSettings {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GivenSettings {
-    /// How images are coded.
+    /// Coding of the images.
     #[serde(default)]
     codec: VideoCodec,
     /// Preset of the encoder: trades time for size. Every codec has its own (docs/video.md).

@@ -23,7 +23,7 @@ const AREAS_PX2: [[f64; 2]; 4] = [
 /// Number of recalls at which precision is read: 0, 0.01, ... 1.
 const RECALLS: usize = 101;
 const RECALL_STEP: f64 = 0.01;
-/// Maximum number of boxes an image, the best ones.
+/// Maximum number of boxes per image, the best ones.
 const MOST_BOXES: usize = 100;
 
 /// Average precision; null where there is no aircraft of that size.

@@ -35,7 +35,7 @@ pub struct FalseAlarms {
     /// Counts behind the rates.
     #[serde(flatten)]
     pub counts: AlarmCounts,
-    /// Hours of one camera's video at 30 images a second that have as many images.
+    /// Hours of one camera's video at 30 images per second that have as many images.
     pub hours: f64,
     /// False boxes an hour and view, before confirmation.
     pub boxes_per_hour: Option<f64>,

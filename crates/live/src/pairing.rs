@@ -145,7 +145,7 @@ mod tests {
 
     const PERIOD_S: f64 = 1.0 / 30.0;
 
-    /// Feeds two views at 30 images a second, the second one late by this much; returns the numbers of the images that were joined.
+    /// Feeds two views at 30 images per second, the second one late by this much; returns the numbers of the images that were joined.
     fn joined(offset_s: f64) -> Vec<[Option<u32>; 2]> {
         let mut pairing = Pairing::new(2, false);
         let mut arrivals = Vec::new();

@@ -1,4 +1,4 @@
-//! Images of a scenario, and how far they are from those of a well-behaved simulator.
+//! Images of a scenario, and their distance from the images of a well-behaved simulator.
 
 use std::path::Path;
 

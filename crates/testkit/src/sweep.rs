@@ -71,7 +71,7 @@ wind_from_true_deg = 340
 /// Their names.
 pub const WEATHER_NAMES: [&str; 4] = ["clear", "cloudy", "foggy", "stormy"];
 
-/// Two short approaches in front of three views, one of them with a lens, in refracting air, at 30000/1001 images a second.
+/// Two short approaches in front of three views, one of them with a lens, in refracting air, at 30000/1001 images per second.
 pub const THREE_VIEWS: &str = r#"
 [corpus]
 name = "three-views"

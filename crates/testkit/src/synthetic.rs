@@ -117,7 +117,7 @@ impl SyntheticCorpus {
         }
     }
 
-    /// As many scenarios and ticks as the full corpus: 100 at 30 images a second, with registered views.
+    /// As many scenarios and ticks as the full corpus: 100 at 30 images per second, with registered views.
     pub fn full() -> Self {
         Self {
             train: 70,

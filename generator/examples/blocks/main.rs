@@ -1,7 +1,7 @@
 //! Recording in blocks off the screen, with the stand-in that hosts the plugin and shows its frames on an X server (Xvfb).
 //!
 //! `cargo run --release -p dtd-generator --example blocks -- frames` counts the frames that the simulator draws per image, at 60 frames
-//! a second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 images a second from two views.
+//! a second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 images per second from two views.
 //! Frames are counted from the moment at which the flight is known to the last image, so that settling and probes are included; the
 //! check of the window before and after is not, nor is the trial before the first scenario. Arguments: width and height of the images
 //! (480 320), the first and the last lag (0 4).

@@ -19,7 +19,7 @@ use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;
 
-/// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB an image).
+/// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB per image).
 const UNDER_WAY: usize = 4;
 
 /// Report of the simulator about one image.

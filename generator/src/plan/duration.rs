@@ -10,7 +10,7 @@ use serde::Serialize;
 use xplane_bridge::profile::Profile;
 
 /// Images that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
-/// 1280, 30 images a second, the default `[video]`. How it was measured: `docs/sweeps.md`.
+/// 1280, 30 images per second, the default `[video]`. `docs/sweeps.md` has the measurement.
 const STAND_IN_PICTURES_PER_S: f64 = 45.0;
 /// Image size of that figure; cost grows with the number of pixels.
 const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
@@ -51,7 +51,7 @@ pub enum Pacing {
     Trial(BTreeMap<String, WeatherCost>),
     /// An X-Plane, with its profile if it has one.
     XPlane(Option<Box<Profile>>),
-    /// An X-Plane that delivers as many images a second, all views together.
+    /// An X-Plane that delivers as many images per second, all views together.
     PicturesPerSecond(f64),
 }
 

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::duration::{Durations, Pacing, relative_size};
 
 /// Seconds between two images, and bytes of one on disk, mean over the four weathers of `scenarios.toml`: the further apart images are,
-/// the less a video gains from the one before. How it was measured: `docs/sweeps.md`.
+/// the less a video gains from the one before. `docs/sweeps.md` has the measurement.
 const BYTES_PER_PICTURE: [(f64, f64); 5] = [
     (1.0 / 30.0, 9_200.0),
     (0.2, 17_900.0),

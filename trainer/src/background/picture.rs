@@ -41,7 +41,7 @@ impl Picture {
         if (reader.width(), reader.height()) != (width, height) {
             let (found_wide, found_high) = (reader.width(), reader.height());
             return Err(fault(format!(
-                "has images of {found_wide}x{found_high}, expected those of the planned camera, {width}x{height}"
+                "has images of {found_wide}x{found_high}, expected {width}x{height} as planned"
             ))
             .into());
         }

@@ -76,7 +76,7 @@ impl Scenario<'_> {
     }
 }
 
-/// What the images of a view show about it.
+/// Evidence from the images of a view.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ViewProof {
     /// Identifier of the scenario.
@@ -231,7 +231,7 @@ impl<'a> Watcher<'a> {
         ticks.chain(views)
     }
 
-    /// Whether some images have to be compared with all others.
+    /// True if some images have to be compared with all others.
     pub(super) fn wants_second_look(&self) -> bool {
         !self.suspects.is_empty()
     }
@@ -372,7 +372,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Whether the images would match another view.
+    /// A hint for a message if the images would match another view.
     fn hint(&self) -> String {
         for (index, (other, _)) in self.others.iter().enumerate() {
             let looked = || self.seen.iter().filter_map(|seen| seen.others[index]);

@@ -4,7 +4,7 @@ use ffmpeg_next::format::Pixel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How images are coded. `docs/video.md` has what each of them leaves of small targets.
+/// Coding of the images. `docs/video.md` has what each of them leaves of small targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub enum VideoCodec {
     /// H.264, 4:2:0: small, plays everywhere, halves the contrast of colours of small things.

@@ -17,7 +17,7 @@ const LARGEST_OFFSET: f64 = 0.35;
 /// A place belongs to a fixture if it is filled in more than this share of the images that have the aircraft in their own box.
 const MOST_FILLED: f64 = 0.3;
 
-/// Where the aircraft of an image should be, if it is an image of something else.
+/// Place where the aircraft of an image should be, if it is an image of something else.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Other {
     /// The same view at another tick.
@@ -67,7 +67,7 @@ impl Suspect {
         clear.max_by(|a, b| a.contrast.total_cmp(&b.contrast))
     }
 
-    /// The ticks near that of the image, whose boxes are searched for its aircraft.
+    /// Ticks near the image's own, whose boxes are searched for its aircraft.
     pub(super) fn ticks_near(tick: usize, ticks: usize) -> impl Iterator<Item = usize> {
         let near = tick.saturating_sub(REACH_TICKS)..(tick + REACH_TICKS + 1).min(ticks);
         near.filter(move |other| *other != tick)
