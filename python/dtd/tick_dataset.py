@@ -197,9 +197,7 @@ class TickDataset(_Dataset):
 
     def _video(self, scenario: str, view: str) -> Video:
         if self._process != os.getpid():
-            # Forked: these decoders share their files with the parent's, and their threads stayed there, so that closing them would wait
-            # for ever.
-            self._inherited = self._videos
+            # Forked: these videos are the parent's.
             self._forget_videos()
         key = (scenario, view)
         if key not in self._videos:
@@ -215,7 +213,7 @@ class TickDataset(_Dataset):
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but open videos."""
-        left_out = ("_videos", "_inherited", "_process")
+        left_out = ("_videos", "_process")
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -1,15 +1,18 @@
 """The images of a view."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
 from typing import Self
+from weakref import WeakSet, finalize
 
 import av
 import numpy as np
 import numpy.typing as npt
+from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.reformatter import Colorspace, VideoReformatter
 
@@ -41,6 +44,10 @@ class Video:
         self.path = path
         with _named(path):
             self._container = av.open(str(path))
+        # Containers and streams refer to each other: one that is only dropped keeps its threads until it is collected.
+        self._process = os.getpid()
+        self._close = finalize(self, _close, self._container, self._process)
+        _videos.add(self)
         if not self._container.streams.video:
             raise damaged(path, "it has no video")
         self._stream = self._container.streams.video[0]
@@ -72,6 +79,8 @@ class Video:
         """The image of a tick."""
         if not 0 <= tick < len(self):
             raise IndexError(f"{self.path} has the ticks 0 to {len(self) - 1}, not {tick}")
+        if self._process != os.getpid():
+            raise CorpusError(f"{self.path} was opened before this process was forked, and its decoder stayed there: open it here")
         with _named(self.path):
             return self._decoded(tick)
 
@@ -110,9 +119,9 @@ class Video:
         return np.asarray(self._reformatter.reformat(frame, format="rgb24", src_colorspace=source).to_ndarray(), np.uint8)
 
     def close(self) -> None:
-        """Closes the file."""
+        """Closes the file; one that was opened before this process was forked stays with the process that opened it."""
         self._decoder = None
-        self._container.close()
+        self._close()
 
     def __enter__(self) -> Self:
         return self
@@ -124,6 +133,20 @@ class Video:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _close(container: InputContainer, process: int) -> None:
+    if process == os.getpid():
+        container.close()
+
+
+_videos: WeakSet[Video] = WeakSet()
+_of_parent: list[Video] = []
+"""Videos that this process was forked with. Decoders and converters have threads, which do not survive a fork: to free one here would wait
+for them for ever, or crash. Garbage collection would, so they are kept."""
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=lambda: _of_parent.extend(_videos))
 
 
 @contextmanager

@@ -1,10 +1,13 @@
 """Reads a corpus that `dtd` has just recorded and labelled; `tests/python_package.rs` makes it and what to expect."""
 
+import gc
 import json
+import multiprocessing
 import os
 import shutil
 import tempfile
 import unittest
+import warnings
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -23,6 +26,18 @@ PATH = Path(os.environ["DTD_CORPUS"])
 EXPECTED = json.loads(Path(os.environ["DTD_EXPECTED"]).read_text())
 SCENARIO = EXPECTED["scenario"]
 VIEWS = ["lens", "mast", "tower_2"]
+
+
+def let_go_of(videos: list[Video]) -> None:
+    """What a worker may do with videos that it was forked with: use them, which is refused, close them, and have them collected."""
+    for video in videos:
+        try:
+            video[1]
+        except CorpusError as error:
+            assert "before this process was forked" in str(error)
+            video.close()
+    videos.clear()
+    gc.collect()
 
 
 class Tables(unittest.TestCase):
@@ -247,6 +262,28 @@ class Pictures(unittest.TestCase):
         with self.corpus.video(SCENARIO, "mast") as video:
             for tick in [EXPECTED["tick"], 3, 4, EXPECTED["ticks"] - 1, 0]:
                 np.testing.assert_array_equal(video[tick], in_order[tick])
+
+    def test_a_forked_process_leaves_the_videos_of_its_parent_alone(self) -> None:
+        source = self.corpus.video_source(SCENARIO, "mast")
+        # Only the collection finds the third.
+        videos = [Video(*source), Video(*source, is_threaded=False), Video(*source)]
+        first = [video[0] for video in videos]
+        lost: list[Any] = [videos.pop()]
+        lost.append(lost)
+        gc.disable()
+        try:
+            del lost
+            worker = multiprocessing.get_context("fork").Process(target=let_go_of, args=(videos,))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)
+                worker.start()
+            worker.join(timeout=30)
+            ended = worker.exitcode
+            worker.kill()
+        finally:
+            gc.enable()
+        self.assertEqual(ended, 0)
+        np.testing.assert_array_equal(videos[0][0], first[0])
 
     def test_a_video_that_counts_in_another_unit_has_the_same_picture_at_the_same_time(self) -> None:
         path, timestamps, unit, _ = self.corpus.video_source(SCENARIO, "mast")

@@ -3,7 +3,6 @@
 Needs torch: `tests/python_package.rs` runs it with the Python of .venv-torch, apart from the other tests.
 """
 
-import faulthandler
 import os
 import unittest
 from pathlib import Path
@@ -18,18 +17,13 @@ from dtd.tick_dataset import TickDataset
 PATH = Path(os.environ["DTD_CORPUS"])
 
 
-def tell_of_crashes(_worker: int) -> None:
-    """Once in many runs a worker ends with a segmentation fault. Torch takes the handler that would print where; this sets it again."""
-    faulthandler.enable()
-
-
 class Loaders(unittest.TestCase):
     def test_a_loader_batches_what_the_dataset_has_with_any_workers(self) -> None:
         dataset = TickDataset(Corpus(PATH), views=["mast", "lens"], every=7, crop_px=(40, 24))
         self.assertIsInstance(dataset, Dataset)
         samples = [dataset[index] for index in range(len(dataset))]
         for workers, method in ((0, None), (2, "fork"), (2, "spawn")):
-            loader = DataLoader(dataset, batch_size=5, num_workers=workers, multiprocessing_context=method, worker_init_fn=tell_of_crashes)
+            loader = DataLoader(dataset, batch_size=5, num_workers=workers, multiprocessing_context=method)
             place = 0
             for batch in loader:
                 self.assertEqual(batch["pictures"]["lens"].dtype, torch.uint8)
@@ -50,7 +44,7 @@ class Loaders(unittest.TestCase):
         self.assertIsInstance(shuffled, IterableDataset)
         expected = sorted((ticks[index]["scenario"], ticks[index]["tick"]) for index in range(len(ticks)))
         for workers in (0, 2):
-            loader = DataLoader(shuffled, batch_size=4, num_workers=workers, worker_init_fn=tell_of_crashes)
+            loader = DataLoader(shuffled, batch_size=4, num_workers=workers)
             seen = [
                 (scenario, tick.item())
                 for batch in loader
@@ -66,7 +60,6 @@ class Loaders(unittest.TestCase):
                 num_workers=1,
                 persistent_workers=True,
                 multiprocessing_context=method,
-                worker_init_fn=tell_of_crashes,
             )
 
             def order(epoch: int, loader: DataLoader = loader) -> list[tuple[str, int]]:
