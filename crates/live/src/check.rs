@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use crate::clock::{ClockSource, RunClock};
+use crate::clocks::clock::{ClockSource, RunClock};
 use crate::error::{Error, Result};
 use crate::feed::{Message, Report};
-use crate::metrics::Metrics;
+use crate::output::metrics::Metrics;
 use crate::options::Options;
 use crate::shared::Shared;
-use crate::views::Views;
+use crate::conductor::views::Views;
 
 /// A source that does not answer in this time is not there.
 const MOST: Duration = Duration::from_secs(8);
@@ -58,7 +58,7 @@ pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<Fou
     );
     let shared = Arc::new(shared);
     let views = Views::start(options, &shared, false)?;
-    let found = |view: &crate::views::View| {
+    let found = |view: &crate::conductor::views::View| {
         Some(Found {
             view: view.name.clone(),
             source: view.source.clone()?,

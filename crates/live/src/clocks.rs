@@ -1,17 +1,22 @@
 //! The clocks of all views: comparison with the first view's, their offsets, and the file that keeps these for the next start.
 
+pub(crate) mod clock;
+pub(crate) mod clock_offset;
+pub(crate) mod free_clocks;
+pub(crate) mod vertical_lag;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use dataset::files::json_file::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
-use crate::clock_offset::{Offset, RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
+use crate::clocks::clock_offset::{Offset, RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
 use crate::error::{Error, Result};
-use crate::free_clocks::{FreeClock, News};
+use crate::clocks::free_clocks::{FreeClock, News};
 use crate::options::Options;
 use crate::source::Source;
-use crate::vertical_lag::Sighting;
+use crate::clocks::vertical_lag::Sighting;
 
 /// Offsets as they are kept: of one run, and each of two cameras.
 #[derive(Debug, Default, Serialize, Deserialize)]

@@ -1,5 +1,12 @@
 //! Joins the views, asks the estimator at each time, and writes answers and events.
 
+pub(crate) mod answers;
+mod overload;
+mod pairing;
+mod track_motion;
+pub(crate) mod views;
+mod withheld_news;
+
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -10,27 +17,27 @@ use glam::DVec2;
 use labeller::live::{SeenBox, register_views};
 use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView};
 
-use crate::answers::Answers;
-use crate::clock::RunClock;
-use crate::clock_offset::Offset;
+use crate::conductor::answers::Answers;
+use crate::clocks::clock::RunClock;
+use crate::clocks::clock_offset::Offset;
 use crate::clocks::Clocks;
 use crate::error::{Error, Result};
 use crate::feed::{Message, Report};
-use crate::free_clocks::News;
-use crate::line::{Event, Line};
-use crate::lines::Lines;
-use crate::metrics::{Fate, Metrics, Stage};
-use crate::metrics_server;
+use crate::clocks::free_clocks::News;
+use crate::output::line::{Event, Line};
+use crate::output::lines::Lines;
+use crate::output::metrics::{Fate, Metrics, Stage};
+use crate::output::metrics_server;
 use crate::options::Options;
-use crate::overload::Overload;
-use crate::pairing::{Joined, Pairing};
+use crate::conductor::overload::Overload;
+use crate::conductor::pairing::{Joined, Pairing};
 use crate::search::Searched;
 use crate::shared::{Correction, Pace, Shared};
-use crate::track_motion::{TrackMotion, moved_box, moved_shift};
-use crate::vertical_lag::Sighting;
-use crate::view_news::ViewNews;
-use crate::views::{View, Views};
-use crate::withheld_news::WithheldNews;
+use crate::conductor::track_motion::{TrackMotion, moved_box, moved_shift};
+use crate::clocks::vertical_lag::Sighting;
+use crate::view_state::news::ViewNews;
+use crate::conductor::views::{View, Views};
+use crate::conductor::withheld_news::WithheldNews;
 
 /// Longest wait for a message: views are judged this often without one.
 const WAIT: Duration = Duration::from_millis(20);

@@ -3,24 +3,28 @@
 //! A few images wait for the search, and the newest replaces the oldest: that one was decoded, but is not searched. A recording that is
 //! read as fast as possible waits instead.
 
+pub(crate) mod open_limit;
+pub(crate) mod read_limit;
+pub(crate) mod slot;
+
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
 
 use dataset::video::DecodedImage;
 
-use crate::clock::{ClockSource, Clues, Stamp, Stamper};
+use crate::clocks::clock::{ClockSource, Clues, Stamp, Stamper};
 use crate::error::Error;
-use crate::image_look::Looks;
-use crate::input::{End, Input, InputImage};
-use crate::metrics::{Fate, Stage};
-use crate::open_limit::OpenLimit;
+use crate::view_state::image_look::Looks;
+use crate::source::input::{End, Input, InputImage};
+use crate::output::metrics::{Fate, Stage};
+use crate::feed::open_limit::OpenLimit;
 use crate::options::Decoder;
-use crate::place::{OpenFault, Patience};
-use crate::read_limit::ReadLimit;
+use crate::source::place::{OpenFault, Patience};
+use crate::feed::read_limit::ReadLimit;
 use crate::search::Searched;
 use crate::shared::{Pace, Shared, ViewStatus};
-use crate::slot::Slot;
+use crate::feed::slot::Slot;
 use crate::source::Source;
 use crate::view_state::{Seen, ViewState};
 

@@ -17,49 +17,24 @@
 //!
 //! An answer is never older than it says: each has the time of its images, its age and a state.
 
-mod access_unit;
-mod answers;
 mod check;
-mod clock;
-mod clock_offset;
 mod clocks;
 mod conductor;
 mod error;
 mod feed;
-mod free_clocks;
-mod gpu;
-mod image_look;
-mod input;
-mod line;
-mod lines;
-mod lockstep;
-mod metrics;
-mod metrics_server;
-mod open_limit;
 mod options;
-mod overload;
-mod pairing;
-mod place;
-mod read_limit;
+mod output;
 mod search;
-mod settings;
 mod shared;
-mod slot;
 mod source;
-mod track_motion;
-mod undecoded;
-mod vertical_lag;
-mod view_news;
 mod view_state;
-mod views;
-mod withheld_news;
 
 pub use check::{Found, check};
-pub use clock::ClockSource;
+pub use clocks::clock::ClockSource;
 pub use conductor::estimate;
 pub use error::{Error, Result};
-pub use line::{Answer, AnswerState, Event, Line};
+pub use output::line::{Answer, AnswerState, Event, Line};
 pub use options::{Decoder, Options};
-pub use settings::{Settings, ViewSettings, schema};
+pub use options::settings::{Settings, ViewSettings, schema};
 pub use source::{Source, Stream};
 pub use view_state::ViewState;

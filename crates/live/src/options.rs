@@ -1,5 +1,7 @@
 //! Options of a live estimation, checked against the run.
 
+pub(crate) mod settings;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::net::SocketAddr;

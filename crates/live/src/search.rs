@@ -1,5 +1,7 @@
 //! A thread for each view that searches the newest image.
 
+pub(crate) mod lockstep;
+
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
@@ -10,10 +12,10 @@ use labeller::detector::PictureView;
 use labeller::live::{Image, Looked, ViewSearch};
 
 use crate::feed::{FeedImage, Message};
-use crate::lockstep::Lockstep;
-use crate::metrics::{Fate, Stage};
+use crate::search::lockstep::Lockstep;
+use crate::output::metrics::{Fate, Stage};
 use crate::shared::{Pace, Shared, ViewStatus};
-use crate::slot::{Slot, Taken};
+use crate::feed::slot::{Slot, Taken};
 
 /// A searched image.
 pub(crate) struct Searched {

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use crate::clock::RunClock;
-use crate::metrics::Metrics;
+use crate::clocks::clock::RunClock;
+use crate::output::metrics::Metrics;
 use crate::view_state::ViewWatch;
 
 /// Milliseconds after which a sleeping thread looks whether it should end.

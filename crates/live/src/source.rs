@@ -1,5 +1,11 @@
 //! Sources of the images of a view.
 
+mod access_unit;
+pub(crate) mod gpu;
+pub(crate) mod input;
+pub(crate) mod place;
+mod undecoded;
+
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;

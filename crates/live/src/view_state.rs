@@ -3,11 +3,14 @@
 //! Equal images alone say nothing: an encoder repeats a scene without noise. So a view is frozen if its images stop changing although they
 //! changed all the time before; where they never did, the search tells (an aircraft that should have moved).
 
+pub(crate) mod image_look;
+pub(crate) mod news;
+
 use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use crate::image_look::ImageLook;
+use crate::view_state::image_look::ImageLook;
 
 /// Condition of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]

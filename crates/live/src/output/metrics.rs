@@ -3,7 +3,7 @@
 use std::fmt::{self, Write};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use crate::line::AnswerState;
+use crate::output::line::AnswerState;
 use crate::view_state::ViewState;
 
 /// Fate of a decoded image.

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::clock::ClockSource;
+use crate::clocks::clock::ClockSource;
 use crate::view_state::ViewState;
 
 /// Freshness of an answer.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use trainer::live::{Answer, Withheld};
 
-use crate::line::Event;
+use crate::output::line::Event;
 
 /// The aircraft of which an event said so.
 #[derive(Debug, Clone, Default)]

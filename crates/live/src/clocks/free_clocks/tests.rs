@@ -8,7 +8,7 @@ use testkit::rig::{VIEWS, placed};
 use testkit::{changi_02l, repository};
 
 use super::*;
-use crate::clock_offset::{RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
+use crate::clocks::clock_offset::{RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
 
 /// Seconds of an arrival, and by how much the clock of the second view is slow.
 const ARRIVAL_S: u32 = 280;

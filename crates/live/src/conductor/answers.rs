@@ -6,7 +6,7 @@ use std::time::SystemTime;
 use chrono::{DateTime, SecondsFormat, Utc};
 use trainer::live as online;
 
-use crate::line::{Answer, AnswerState};
+use crate::output::line::{Answer, AnswerState};
 use crate::shared::Pace;
 
 /// No answer is fresh whose images are older, seconds.

@@ -1,8 +1,8 @@
 //! When a view's state is news, and what is said about it.
 
-use crate::clock::ClockSource;
+use crate::clocks::clock::ClockSource;
 use crate::feed::Report;
-use crate::line::Event;
+use crate::output::line::Event;
 use crate::view_state::ViewState;
 
 /// The last event about a view, and what is known of its source.

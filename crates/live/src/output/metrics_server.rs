@@ -9,9 +9,9 @@ use axum::http::header::CONTENT_TYPE;
 use axum::routing::get;
 use tokio::runtime::Builder;
 
-use crate::clock::RunClock;
+use crate::clocks::clock::RunClock;
 use crate::error::{Error, Result};
-use crate::metrics::Metrics;
+use crate::output::metrics::Metrics;
 
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 

@@ -6,10 +6,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::answers::{MOST_COASTING_S, MOST_FRESH_S};
+use crate::conductor::answers::{MOST_COASTING_S, MOST_FRESH_S};
 use crate::error::{Error, Result};
-use crate::line::{AnswerState, Line};
-use crate::metrics::Metrics;
+use crate::output::line::{AnswerState, Line};
+use crate::output::metrics::Metrics;
 
 /// Lines that wait for a reader; then the oldest is dropped.
 const MOST_WAITING: usize = 2_000;
@@ -169,7 +169,7 @@ mod tests {
     use std::sync::mpsc::{Receiver, Sender, channel};
 
     use super::*;
-    use crate::line::{Answer, Event};
+    use crate::output::line::{Answer, Event};
 
     /// A reader that takes a line when it is told to.
     struct Slow(Receiver<()>, Sender<String>);

@@ -10,7 +10,7 @@ use dataset::files::outside_file::{self, FileKind};
 use dataset::numbers::units::SimTime;
 use ffmpeg_next::{Dictionary, format};
 
-use crate::clock::RunClock;
+use crate::clocks::clock::RunClock;
 use crate::source::{Source, Transport};
 
 /// Milliseconds in which FFmpeg waits for packets that UDP delivered out of order.

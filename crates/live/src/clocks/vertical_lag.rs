@@ -15,7 +15,7 @@ use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::motion::motion_at;
 use glam::DVec2;
 
-use crate::clock_offset::{ClockOffset, LagLine, Sums};
+use crate::clocks::clock_offset::{ClockOffset, LagLine, Sums};
 
 /// Seconds between places that tell the motion, and the most of them that are kept.
 const PLACE_STEP_S: f64 = 0.19;
@@ -233,7 +233,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::clock_offset::{Offset, RECORDING_DRIFT_SD};
+    use crate::clocks::clock_offset::{Offset, RECORDING_DRIFT_SD};
 
     /// Cameras beside a runway that look along the approach, 500 m apart.
     fn cameras() -> [Camera; 2] {

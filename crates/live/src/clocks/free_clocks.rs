@@ -2,8 +2,8 @@
 
 use dataset::geometry::camera::Camera;
 
-use crate::clock_offset::{ClockOffset, LagLine, Offset};
-use crate::vertical_lag::{Sighting, VerticalLag};
+use crate::clocks::clock_offset::{ClockOffset, LagLine, Offset};
+use crate::clocks::vertical_lag::{Sighting, VerticalLag};
 
 /// An offset is used once its standard deviation is below this, seconds.
 const MOST_SD_S: f64 = 0.03;

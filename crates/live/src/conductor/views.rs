@@ -10,14 +10,14 @@ use dataset::video::start_ffmpeg;
 
 use crate::error::{Error, Result};
 use crate::feed::{Feed, Message};
-use crate::gpu::Gpu;
-use crate::lockstep::Lockstep;
-use crate::open_limit::OpenLimit;
+use crate::source::gpu::Gpu;
+use crate::search::lockstep::Lockstep;
+use crate::feed::open_limit::OpenLimit;
 use crate::options::Options;
-use crate::read_limit::ReadLimit;
+use crate::feed::read_limit::ReadLimit;
 use crate::search::Search;
 use crate::shared::{Shared, ViewStatus};
-use crate::slot::Slot;
+use crate::feed::slot::Slot;
 
 /// Images of a view that wait for its search.
 const MOST_WAITING: usize = 4;

@@ -1,7 +1,7 @@
 //! Reports of images that were not searched, and of lines that no reader took.
 
-use crate::line::Event;
-use crate::metrics::{Fate, Metrics};
+use crate::output::line::Event;
+use crate::output::metrics::{Fate, Metrics};
 
 /// Seconds between two reports.
 const BETWEEN_S: f64 = 5.0;
