@@ -329,7 +329,7 @@ fn the_heads_of_ultralytics_families_are_read_without_settings() {
     );
 }
 
-/// The other shapes with several meanings: `labeller/src/detector/meaning/tests.rs`.
+/// The other shapes with several meanings: `labeller/src/detector/layout/meaning/tests.rs`.
 #[test]
 fn shapes_with_several_meanings_are_read_by_their_numbers_without_settings() {
     let boxes = candidates(P3);

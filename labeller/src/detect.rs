@@ -7,20 +7,14 @@
 //! to it. Each worker holds one image and one session, and each scenario in work the surroundings of boxes whose other view is not decoded
 //! yet, so memory does not grow with the corpus.
 
-mod best_box;
-mod cpu_time;
-mod fitted_cameras;
-mod image;
 mod job;
 mod lags;
 mod live_view;
 mod mode;
 mod pairs;
 mod pictures;
-mod record;
 mod scenario_search;
 mod sequence;
-mod timed;
 mod view_search;
 
 use std::cmp::Reverse;
@@ -46,18 +40,18 @@ use serde::Serialize;
 
 use crate::detector::{Detector, Device, ModelFile, ModelProfile, OrtDetector, OrtOptions};
 use crate::error::{Error, Result};
-use crate::false_boxes::FalseBoxes;
+use crate::matching::false_boxes::FalseBoxes;
+use crate::matching::statistics::{DetectionCounts, TruthInSight};
 use crate::outcome::Failure;
-use crate::statistics::{DetectionCounts, TruthInSight};
 use crate::tiling::TilingSettings;
-pub use cpu_time::CpuTime;
-pub use fitted_cameras::FittedCameras;
-pub use image::Image;
 use job::{End, ScenarioJob, ViewJob};
 pub use live_view::{Looked, SeenBox, ViewSearch};
 pub use mode::{Mode, ModeSettings};
+pub use pairs::fitted_cameras::FittedCameras;
 pub(crate) use pairs::registered;
+pub use pictures::image::Image;
 pub use scenario_search::{Findings, Searcher};
+pub use view_search::cpu_time::CpuTime;
 
 /// Interval for polling a scenario that another process searches.
 const POLL_INTERVAL: Duration = Duration::from_millis(200);

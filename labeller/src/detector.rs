@@ -3,25 +3,17 @@
 //! The real one runs an ONNX model ([`OrtDetector`]); tests use a finder of bright blobs behind the same trait. A window is as
 //! large as the model's input, which may be of one size or any; `crate::tiling` chooses the windows.
 
-mod aircraft_class;
 mod answer;
-mod boxes_and_scores;
 mod device;
-mod efficient_nms;
 mod input;
 mod layout;
-mod meaning;
-mod metadata;
 mod model_file;
 mod number_model;
 mod onnx_runtime;
 mod ort_detector;
-mod ort_output;
 mod outputs;
 mod plausibility;
 mod profile;
-mod sessions;
-mod suppression;
 mod window;
 
 use dataset::tables::pixel_box::PixelBox;
@@ -29,12 +21,12 @@ use dataset::tables::pixel_box::PixelBox;
 pub use device::{Device, UnknownDevice};
 pub use input::WindowSize;
 pub use layout::Layout;
+pub use layout::suppression::keep_best;
 pub use model_file::ModelFile;
 pub use number_model::{NumberInput, run_numbers};
 pub use onnx_runtime::{LibraryError, NO_TELEMETRY_VARIABLE};
 pub use ort_detector::{OrtDetector, OrtOptions};
 pub use profile::{BoxForm, BoxOrigin, BoxUnit, ChannelOrder, ModelProfile, ScoreForm};
-pub use suppression::keep_best;
 pub use window::{PictureView, Window};
 
 use crate::error::Result;

@@ -3,6 +3,8 @@
 //! Everything follows from the poses of the ticks, the touchdown target and the calibrated cameras. Both tables of a scenario
 //! change together or not at all, and a scenario with correct labels is not touched.
 
+mod track;
+
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use airframe::{Configuration, Mesh, boeing_737_800};
@@ -21,8 +23,8 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::outcome::Failure;
-use crate::track::labels_of;
 use crate::truth_box::project;
+use track::labels_of;
 
 /// Class of every ground-truth box.
 pub(crate) const AIRCRAFT_CLASS: &str = "aircraft";

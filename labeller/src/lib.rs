@@ -7,28 +7,18 @@
 
 #![forbid(unsafe_code)]
 
-#[cfg(test)]
-mod blob_finder;
-mod camera_motion;
 mod detect;
 pub mod detector;
 mod error;
-mod false_boxes;
 mod label;
 pub mod live;
 pub mod matching;
 mod outcome;
 mod registration;
-mod row_band;
-mod search_windows;
-mod silhouette;
-mod statistics;
 pub mod tiling;
-mod track;
 mod tracking;
 mod truth_box;
 mod view_health;
-mod view_lag;
 
 pub use detect::{
     CpuTime, DetectOptions, DetectOutcome, Findings, FittedCameras, Mode, ModeSettings,
@@ -36,8 +26,8 @@ pub use detect::{
 };
 pub use detector::Device;
 pub use error::{Error, Result};
-pub use false_boxes::FalseBoxes;
 pub use label::{LabelOutcome, label_corpus};
+pub use matching::false_boxes::FalseBoxes;
+pub use matching::statistics::TruthCounts;
 pub use outcome::Failure;
-pub use row_band::{RowBand, SearchBands};
-pub use statistics::TruthCounts;
+pub use tiling::row_band::{RowBand, SearchBands};

@@ -1,5 +1,8 @@
 //! Comparison of detected boxes with the ground truth.
 
+pub(crate) mod false_boxes;
+pub(crate) mod statistics;
+
 use dataset::tables::pixel_box::PixelBox;
 
 /// A box that overlaps the true one by at least this much (intersection over union) has found it. Low, because an aircraft at 10 NM

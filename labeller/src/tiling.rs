@@ -1,16 +1,21 @@
 //! Small aircraft in large images: the paper's Auto Segmentation.
 //!
-//! A first pass covers the image, in tiles or at once (`crate::search_windows`). A window is centred on every hit, so that an
+//! A first pass covers the image, in tiles or at once (`crate::tiling::search_windows`). A window is centred on every hit, so that an
 //! aircraft on the border of two tiles is complete, and the detector runs again; its boxes there count. Several aircraft get a window
 //! each. From the paper's section on detection (S11, S12).
+
+#[cfg(test)]
+pub(crate) mod blob_finder;
+pub(crate) mod row_band;
+pub(crate) mod search_windows;
 
 use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 use crate::detector::{Detector, PictureView, ScoredBox, WindowSize, keep_best};
 use crate::error::{Error, Result};
-use crate::row_band::RowBand;
-use crate::search_windows::{first_windows, window_around};
+use row_band::RowBand;
+use search_windows::{first_windows, window_around};
 
 /// Maximum number of second-pass windows that can be configured.
 const MOST_WINDOWS: usize = 1_000;
@@ -279,7 +284,7 @@ fn confirm(hit: &Sighting, boxes: Vec<ScoredBox>) -> Option<Sighting> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::blob_finder::{BlobFinder, paint_blob};
+    use crate::tiling::blob_finder::{BlobFinder, paint_blob};
 
     const WIDTH: u32 = 1920;
     const HEIGHT: u32 = 1280;

@@ -9,7 +9,7 @@ use dataset::geometry::pose::Pose;
 use dataset::tables::pixel_box::PixelBox;
 use glam::{DVec2, DVec3};
 
-use crate::silhouette::{HalfSpace, SampleGrid};
+use silhouette::{HalfSpace, SampleGrid};
 
 /// Least distance from the camera of points that are projected, metres.
 const NEAR_M: f64 = 0.1;
@@ -175,5 +175,6 @@ fn is_inside(outline: &PixelBox, camera: &Camera) -> bool {
         && bottom <= f64::from(camera.height_px) - 0.5
 }
 
+mod silhouette;
 #[cfg(test)]
 mod tests;

@@ -5,8 +5,12 @@
 //! its ticks: a camera that was moved before is a matter of other flights. Rules look at some seconds and ticks around each tick; a state
 //! needs a deviation that is large and certain, so that a healthy camera's rows say nothing.
 
+mod camera_motion;
 mod frozen;
 mod live;
+#[cfg(test)]
+mod tests;
+pub(crate) mod view_lag;
 
 use dataset::geometry::camera::Camera;
 use dataset::tables::health::{CameraTurn, HealthState};
@@ -14,7 +18,7 @@ use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use glam::DVec2;
 
-use crate::camera_motion::{CameraMotion, Measured, Turn};
+use camera_motion::{CameraMotion, Measured, Turn};
 pub(crate) use frozen::Change;
 use live::LiveHealth;
 
@@ -301,6 +305,3 @@ fn median(places: impl Iterator<Item = DVec2> + Clone) -> DVec2 {
     };
     DVec2::new(of(|place| place.x), of(|place| place.y))
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,6 +1,8 @@
 //! The work on one scenario: its views are processed one by one, by whichever worker is free, and written together by the worker that
 //! finishes the last one.
 
+pub(crate) mod record;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -13,12 +15,11 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::geometry::camera::Camera;
 use dataset::work::watch::Watch;
 
-use super::fitted_cameras::FittedCameras;
 use super::lags::add_lags;
 use super::mode::ModeSettings;
 use super::pairs::Pairs;
+use super::pairs::fitted_cameras::FittedCameras;
 use super::pictures::ViewTicks;
-use super::record::{DetectionRecord, HealthRecord, RegistrationRecord, Searching, Standing};
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, Model};
 use crate::detector::{Detector, Device};
@@ -26,6 +27,7 @@ use crate::error::{Error, Result};
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
 use crate::view_health;
+use record::{DetectionRecord, HealthRecord, RegistrationRecord, Searching, Standing};
 
 /// A scenario that is to be searched, or whose detections lack the measurements that belong to them.
 pub(super) struct ScenarioJob {

@@ -1,5 +1,5 @@
 //! The lag of each view's images behind the first view's, and the ticks at which both cannot show the same aircraft, from the
-//! registrations of a whole flight ([`crate::view_lag`]).
+//! registrations of a whole flight ([`crate::view_health::view_lag`]).
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use dataset::tables::registrations::Registration;
 use glam::DVec2;
 
 use super::pictures::ViewTicks;
-use crate::view_lag::{CommonSighting, ViewRelation};
+use crate::view_health::view_lag::{CommonSighting, ViewRelation};
 
 /// A direction that is less certain is not corrected, pixels.
 const MOST_TURN_SD_PX: f64 = 0.3;

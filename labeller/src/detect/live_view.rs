@@ -6,9 +6,9 @@ use dataset::tables::health::HealthState;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 
-use super::best_box::{best_counted_of, best_of};
-use super::image::{Image, patch};
 use super::mode::ModeSettings;
+use super::pairs::best_box::{best_counted_of, best_of};
+use super::pictures::image::{Image, patch};
 use super::sequence::{Sequence, Shown, Tracked};
 use crate::detector::Detector;
 use crate::error::Result;
@@ -109,13 +109,13 @@ mod tests {
     use dataset::work::watch::Silent;
     use testkit::short_corpus;
 
-    use super::super::cpu_time::CpuClock;
     use super::super::job::cameras_of;
     use super::super::pictures::{Pictures, ViewTicks};
+    use super::super::view_search::cpu_time::CpuClock;
     use super::super::{DetectOptions, Model, detect_with};
     use super::*;
-    use crate::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
     use crate::live::register_views;
+    use crate::tiling::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
 
     const MODEL: &str = "0123456789abcdef";
     const SIZE_PX: [u32; 2] = [1280, 768];

@@ -3,6 +3,9 @@
 //! A patch waits for its counterpart and is dropped with it. If both views are decoded at the same time, few patches wait; if one worker
 //! decodes one view after the other, all patches of a view wait, some kilobytes each.
 
+pub(crate) mod best_box;
+pub(crate) mod fitted_cameras;
+
 use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;

@@ -1,14 +1,16 @@
 //! The images of a view, one after another: decoded, and converted as far as they are looked at.
 
+pub(crate) mod image;
+
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::numbers::units::SimTime;
 use dataset::tables::frames::Frames;
 use dataset::video::{Luma, PicturePart, VideoReader};
 
-use super::cpu_time::{CpuClock, Stage};
-use super::image::Image;
+use super::view_search::cpu_time::{CpuClock, Stage};
 use crate::detector::PictureView;
 use crate::error::{Error, Result};
+use image::Image;
 
 /// A view and its ticks.
 #[derive(Debug, Clone, PartialEq)]

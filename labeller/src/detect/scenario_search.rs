@@ -14,10 +14,10 @@ use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
 use dataset::work::workers;
 
-use super::cpu_time::CpuTime;
 use super::job::{cameras_of, lock, pairs_of};
 use super::live_view::ViewSearch;
 use super::pictures::ViewTicks;
+use super::view_search::cpu_time::CpuTime;
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, MakeDetector, Model};
 use crate::detector::{Detector, ModelFile, OrtDetector};
@@ -171,9 +171,9 @@ mod tests {
 
     use super::super::{ModelIdentity, detect_with};
     use super::*;
-    use crate::blob_finder::{BlobFinder, paint_blob};
     use crate::detect::{Mode, ModeSettings};
     use crate::error::Error;
+    use crate::tiling::blob_finder::{BlobFinder, paint_blob};
 
     const MODEL: &str = "0123456789abcdef";
     const WIDTH: u32 = 1280;

@@ -7,11 +7,11 @@ use dataset::corpus::detections::{MissReason, SearchMode};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::PicturePart;
 
-use super::image::Image;
 use super::mode::{Mode, ModeSettings};
+use super::pictures::image::Image;
 use crate::detector::{Detector, ScoredBox, Window, keep_best};
 use crate::error::Result;
-use crate::search_windows::{shrunk_picture, window_around};
+use crate::tiling::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
 use crate::tracking::{Expected, Searched, Seen, Tracker};
 

@@ -16,10 +16,10 @@ use dataset::work::watch::Silent;
 use testkit::short_corpus;
 use testkit::watch::Calls;
 
-use super::record::DetectionRecord;
+use super::job::record::DetectionRecord;
 use super::*;
-use crate::blob_finder::{BlobFinder, paint_blob};
 use crate::label::label_corpus;
+use crate::tiling::blob_finder::{BlobFinder, paint_blob};
 
 /// The model's hash, as far as it is in names.
 const MODEL: &str = "0123456789abcdef";

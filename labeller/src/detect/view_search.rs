@@ -3,6 +3,9 @@
 //! Input: the video of a view, its ticks and a detector. Output: boxes with their tracks, reasons for images without any, the
 //! surroundings of the best box of each image for registration, and a breakdown of the processor time. No files are written.
 
+pub(crate) mod cpu_time;
+mod timed;
+
 use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, SearchMode};
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::geometry::camera::Camera;
@@ -10,19 +13,19 @@ use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 
-use super::best_box::{best_counted_of, best_of};
-use super::cpu_time::{CpuClock, CpuTime};
-use super::image::{Image, patch};
 use super::mode::ModeSettings;
+use super::pairs::best_box::{best_counted_of, best_of};
+use super::pictures::image::{Image, patch};
 use super::pictures::{Pictures, ViewTick, ViewTicks};
 use super::sequence::{Sequence, Shown, Tracked};
-use super::timed::Timed;
 use crate::detector::Detector;
 use crate::error::Result;
 use crate::registration::Patch;
 use crate::tiling::TilingSettings;
 use crate::tracking::{Hindsight, TrackedBox};
 use crate::view_health::{CameraWatch, Look, judge};
+use cpu_time::{CpuClock, CpuTime};
+use timed::Timed;
 
 /// Source of the boxes of a view.
 pub(crate) enum Finder<'a> {

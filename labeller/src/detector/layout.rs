@@ -24,9 +24,9 @@ use serde::{Deserialize, Serialize};
 
 use super::ScoredBox;
 use super::answer::{Answer, AnswerFault};
-use super::meaning::Meaning;
 use super::profile::{BoxForm, BoxOrigin, BoxUnit, ScoreForm};
 use dataset::tables::pixel_box::PixelBox;
+use meaning::Meaning;
 
 const STRIDES: [usize; 3] = [8, 16, 32];
 /// Those of models for images of 1,280 pixels.
@@ -427,5 +427,9 @@ impl Decoding {
     }
 }
 
+pub(crate) mod boxes_and_scores;
+pub(crate) mod efficient_nms;
+pub(crate) mod meaning;
+pub(crate) mod suppression;
 #[cfg(test)]
 mod tests;

@@ -1,27 +1,28 @@
 //! A detector from an ONNX file, run by ONNX Runtime.
 
+mod ort_output;
+mod sessions;
+
 use std::path::{Path, PathBuf};
 
 use ort::session::{Session, SessionOutputs};
 use ort::value::TensorRef;
 
-use super::aircraft_class::Classes;
 use super::device::Device;
 use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
+use super::layout::meaning::{Known, Meaning};
 use super::layout::{Decoding, Layout};
-use super::meaning::{Known, Meaning};
-use super::metadata::ModelMetadata;
 use super::model_file::ModelFile;
-use super::ort_output::{
-    ReadFault, boxes_in, forms_of, inputs_in_words, outputs_in_words, read_answer,
-};
 use super::outputs::{BoxOutputs, Expected, OutputsFault};
 use super::plausibility::Plausibility;
 use super::profile::ModelProfile;
-use super::sessions::Sessions;
+use super::profile::aircraft_class::Classes;
+use super::profile::metadata::ModelMetadata;
 use super::window::{PictureView, Window};
 use super::{Detector, ScoredBox};
 use crate::error::{Error, Result};
+use ort_output::{ReadFault, boxes_in, forms_of, inputs_in_words, outputs_in_words, read_answer};
+use sessions::Sessions;
 
 /// A window that tells whether a model takes any size: small, and not square. In units of what its sides must be multiples of.
 const PROBE_MULTIPLES: [u32; 2] = [5, 4];

@@ -2,9 +2,9 @@
 //!
 //! Settings, metadata and shapes that contradict each other are an error, never a guess.
 
-use super::boxes_and_scores::PairOutputs;
-use super::efficient_nms::{NmsOutputs, OutputForm};
 use super::layout::Layout;
+use super::layout::boxes_and_scores::PairOutputs;
+use super::layout::efficient_nms::{NmsOutputs, OutputForm};
 
 /// Dimensions of the raw heads that some exporters of YOLOv5 and v7 leave as further outputs.
 const HEAD_RANK: usize = 5;

@@ -15,6 +15,9 @@
 //!
 //! `docs/reference/model-settings.md` lists every key.
 
+pub(crate) mod aircraft_class;
+pub(crate) mod metadata;
+
 use std::ops::RangeInclusive;
 use std::path::Path;
 

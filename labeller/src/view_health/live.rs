@@ -13,7 +13,7 @@ use glam::DVec2;
 
 use super::frozen::slope;
 use super::{AROUND_S, AROUND_TICKS, Look, Off, direction_at, median};
-use crate::camera_motion::Turn;
+use crate::view_health::camera_motion::Turn;
 
 /// Images and seconds that decide about the usual direction.
 const FIRST_LOOKS: usize = 11;

@@ -6,8 +6,8 @@ use testkit::short_corpus;
 use super::super::pictures::ViewTicks;
 use super::super::view_search::{Finder, ViewFindings, search_view};
 use super::*;
-use crate::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
 use crate::detector::PictureView;
+use crate::tiling::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
 use crate::tiling::find_aircraft;
 
 const WIDTH: u32 = 1280;

@@ -1,6 +1,6 @@
 use super::super::Change;
 use super::*;
-use crate::camera_motion::Measured;
+use crate::view_health::camera_motion::Measured;
 
 const RATE: f64 = 30.0;
 

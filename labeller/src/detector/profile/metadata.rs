@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::str::Chars;
 
-use super::profile::METADATA_KEY;
+use crate::detector::profile::METADATA_KEY;
 
 /// The task of a model that boxes objects.
 const DETECTION: &str = "detect";
@@ -17,22 +17,22 @@ const MOST_STRIDE_PX: u32 = 1_024;
 
 /// The metadata of a model, as far as it is used.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(super) struct ModelMetadata {
+pub(crate) struct ModelMetadata {
     /// Settings, as JSON text.
-    pub(super) profile: Option<String>,
+    pub(crate) profile: Option<String>,
     /// Names of the classes by their numbers.
-    pub(super) names: Option<BTreeMap<usize, String>>,
+    pub(crate) names: Option<BTreeMap<usize, String>>,
     /// The task of a model by Ultralytics.
-    pub(super) task: Option<String>,
+    pub(crate) task: Option<String>,
     /// Class of the last module of a model by Ultralytics: `Detect`, `RTDETRDecoder`, ...
-    pub(super) head: Option<String>,
+    pub(crate) head: Option<String>,
     /// The sides of its input are multiples of this, pixels.
-    pub(super) stride_px: Option<u32>,
+    pub(crate) stride_px: Option<u32>,
 }
 
 impl ModelMetadata {
     /// Of a model with these properties.
-    pub(super) fn of(property: impl Fn(&str) -> Option<String>) -> Self {
+    pub(crate) fn of(property: impl Fn(&str) -> Option<String>) -> Self {
         let names = property("names").and_then(|text| {
             let names = parse_names(&text);
             if names.is_none() {
@@ -52,17 +52,17 @@ impl ModelMetadata {
     }
 
     /// The task, if it is another one than boxing objects.
-    pub(super) fn other_task(&self) -> Option<&str> {
+    pub(crate) fn other_task(&self) -> Option<&str> {
         self.task.as_deref().filter(|task| *task != DETECTION)
     }
 
     /// Number of the named classes.
-    pub(super) fn named_classes(&self) -> Option<usize> {
+    pub(crate) fn named_classes(&self) -> Option<usize> {
         Some(self.names.as_ref()?.last_key_value()?.0 + 1)
     }
 
     /// Whether Ultralytics exported it. Its models have no objectness, so rows of six numbers are final boxes.
-    pub(super) fn is_by_ultralytics(&self) -> bool {
+    pub(crate) fn is_by_ultralytics(&self) -> bool {
         self.task.is_some()
     }
 }

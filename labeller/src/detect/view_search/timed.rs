@@ -4,10 +4,10 @@ use super::cpu_time::{CpuClock, Stage};
 use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize};
 use crate::error::Result;
 
-pub(super) struct Timed<'a> {
-    pub(super) detector: &'a mut dyn Detector,
-    pub(super) clock: &'a CpuClock,
-    pub(super) windows: u64,
+pub(crate) struct Timed<'a> {
+    pub(crate) detector: &'a mut dyn Detector,
+    pub(crate) clock: &'a CpuClock,
+    pub(crate) windows: u64,
 }
 
 impl Detector for Timed<'_> {

@@ -3,10 +3,10 @@
 use dataset::corpus::detections::Detection;
 use dataset::tables::pixel_box::PixelBox;
 
-use super::sequence::Tracked;
+use crate::detect::sequence::Tracked;
 
 /// A box that was found in an image.
-pub(super) trait Found {
+pub(crate) trait Found {
     fn pixel_box(&self) -> PixelBox;
     fn score(&self) -> f64;
     /// Its track has enough boxes.
@@ -52,7 +52,7 @@ impl Found for Detection {
 }
 
 /// The box to register: a confirmed one, if there is any, and of these the one with the highest score.
-pub(super) fn best_of<'a, F: Found + 'a>(
+pub(crate) fn best_of<'a, F: Found + 'a>(
     boxes: impl IntoIterator<Item = &'a F>,
 ) -> Option<PixelBox> {
     let best = boxes.into_iter().max_by(|a, b| {
@@ -63,7 +63,7 @@ pub(super) fn best_of<'a, F: Found + 'a>(
 }
 
 /// The box with the highest score of those that count at this moment.
-pub(super) fn best_counted_of<'a, F: Found + 'a>(
+pub(crate) fn best_counted_of<'a, F: Found + 'a>(
     boxes: impl IntoIterator<Item = &'a F>,
 ) -> Option<PixelBox> {
     best_of(boxes.into_iter().filter(|found| found.counts()))

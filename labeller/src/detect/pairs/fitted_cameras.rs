@@ -17,7 +17,7 @@ pub struct FittedCameras {
 
 impl FittedCameras {
     /// The cameras of a scenario's views, whose images have the sizes of these stated cameras.
-    pub(super) fn of_views(
+    pub(crate) fn of_views(
         &self,
         scenario: &str,
         views: &[String],

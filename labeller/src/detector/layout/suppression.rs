@@ -2,7 +2,7 @@
 //!
 //! Each box is compared only with the few that are kept, so clutter costs a sort.
 
-use super::ScoredBox;
+use crate::detector::ScoredBox;
 
 /// The best items, at most `most`, none of which overlaps a better one by more than `iou`. Best first; equal scores keep their order.
 ///

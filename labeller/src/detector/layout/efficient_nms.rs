@@ -1,34 +1,34 @@
 //! The four outputs of models that suppress duplicates as TensorRT's plugin `EfficientNMS_TRT` does: per window the number of boxes,
 //! their corners, scores and classes. The last three have room for the same number of boxes; those past the number mean nothing.
 
-use super::answer::{Answer, AnswerFault};
-use super::layout::Layout;
+use crate::detector::answer::{Answer, AnswerFault};
+use crate::detector::layout::Layout;
 
 /// A class that no model has, for places past the number of boxes.
 const NO_CLASS: f32 = -1.0;
 /// Numbers of a box: four edges, score, class.
-pub(super) const NUMBERS: usize = 6;
+pub(crate) const NUMBERS: usize = 6;
 
 /// Places of the four outputs among a model's outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct NmsOutputs {
-    pub(super) counts: usize,
-    pub(super) corners: usize,
-    pub(super) scores: usize,
-    pub(super) classes: usize,
+pub(crate) struct NmsOutputs {
+    pub(crate) counts: usize,
+    pub(crate) corners: usize,
+    pub(crate) scores: usize,
+    pub(crate) classes: usize,
 }
 
 /// Distinguishes outputs.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct OutputForm {
-    pub(super) name: String,
-    pub(super) holds_integers: bool,
-    pub(super) shape: Vec<usize>,
+pub(crate) struct OutputForm {
+    pub(crate) name: String,
+    pub(crate) holds_integers: bool,
+    pub(crate) shape: Vec<usize>,
 }
 
 impl NmsOutputs {
     /// If a model has exactly these. Scores and classes have the same shape: classes are integers, else the names decide.
-    pub(super) fn of(outputs: &[OutputForm]) -> Option<Self> {
+    pub(crate) fn of(outputs: &[OutputForm]) -> Option<Self> {
         if outputs.len() != 4 {
             return None;
         }
@@ -78,16 +78,16 @@ impl NmsOutputs {
 }
 
 /// The numbers of the four outputs.
-pub(super) struct NmsAnswer<'a> {
-    pub(super) counts: Answer<'a>,
-    pub(super) corners: Answer<'a>,
-    pub(super) scores: Answer<'a>,
-    pub(super) classes: Answer<'a>,
+pub(crate) struct NmsAnswer<'a> {
+    pub(crate) counts: Answer<'a>,
+    pub(crate) corners: Answer<'a>,
+    pub(crate) scores: Answer<'a>,
+    pub(crate) classes: Answer<'a>,
 }
 
 impl NmsAnswer<'_> {
     /// The same as one output of [`Layout::Corners`], with its shape. A place past the number of boxes gets no class.
-    pub(super) fn joined(&self) -> Result<([usize; 3], Vec<f32>), AnswerFault> {
+    pub(crate) fn joined(&self) -> Result<([usize; 3], Vec<f32>), AnswerFault> {
         let shape = self.corners.shape();
         let misfit = || AnswerFault::Misfit {
             shape: shape.to_vec(),

@@ -22,7 +22,7 @@ pub struct CpuTime {
 
 /// A part of the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stage {
+pub(crate) enum Stage {
     Decode,
     Convert,
     Infer,
@@ -69,13 +69,13 @@ impl IndexMut<Stage> for CpuTime {
 }
 
 /// Measures the calling thread. Time counts as [`Stage::Rest`] unless it was spent in [`CpuClock::during`].
-pub(super) struct CpuClock {
+pub(crate) struct CpuClock {
     since: Cell<Duration>,
     spent: Cell<CpuTime>,
 }
 
 impl CpuClock {
-    pub(super) fn start() -> Self {
+    pub(crate) fn start() -> Self {
         Self {
             since: Cell::new(of_this_thread()),
             spent: Cell::default(),
@@ -83,7 +83,7 @@ impl CpuClock {
     }
 
     /// Does a piece of work of a stage.
-    pub(super) fn during<T>(&self, stage: Stage, work: impl FnOnce() -> T) -> T {
+    pub(crate) fn during<T>(&self, stage: Stage, work: impl FnOnce() -> T) -> T {
         self.lap(Stage::Rest);
         let done = work();
         self.lap(stage);
@@ -91,7 +91,7 @@ impl CpuClock {
     }
 
     /// Processor time spent so far.
-    pub(super) fn spent(&self) -> CpuTime {
+    pub(crate) fn spent(&self) -> CpuTime {
         self.lap(Stage::Rest);
         self.spent.get()
     }

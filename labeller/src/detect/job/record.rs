@@ -8,10 +8,10 @@ use dataset::corpus::open_scenario::OpenScenario;
 use dataset::files::json_file::read_json;
 use serde::{Deserialize, Serialize};
 
-use super::cpu_time::CpuTime;
-use super::fitted_cameras::FittedCameras;
-use super::mode::ModeSettings;
-use super::{DetectOptions, Model};
+use crate::detect::mode::ModeSettings;
+use crate::detect::pairs::fitted_cameras::FittedCameras;
+use crate::detect::view_search::cpu_time::CpuTime;
+use crate::detect::{DetectOptions, Model};
 use crate::detector::ModelProfile;
 use crate::error::Result;
 use crate::registration::METHOD;
@@ -21,7 +21,7 @@ use crate::view_health;
 
 /// Origin of the detections of one model in one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct DetectionRecord {
+pub(crate) struct DetectionRecord {
     /// The model, its input, and the hash of the table.
     #[serde(flatten)]
     pub provenance: Provenance,
@@ -58,7 +58,7 @@ pub(super) struct DetectionRecord {
 
 /// Settings of the search: detections made with other settings are replaced.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct Searching {
+pub(crate) struct Searching {
     /// Thresholds and windows of the search.
     pub settings: TilingSettings,
     /// Parts of the images that were searched.
@@ -69,11 +69,11 @@ pub(super) struct Searching {
 }
 
 impl Searching {
-    pub(super) fn of(options: &DetectOptions) -> Self {
+    pub(crate) fn of(options: &DetectOptions) -> Self {
         Self::with(options.settings, options.modes)
     }
 
-    pub(super) fn with(settings: TilingSettings, modes: ModeSettings) -> Self {
+    pub(crate) fn with(settings: TilingSettings, modes: ModeSettings) -> Self {
         Self {
             settings,
             modes,
@@ -84,7 +84,7 @@ impl Searching {
 
 /// Registration of the views of a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct RegistrationRecord {
+pub(crate) struct RegistrationRecord {
     /// Version of the measurement.
     pub method: u32,
     /// The view that the others are compared with.
@@ -102,13 +102,13 @@ pub(super) struct RegistrationRecord {
 
 /// Condition of the cameras of a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct HealthRecord {
+pub(crate) struct HealthRecord {
     /// Version of the measurement.
     pub method: u32,
 }
 
 /// Progress of a model's work on a scenario.
-pub(super) enum Standing {
+pub(crate) enum Standing {
     /// No detections that can be used.
     Missing,
     /// Detections, but their views are still to be registered, or the condition of the cameras is not measured.
@@ -119,19 +119,19 @@ pub(super) enum Standing {
 
 impl DetectionRecord {
     /// Path of the record of a model.
-    pub(super) fn path(folder: &ScenarioFolder, model: &str) -> PathBuf {
+    pub(crate) fn path(folder: &ScenarioFolder, model: &str) -> PathBuf {
         detections::record_path(folder, model)
     }
 
     /// The run whose cameras the views were registered with, if it was one.
-    pub(super) fn cameras_of_run(&self) -> Option<RegisteredWith> {
+    pub(crate) fn cameras_of_run(&self) -> Option<RegisteredWith> {
         let run = self.registration.as_ref()?.cameras_of_run.clone()?;
         Some(RegisteredWith::Run(run))
     }
 
     /// Progress of this model's work with these settings on the scenario's current videos. `cameras`: those that the views must be
     /// registered with; `None`: any.
-    pub(super) fn standing(
+    pub(crate) fn standing(
         scenario: &OpenScenario,
         model: &Model,
         searching: &Searching,

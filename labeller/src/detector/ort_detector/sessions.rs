@@ -9,10 +9,10 @@ use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::value::ValueType;
 
-use super::device::Device;
-use super::model_file::ModelFile;
-use super::onnx_runtime::{self, Runtime};
-use super::ort_detector::OrtOptions;
+use crate::detector::device::Device;
+use crate::detector::model_file::ModelFile;
+use crate::detector::onnx_runtime::{self, Runtime};
+use crate::detector::ort_detector::OrtOptions;
 use crate::error::{Error, Result};
 
 /// Where to look for weights outside the model's own file. Nowhere: the hash of the model would not cover them, and an untrusted
@@ -21,10 +21,10 @@ const EXTERNAL_WEIGHTS: &str = "session.model_external_initializers_file_folder_
 const NOWHERE: &str = "/dev/null";
 
 /// A shape of the input: windows, channels, height, width.
-pub(super) type InputShape = [usize; 4];
+pub(crate) type InputShape = [usize; 4];
 
 /// The sessions of a model.
-pub(super) struct Sessions {
+pub(crate) struct Sessions {
     /// Takes every shape that the model takes. It tells what the model is, and runs all windows if there are no others.
     any: Session,
     of_shape: Option<SessionsOfShape>,
@@ -44,7 +44,7 @@ type OpenLengths = Vec<Option<String>>;
 
 impl Sessions {
     /// Loads a model.
-    pub(super) fn load(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
+    pub(crate) fn load(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
         if options.device.prefers_known_shapes() {
             let to_describe = OrtOptions {
                 device: Device::CPU,
@@ -72,12 +72,12 @@ impl Sessions {
     }
 
     /// The one that takes every shape.
-    pub(super) fn any(&self) -> &Session {
+    pub(crate) fn any(&self) -> &Session {
         &self.any
     }
 
     /// The one to run windows of this shape in.
-    pub(super) fn for_shape(&mut self, shape: InputShape) -> Result<&mut Session> {
+    pub(crate) fn for_shape(&mut self, shape: InputShape) -> Result<&mut Session> {
         match &mut self.of_shape {
             Some(sessions) => sessions.get(shape),
             None => Ok(&mut self.any),

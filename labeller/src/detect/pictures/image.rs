@@ -24,7 +24,7 @@ pub trait Image {
 }
 
 /// The surroundings of a box.
-pub(super) fn patch(
+pub(crate) fn patch(
     image: &mut dyn Image,
     pixel_box: PixelBox,
 ) -> Result<std::result::Result<Patch, NoShift>> {

@@ -5,17 +5,17 @@ use std::borrow::Cow;
 use ort::session::{Session, SessionOutputs};
 use ort::value::{TensorElementType, ValueType};
 
-use super::ScoredBox;
-use super::aircraft_class::ClassFault;
-use super::answer::{Answer, AnswerFault};
-use super::boxes_and_scores::PairAnswer;
-use super::efficient_nms::{NmsAnswer, OutputForm};
-use super::layout::Decoding;
-use super::outputs::{BoxOutputs, OutputsFault};
+use crate::detector::ScoredBox;
+use crate::detector::answer::{Answer, AnswerFault};
+use crate::detector::layout::Decoding;
+use crate::detector::layout::boxes_and_scores::PairAnswer;
+use crate::detector::layout::efficient_nms::{NmsAnswer, OutputForm};
+use crate::detector::outputs::{BoxOutputs, OutputsFault};
+use crate::detector::profile::aircraft_class::ClassFault;
 
 /// Reasons why the outputs of a run cannot be read. The caller names the model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(super) enum ReadFault {
+pub(crate) enum ReadFault {
     #[error("output {name:?} {fault}")]
     Answer { name: String, fault: AnswerFault },
     #[error(
@@ -29,7 +29,7 @@ pub(super) enum ReadFault {
 }
 
 /// Names, types and shapes of a model's inputs, for people.
-pub(super) fn inputs_in_words(session: &Session) -> String {
+pub(crate) fn inputs_in_words(session: &Session) -> String {
     let inputs = session.inputs().iter();
     let inputs: Vec<_> = inputs
         .map(|input| format!("{:?} {}", input.name(), input.dtype()))
@@ -38,7 +38,7 @@ pub(super) fn inputs_in_words(session: &Session) -> String {
 }
 
 /// The same of the outputs of a run.
-pub(super) fn outputs_in_words(outputs: &SessionOutputs<'_>) -> String {
+pub(crate) fn outputs_in_words(outputs: &SessionOutputs<'_>) -> String {
     let outputs: Vec<_> = outputs
         .iter()
         .map(|(name, value)| format!("{name:?} {}", value.dtype()))
@@ -47,7 +47,7 @@ pub(super) fn outputs_in_words(outputs: &SessionOutputs<'_>) -> String {
 }
 
 /// Distinguishes the outputs of a run.
-pub(super) fn forms_of(outputs: &SessionOutputs<'_>) -> Vec<OutputForm> {
+pub(crate) fn forms_of(outputs: &SessionOutputs<'_>) -> Vec<OutputForm> {
     let form = |(name, value): (&str, ort::value::ValueRef<'_>)| {
         let (holds_integers, shape) = match value.dtype() {
             ValueType::Tensor { ty, shape, .. } => (is_integer(*ty), sizes(shape)),
@@ -64,7 +64,7 @@ pub(super) fn forms_of(outputs: &SessionOutputs<'_>) -> Vec<OutputForm> {
 }
 
 /// The boxes of the first `windows` windows of a run.
-pub(super) fn boxes_in(
+pub(crate) fn boxes_in(
     outputs: &SessionOutputs<'_>,
     at: BoxOutputs,
     decoding: &Decoding,
@@ -74,7 +74,7 @@ pub(super) fn boxes_in(
 }
 
 /// Reads the numbers of a run: those of one output, or of several as one.
-pub(super) fn read_answer<T>(
+pub(crate) fn read_answer<T>(
     outputs: &SessionOutputs<'_>,
     at: BoxOutputs,
     read: impl FnOnce(Answer<'_>) -> Result<T, AnswerFault>,

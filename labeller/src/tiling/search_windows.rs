@@ -9,7 +9,7 @@ use std::ops::Range;
 use dataset::tables::pixel_box::PixelBox;
 
 use crate::detector::{Window, WindowSize};
-use crate::row_band::RowBand;
+use crate::tiling::row_band::RowBand;
 
 /// Sides of the crops around an aircraft, if the model takes any: from the smallest in which a few pixels have surroundings to the
 /// largest that is still cheap, pixels.

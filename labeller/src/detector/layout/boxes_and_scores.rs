@@ -1,24 +1,24 @@
 //! The two outputs of models that keep boxes and class scores apart: `[B, N, 4]` and `[B, N, classes]`, such as RF-DETR, D-FINE without its
 //! postprocessor and YOLO-NAS without suppression.
 
-use super::answer::{Answer, AnswerFault};
 use super::efficient_nms::OutputForm;
-use super::layout::Layout;
+use crate::detector::answer::{Answer, AnswerFault};
+use crate::detector::layout::Layout;
 
 /// Numbers of a box.
 const BOX: usize = 4;
 
 /// Places of the two outputs among a model's outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct PairOutputs {
-    pub(super) boxes: usize,
-    pub(super) scores: usize,
+pub(crate) struct PairOutputs {
+    pub(crate) boxes: usize,
+    pub(crate) scores: usize,
 }
 
 impl PairOutputs {
     /// If a model has exactly these, besides outputs of other shapes. `named`: the settings' name of the output with the boxes; without it
     /// the one whose name says so is taken among two with four numbers.
-    pub(super) fn of(outputs: &[OutputForm], named: Option<&str>) -> Option<Self> {
+    pub(crate) fn of(outputs: &[OutputForm], named: Option<&str>) -> Option<Self> {
         let is_row = |output: &OutputForm| !output.holds_integers && output.shape.len() == 3;
         let mut boxes: Vec<usize> = (0..outputs.len())
             .filter(|&index| is_row(&outputs[index]) && outputs[index].shape[2] == BOX)
@@ -44,14 +44,14 @@ impl PairOutputs {
 }
 
 /// The numbers of the two outputs.
-pub(super) struct PairAnswer<'a> {
-    pub(super) boxes: Answer<'a>,
-    pub(super) scores: Answer<'a>,
+pub(crate) struct PairAnswer<'a> {
+    pub(crate) boxes: Answer<'a>,
+    pub(crate) scores: Answer<'a>,
 }
 
 impl PairAnswer<'_> {
     /// The same as rows of box and class scores, with their shape.
-    pub(super) fn joined(&self) -> Result<([usize; 3], Vec<f32>), AnswerFault> {
+    pub(crate) fn joined(&self) -> Result<([usize; 3], Vec<f32>), AnswerFault> {
         let (&[batch, candidates, BOX], &[windows, others, classes]) =
             (self.boxes.shape(), self.scores.shape())
         else {

@@ -1,5 +1,5 @@
-use super::super::metadata::ModelMetadata;
 use super::*;
+use crate::detector::profile::metadata::ModelMetadata;
 
 const WINDOW_PX: [u32; 2] = [640; 2];
 

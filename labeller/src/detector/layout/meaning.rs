@@ -10,9 +10,9 @@
 
 use std::fmt;
 
-use super::answer::Answer;
-use super::layout::{Cell, Layout, cells_in_order};
-use super::profile::{BoxForm, BoxUnit, ModelProfile, ScoreForm};
+use crate::detector::answer::Answer;
+use crate::detector::layout::{Cell, Layout, cells_in_order};
+use crate::detector::profile::{BoxForm, BoxUnit, ModelProfile, ScoreForm};
 
 /// Last module of RT-DETR as Ultralytics exports it: rows of centre and size in parts of the window, score, class.
 const RT_DETR: &str = "RTDETRDecoder";
@@ -28,28 +28,28 @@ const PROBABILITY_TOLERANCE: f32 = 1e-3;
 const LEAST_LOGITS: f64 = 0.25;
 
 /// Knowledge of a model besides its answer.
-pub(super) struct Known<'a> {
+pub(crate) struct Known<'a> {
     /// Width and height.
-    pub(super) window_px: [u32; 2],
-    pub(super) profile: &'a ModelProfile,
+    pub(crate) window_px: [u32; 2],
+    pub(crate) profile: &'a ModelProfile,
     /// Class of the last module of a model by Ultralytics.
-    pub(super) head: Option<&'a str>,
+    pub(crate) head: Option<&'a str>,
     /// Number of classes that the metadata names.
-    pub(super) named: Option<usize>,
+    pub(crate) named: Option<usize>,
 }
 
 /// Reading of an answer's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Meaning {
-    pub(super) layout: Layout,
-    pub(super) form: BoxForm,
-    pub(super) unit: BoxUnit,
-    pub(super) scores: ScoreForm,
+pub(crate) struct Meaning {
+    pub(crate) layout: Layout,
+    pub(crate) form: BoxForm,
+    pub(crate) unit: BoxUnit,
+    pub(crate) scores: ScoreForm,
 }
 
 impl Meaning {
     /// Usual meaning for models of a layout.
-    pub(super) fn usual(layout: Layout) -> Self {
+    pub(crate) fn usual(layout: Layout) -> Self {
         Self {
             layout,
             form: layout.usual_form(),
@@ -59,7 +59,7 @@ impl Meaning {
     }
 
     /// Of the answer to a blank window whose shape has this layout.
-    pub(super) fn of_probe(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> Self {
+    pub(crate) fn of_probe(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> Self {
         let profile = known.profile;
         let judged = match profile.layout {
             Some(said) => Self::usual(said),

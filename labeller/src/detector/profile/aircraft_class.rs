@@ -15,18 +15,18 @@ const MOST_LISTED: usize = 12;
 
 /// Classes according to a model and its settings.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Classes<'a> {
+pub(crate) struct Classes<'a> {
     /// The settings' `aircraft_class`.
-    pub(super) said: Option<usize>,
+    pub(crate) said: Option<usize>,
     /// The names in the metadata.
-    pub(super) names: Option<&'a BTreeMap<usize, String>>,
+    pub(crate) names: Option<&'a BTreeMap<usize, String>>,
     /// Number of classes in the output, if its shape tells.
-    pub(super) count: Option<usize>,
+    pub(crate) count: Option<usize>,
 }
 
 /// Reasons why none of a model's classes can be taken for the aircraft.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(super) enum ClassFault {
+pub(crate) enum ClassFault {
     #[error(
         "its settings say aircraft_class = {said}, but it has {}, numbered from 0", classes(*.count)
     )]
@@ -54,7 +54,7 @@ fn classes(count: usize) -> String {
 
 impl Classes<'_> {
     /// Number of the aircraft.
-    pub(super) fn aircraft(self) -> Result<usize, ClassFault> {
+    pub(crate) fn aircraft(self) -> Result<usize, ClassFault> {
         let named = self
             .names
             .and_then(|names| Some(names.last_key_value()?.0 + 1));

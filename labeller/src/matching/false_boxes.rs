@@ -8,7 +8,7 @@ use dataset::tables::pixel_box::PixelBox;
 use serde::Serialize;
 
 use crate::matching::Match;
-use crate::statistics::TruthInSight;
+use crate::matching::statistics::TruthInSight;
 
 /// The confirmed boxes of a view that do not touch the ground-truth box of their image.
 #[derive(Debug, Clone, PartialEq, Serialize)]
