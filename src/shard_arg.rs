@@ -3,7 +3,7 @@
 use std::env;
 
 use clap::Args;
-use generator::shard::Shard;
+use generator::plan::shard::Shard;
 
 use crate::failure::Failure;
 

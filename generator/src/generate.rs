@@ -10,32 +10,17 @@
 //!                                                      uploads: one scenario to the object store  <-
 //! ```
 
-mod attempt;
-mod blocks;
-mod encoder_trial;
-mod encoders;
 mod error;
 mod event;
 mod followed;
 mod freeze;
-mod lockstep;
 mod outcome;
-mod patience;
-mod pictures;
-mod queue;
 mod record;
 mod remote;
-mod restart;
 mod run;
 mod session;
-mod simulators;
 mod space;
-mod stage;
-mod steps;
-mod tally;
 mod trial;
-mod uploads;
-mod workplace;
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -56,24 +41,24 @@ use xplane_bridge::{LocalUdp, block_bytes};
 pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
 pub use outcome::{FailedScenario, MarkedScenario, Outcome, Stopped};
-pub use patience::Patience;
 pub use remote::Remote;
-pub use restart::Restart;
+pub use run::patience::Patience;
+pub use session::restart::Restart;
+pub use session::simulators::Simulators;
 pub use session::{BadSimulator, SimulatorTarget};
-pub use simulators::Simulators;
 pub use space::free_bytes;
 /// A switch that can be set once, from any thread, e.g. by Ctrl-C.
 pub use tokio_util::sync::CancellationToken as Cancel;
 pub use trial::trial;
 
+use crate::plan::shard::Shard;
 use crate::plan::{expand, room_bytes};
-use crate::shard::Shard;
 use crate::sweep::Sweep;
-use attempt::unless_cancelled;
 use event::Reporter;
-use pictures::Pictures;
 use record::Work;
+use record::pictures::Pictures;
 use run::Run;
+use run::attempt::unless_cancelled;
 use session::Session;
 
 /// What to record, and with which simulators.
@@ -139,7 +124,7 @@ pub fn generate<'a>(
         let plan = expand(sweep);
         let wanted = wanted(&plan, options)?;
         if options.restart.is_some() {
-            restart::check(&options.simulators)?;
+            session::restart::check(&options.simulators)?;
         }
         let (split_there, in_store) = match &options.remote {
             Some(remote) => (
@@ -149,7 +134,7 @@ pub fn generate<'a>(
             None => (None, BTreeMap::new()),
         };
         if let Some(remote) = &options.remote {
-            stage::check(corpus_root, remote.store.name())?;
+            remote::stage::check(corpus_root, remote.store.name())?;
         }
         let frozen = freeze::frozen_plan(corpus_root, &plan)?;
         let mut outcome = Outcome::default();
@@ -215,13 +200,13 @@ pub fn generate<'a>(
         if let Some(encoder) = options.encoder
             && !to_make.is_empty()
         {
-            encoder_trial::pass(&plan.common, encoder, &reporter).await?;
+            trial::encoder_trial::pass(&plan.common, encoder, &reporter).await?;
         }
         // A missing simulator is detected before anything is written.
         let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
         let corpus = Corpus::create(corpus_root)?;
         if let Some(remote) = &options.remote {
-            stage::mark(&corpus, remote.store.name())?;
+            remote::stage::mark(&corpus, remote.store.name())?;
         }
         // The split is written before the plan: a plan without one has lost it.
         if frozen.is_some() && split_there.is_none() && lost.contains(&Corpus::SPLITS) {
@@ -317,7 +302,7 @@ fn at_once_on_disk<'a>(
     {
         largest.sort_by_key(|scenario| Reverse(scenario.ticks));
         // One being uploaded, those that wait, and per simulator one being recorded and one about to wait.
-        largest.truncate(1 + uploads::WAITING + 2 * options.simulators.targets().len());
+        largest.truncate(1 + remote::uploads::WAITING + 2 * options.simulators.targets().len());
     }
     largest
 }

@@ -5,17 +5,15 @@
 //! ```
 //!
 //! [`sweep`] reads and checks the author's file; [`plan`] expands it to fully specified scenarios, the same on every machine;
-//! [`generate`] flies and records them, atomically, and resumes interrupted runs; [`shard`] selects one machine's part.
+//! [`generate`] flies and records them, atomically, and resumes interrupted runs; [`plan::shard`] selects one machine's part.
 
 #![forbid(unsafe_code)]
 
-pub mod against;
 pub mod airports;
 pub mod generate;
 pub mod plan;
 pub mod recording;
 pub mod seed;
-pub mod shard;
 pub mod spread;
 pub mod stand_in;
 pub mod sweep;

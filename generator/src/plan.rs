@@ -4,12 +4,16 @@
 //! and the master seed, never by its position among the others: a sweep that grows adds scenarios and leaves the others as they
 //! are. What a plan is on disk: [`dataset::plan`].
 
+pub mod against;
 mod duration;
 mod estimate;
 mod expand;
 mod fly_request;
 mod outlook;
+pub mod shard;
 mod split;
+#[cfg(test)]
+pub(crate) mod tests;
 
 pub use duration::{Durations, Pacing, WeatherCost};
 pub use estimate::{Estimate, MeasuredSize, room_bytes};
@@ -17,6 +21,3 @@ pub use expand::{expand, is_seeded_by};
 pub(crate) use fly_request::fly_request;
 pub use outlook::{Outlook, Sight};
 pub(crate) use split::assign_sides;
-
-#[cfg(test)]
-pub(crate) mod tests;

@@ -3,47 +3,39 @@
 //! Input: the file. Output: a [`Sweep`] whose every value has been checked, or one message with file, line, column and the line itself.
 //! [`crate::plan`] expands it.
 
-mod aim;
 mod check;
 mod document;
 mod error;
-mod fault;
 mod grid;
 mod imaging;
-mod jitter;
-mod limits;
 mod picture;
-mod profiles;
-mod recorded;
 mod rigs;
 mod runways;
 mod schema;
-mod split;
 mod start;
-mod times;
 mod weather;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use check::fault::Fault;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::toml_file::{TomlError, TomlFile};
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::runway::Runway;
 use dataset::plan::{Picture, PlannedCamera};
 use dataset::video::VideoSettings;
-use fault::Fault;
 
-pub use aim::AimTable;
 pub use document::Corpus;
 pub use error::SweepError;
 pub use grid::Combination;
+pub use grid::split::SplitFractions;
 pub use imaging::{ImagingTable, Preset, SeeingTable, SensorTable, StreamTable, SwayTable};
-pub use jitter::JitterTable;
-pub use recorded::{RecordedFlights, RecordedRule};
+pub use rigs::aim::AimTable;
+pub use rigs::jitter::JitterTable;
 pub(crate) use runways::AirportTable;
 pub use schema::schema;
-pub use split::SplitFractions;
+pub use start::recorded::{RecordedFlights, RecordedRule};
 pub use start::{Fly, Start};
 pub use weather::{CloudTable, WeatherTable};
 

@@ -11,7 +11,7 @@ use dataset::corpus::detections::{choose, models_of};
 use dataset::corpus::splits::Side;
 use dataset::plan::Plan;
 use dataset::work::watch::Watch;
-use generator::shard::Shard;
+use generator::plan::shard::Shard;
 use labeller::{
     DetectOptions, DetectOutcome, FalseBoxes, FittedCameras, RegistrationCounts, TruthCounts,
     Unhealthy, detect_corpus,

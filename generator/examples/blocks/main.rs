@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 use alone::Stage;
 use dataset::corpus::Corpus;
 use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
-use generator::shard::Shard;
+use generator::plan::shard::Shard;
 use generator::sweep::Sweep;
 use mock_xplane::server::{
     FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions, WindowCovers,

@@ -1,5 +1,12 @@
 //! Records one scenario: conditions, flight, images, tables, seal.
 
+mod blocks;
+mod encoders;
+mod lockstep;
+pub(crate) mod pictures;
+pub(crate) mod steps;
+mod workplace;
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -21,18 +28,18 @@ use xplane_bridge::link::PictureSize;
 use xplane_bridge::profile::RecordedPace;
 use xplane_bridge::{Simulator, pictures_waiting};
 
-use super::attempt::Attempt;
-use super::blocks::{capture_blocks, may_use_blocks};
-use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;
-use super::lockstep::{Drawn, capture};
+use super::run::attempt::Attempt;
 use super::session::Session;
-use super::steps::{Steps, Stopwatch};
-use super::workplace::Workplace;
 use crate::plan::fly_request;
 use crate::sweep::Sweep;
 use crate::trajectory::Trajectory;
+use blocks::{capture_blocks, may_use_blocks};
+use encoders::Encoders;
+use lockstep::{Drawn, capture};
+use steps::{Steps, Stopwatch};
+use workplace::Workplace;
 
 /// Position and speed of an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;

@@ -1,6 +1,9 @@
 //! A corpus in an object store: the folder is then a stage, where scenarios are recorded and from which finished ones are uploaded
 //! (`uploads.rs`). Scenarios committed in the store count as done; the stage holds the rest.
 
+pub(crate) mod stage;
+pub(crate) mod uploads;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -7,7 +7,11 @@
 //!
 //! If the corpus is in an object store, finished scenarios go to one more worker, which uploads them (`uploads.rs`).
 
+pub(crate) mod attempt;
 mod away;
+pub(crate) mod patience;
+mod queue;
+pub(crate) mod tally;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -20,21 +24,21 @@ use futures_util::future::join_all;
 use indicatif::DecimalBytes;
 use store::Committed;
 
-use super::attempt::Attempt;
 use super::error::{Blame, GenerateError, ScenarioError};
 use super::event::{Event, Reporter};
 use super::outcome::{Outcome, Stopped};
-use super::patience::Patience;
-use super::queue::{Next, Queue, Task};
 use super::record::{Recorded, Work, record};
 use super::remote::Remote;
-use super::restart::Restart;
+use super::remote::uploads::{Uploader, Uploads};
 use super::session::Session;
+use super::session::restart::Restart;
 use super::space;
-use super::tally::Tally;
-use super::uploads::{Uploader, Uploads};
 use super::{Cancel, GenerateOptions};
 use crate::plan::room_bytes;
+use attempt::Attempt;
+use patience::Patience;
+use queue::{Next, Queue, Task};
+use tally::Tally;
 
 /// A simulator that fails this often in a row, whatever the scenario, is considered gone.
 const FAILURES_IN_A_ROW: u32 = 9;

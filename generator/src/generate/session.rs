@@ -1,5 +1,8 @@
 //! One simulator of a run: found or started, reconnected for every scenario, waited for when it is gone.
 
+pub(crate) mod restart;
+pub(crate) mod simulators;
+
 use std::fmt;
 use std::io;
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -15,7 +18,7 @@ use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
 use super::followed::Followed;
-use super::pictures::Pictures;
+use super::record::pictures::Pictures;
 use crate::stand_in::{StandIn, StandInError, StandInTask};
 
 /// More stand-ins than this on one machine are a typo.

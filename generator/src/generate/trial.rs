@@ -5,6 +5,8 @@
 //! aircraft is shown all along its way, but the images are as close in time as the sweep wants: those that are close share the clouds,
 //! which are the most expensive part of an image.
 
+pub(crate) mod encoder_trial;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
@@ -15,13 +17,13 @@ use dataset::corpus::scenario::Flight;
 use dataset::plan::{Plan, PlannedScenario};
 use futures_util::future::LocalBoxFuture;
 
-use super::attempt::{Attempt, unless_cancelled};
 use super::error::ScenarioError;
 use super::event::Reporter;
-use super::pictures::Pictures;
+use super::record::pictures::Pictures;
+use super::record::steps::Steps;
 use super::record::{Work, record};
+use super::run::attempt::{Attempt, unless_cancelled};
 use super::session::Session;
-use super::steps::Steps;
 use super::{Cancel, GenerateError, GenerateOptions};
 use crate::plan::{WeatherCost, expand};
 use crate::sweep::Sweep;

@@ -1,17 +1,21 @@
 //! Validates a parsed sweep: every value in its range, every name defined. Checks of a single table are next to the table; here are
 //! those across tables.
 
+pub(crate) mod fault;
+pub(crate) mod limits;
+
 use std::collections::BTreeSet;
 use std::path::Path;
 
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use super::document::{AIRCRAFT, Document};
-use super::fault::{Checked, distinct_names, fault, list};
+use super::grid::times::LocalDay;
 use super::grid::{Names, combinations};
 use super::imaging::ImagingTable;
-use super::times::LocalDay;
-use super::{Sweep, profiles, recorded, rigs, runways};
+use super::start::{profiles, recorded};
+use super::{Sweep, rigs, runways};
+use fault::{Checked, distinct_names, fault, list};
 
 pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sweep> {
     let Document {

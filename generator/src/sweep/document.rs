@@ -6,18 +6,18 @@ use dataset::video::VideoSettings;
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
-use super::aim::AimTable;
-use super::fault::NAME_PATTERN;
+use super::check::fault::NAME_PATTERN;
+use super::grid::split::SplitFractions;
 use super::grid::{Exclude, Grid, Include};
 use super::imaging::ImagingTable;
-use super::jitter::JitterTable;
 use super::picture::PictureTable;
-use super::profiles::ProfileTable;
-use super::recorded::RecordedRule;
 use super::rigs::Rig;
+use super::rigs::aim::AimTable;
+use super::rigs::jitter::JitterTable;
 use super::runways::AirportTable;
-use super::split::SplitFractions;
 use super::start::Start;
+use super::start::profiles::ProfileTable;
+use super::start::recorded::RecordedRule;
 use super::weather::WeatherTable;
 
 /// Aircraft that can be flown and drawn.

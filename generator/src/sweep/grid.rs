@@ -3,16 +3,19 @@
 //! A combination is identified by its values, never by its position: adding a time, a weather or a repeat adds combinations and
 //! leaves the others as they are.
 
+pub(crate) mod split;
+pub(crate) mod times;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, NAME_PATTERN, defined, fault, list};
-use super::limits::Enforce;
-use super::times::{LocalDay, TimeEntry};
+use super::check::fault::{Checked, NAME_PATTERN, defined, fault, list};
+use super::check::limits::Enforce;
 use crate::time_of_day::TimeOfDay;
+use times::{LocalDay, TimeEntry};
 
 /// More is a typo, and a plan of gigabytes.
 const MOST_SCENARIOS: u64 = 1_000_000;
@@ -317,7 +320,7 @@ impl Selection<'_> {
         }
         let mut times = Vec::new();
         for (index, text) in self.times.iter().enumerate() {
-            times.push(super::times::parse(
+            times.push(times::parse(
                 &format!("{}.{index}", key("times")),
                 text,
                 day,

@@ -13,8 +13,8 @@ use rand::Rng;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, fault};
-use super::limits::Enforce;
+use super::check::fault::{Checked, fault};
+use super::check::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
 

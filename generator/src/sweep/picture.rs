@@ -6,7 +6,7 @@ use dataset::plan::Picture;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, fault};
+use super::check::fault::{Checked, fault};
 
 const LEAST_SIDE_PX: u32 = PICTURE_SIDE_PX.least as u32;
 const MOST_SIDE_PX: u32 = PICTURE_SIDE_PX.most as u32;

@@ -1,5 +1,8 @@
 //! `[rig.NAME]`: cameras beside a runway. Some rigs are built in; a sweep may define others, or override a built-in one.
 
+pub(crate) mod aim;
+pub(crate) mod jitter;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
@@ -9,9 +12,9 @@ use dataset::plan::{Picture, PlannedCamera};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, Fault, NAME_PATTERN, fault, legal_name, list};
-use super::jitter::JitterTable;
-use super::limits::Enforce;
+use super::check::fault::{Checked, Fault, NAME_PATTERN, fault, legal_name, list};
+use super::check::limits::Enforce;
+use jitter::JitterTable;
 
 /// `[rig.NAME]`
 #[derive(Debug, Clone, Deserialize, JsonSchema)]

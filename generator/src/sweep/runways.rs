@@ -8,8 +8,8 @@ use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, Fault, list};
-use super::limits::Enforce;
+use super::check::fault::{Checked, Fault, list};
+use super::check::limits::Enforce;
 use crate::airports;
 
 /// `[airport.ICAO]`

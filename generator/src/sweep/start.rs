@@ -1,5 +1,8 @@
 //! `[start]`: who flies, and where and how flights that are not recordings begin.
 
+pub(crate) mod profiles;
+pub(crate) mod recorded;
+
 use std::collections::BTreeMap;
 
 use dataset::corpus::scenario::Flight;
@@ -8,10 +11,10 @@ use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, NAME_PATTERN, defined, fault};
-use super::limits::Enforce;
-use super::profiles::LEVEL_THEN_GLIDE_PATH;
+use super::check::fault::{Checked, NAME_PATTERN, defined, fault};
+use super::check::limits::Enforce;
 use crate::spread::Spread;
+use profiles::LEVEL_THEN_GLIDE_PATH;
 
 /// Who flies the flights that are not recordings.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]

@@ -5,8 +5,8 @@ use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, Fault, fault, legal_name};
-use super::limits::Enforce;
+use super::check::fault::{Checked, Fault, fault, legal_name};
+use super::check::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
 

@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use super::super::attempt::unless_cancelled;
 use super::super::error::ScenarioError;
 use super::super::event::Event;
 use super::super::outcome::Stopped;
-use super::super::restart::{Restart, RestartError};
+use super::super::run::attempt::unless_cancelled;
 use super::super::session::Session;
+use super::super::session::restart::{Restart, RestartError};
 use super::{Run, Then};
 
 /// A simulator that was restarted this often without recording a scenario is given up.

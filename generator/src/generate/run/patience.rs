@@ -35,7 +35,7 @@ impl Default for Patience {
 
 impl Patience {
     /// The delay after this many failed attempts.
-    pub(super) fn pause_after(&self, failed: u32) -> Duration {
+    pub(crate) fn pause_after(&self, failed: u32) -> Duration {
         self.first_pause
             .saturating_mul(self.pause_factor.saturating_pow(failed.saturating_sub(1)))
     }

@@ -6,23 +6,23 @@ use dataset::corpus::Corpus;
 use dataset::corpus::claim::{Claim, Claimed};
 use dataset::plan::PlannedScenario;
 
-use super::freeze::is_whole;
+use crate::generate::freeze::is_whole;
 
 /// Polling interval when other processes hold everything that is left.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A scenario that is not recorded yet.
 #[derive(Debug)]
-pub(super) struct Task<'a> {
-    pub(super) scenario: &'a PlannedScenario,
+pub(crate) struct Task<'a> {
+    pub(crate) scenario: &'a PlannedScenario,
     /// Reasons why earlier attempts of this run failed.
-    pub(super) reasons: Vec<String>,
+    pub(crate) reasons: Vec<String>,
     /// A failed attempt is retried after a delay.
     not_before: Option<Instant>,
 }
 
 /// The answer to a worker.
-pub(super) enum Next<'a> {
+pub(crate) enum Next<'a> {
     /// This one; it is claimed, so other processes cannot record it.
     Make(Task<'a>, Claim),
     /// This one is complete in the corpus' folder already: another process recorded it in the meantime.
@@ -34,21 +34,21 @@ pub(super) enum Next<'a> {
 }
 
 /// The scenarios that other processes are recording.
-pub(super) struct Elsewhere {
-    pub(super) scenarios: usize,
-    pub(super) holder: String,
+pub(crate) struct Elsewhere {
+    pub(crate) scenarios: usize,
+    pub(crate) holder: String,
 }
 
 /// The waiting scenarios of a run, in the order in which they are tried.
 #[derive(Debug)]
-pub(super) struct Queue<'a> {
+pub(crate) struct Queue<'a> {
     waiting: Vec<Task<'a>>,
     /// Held by this process's workers.
     in_hand: usize,
 }
 
 impl<'a> Queue<'a> {
-    pub(super) fn new(scenarios: &[&'a PlannedScenario]) -> Self {
+    pub(crate) fn new(scenarios: &[&'a PlannedScenario]) -> Self {
         let task = |scenario: &&'a PlannedScenario| Task {
             scenario,
             reasons: Vec::new(),
@@ -61,7 +61,10 @@ impl<'a> Queue<'a> {
     }
 
     /// The next scenario without a holder. The caller must return it or mark it as done.
-    pub(super) fn next(&mut self, corpus: &Corpus) -> Result<Next<'a>, super::GenerateError> {
+    pub(crate) fn next(
+        &mut self,
+        corpus: &Corpus,
+    ) -> Result<Next<'a>, crate::generate::GenerateError> {
         let now = Instant::now();
         let mut later = POLL_INTERVAL;
         let mut elsewhere: Option<Elsewhere> = None;
@@ -99,24 +102,24 @@ impl<'a> Queue<'a> {
     }
 
     /// Returns a scenario that failed, to be retried by any worker after a delay.
-    pub(super) fn give_back(&mut self, mut task: Task<'a>, pause: Duration) {
+    pub(crate) fn give_back(&mut self, mut task: Task<'a>, pause: Duration) {
         self.in_hand -= 1;
         task.not_before = Some(Instant::now() + pause);
         self.waiting.push(task);
     }
 
     /// Marks a scenario as recorded or set aside.
-    pub(super) fn done_with(&mut self, _task: Task<'a>) {
+    pub(crate) fn done_with(&mut self, _task: Task<'a>) {
         self.in_hand -= 1;
     }
 
     /// True if a worker may get one now or later.
-    pub(super) fn has_waiting(&self) -> bool {
+    pub(crate) fn has_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }
 
     /// Those that are still waiting.
-    pub(super) fn left(&self) -> impl Iterator<Item = &'a PlannedScenario> {
+    pub(crate) fn left(&self) -> impl Iterator<Item = &'a PlannedScenario> {
         self.waiting.iter().map(|task| task.scenario)
     }
 }

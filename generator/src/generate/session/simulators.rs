@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use xplane_bridge::LocalUdp;
 
-use super::session::{AWKWARD, BadSimulator, MOST_STAND_INS, SimulatorTarget};
+use crate::generate::session::{AWKWARD, BadSimulator, MOST_STAND_INS, SimulatorTarget};
 
 /// At least one simulator; each records its own scenarios.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub struct Simulators(Vec<SimulatorTarget>);
 
 impl Simulators {
     /// The simulators.
-    pub(super) fn targets(&self) -> &[SimulatorTarget] {
+    pub(crate) fn targets(&self) -> &[SimulatorTarget] {
         &self.0
     }
 
@@ -23,7 +23,7 @@ impl Simulators {
 
     /// Each with the local side of its UDP socket: of those that run already the first has the chosen port and the next ones the ports
     /// after it; stand-ins and tapes of this run end with it, and need neither port nor note.
-    pub(super) fn with_local_udp<'a>(
+    pub(crate) fn with_local_udp<'a>(
         &'a self,
         local: &'a LocalUdp,
     ) -> impl Iterator<Item = (&'a SimulatorTarget, LocalUdp)> {

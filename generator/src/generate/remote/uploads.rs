@@ -10,16 +10,16 @@ use store::{Objects, Pushed, StoreError, Transfer};
 use tokio::sync::mpsc;
 use tokio::time::sleep;
 
-use super::error::GenerateError;
-use super::event::{Event, Reporter};
-use super::freeze::is_whole;
-use super::outcome::Stopped;
-use super::remote::Remote;
-use super::tally::Tally;
+use crate::generate::error::GenerateError;
+use crate::generate::event::{Event, Reporter};
+use crate::generate::freeze::is_whole;
+use crate::generate::outcome::Stopped;
+use crate::generate::remote::Remote;
+use crate::generate::run::tally::Tally;
 
 /// Scenarios that may wait for the current upload. Together with that one, this many folders are on the stage besides those being
 /// recorded.
-pub(super) const WAITING: usize = 1;
+pub(crate) const WAITING: usize = 1;
 /// Longest time for a cancelled transfer to stop.
 const CANCEL_TIMEOUT: Duration = Duration::from_secs(5);
 /// Interval for checking a staged scenario that another process is uploading.
@@ -34,25 +34,25 @@ struct Job<'a> {
 }
 
 /// The worker that uploads finished scenarios.
-pub(super) struct Uploader<'r, 'a> {
-    pub(super) remote: &'r Remote,
+pub(crate) struct Uploader<'r, 'a> {
+    pub(crate) remote: &'r Remote,
     /// Timeout for a store that does not answer.
-    pub(super) patience: Duration,
-    pub(super) stage: &'r Corpus,
-    pub(super) reporter: &'r Reporter<'a>,
-    pub(super) tally: &'r Tally,
+    pub(crate) patience: Duration,
+    pub(crate) stage: &'r Corpus,
+    pub(crate) reporter: &'r Reporter<'a>,
+    pub(crate) tally: &'r Tally,
 }
 
 /// Handle with which other workers submit finished scenarios to the uploader, which ends when all handles are dropped.
 #[derive(Clone)]
-pub(super) struct Uploads<'r, 'a> {
+pub(crate) struct Uploads<'r, 'a> {
     jobs: mpsc::Sender<Job<'a>>,
     uploader: &'r Uploader<'r, 'a>,
 }
 
 impl<'a> Uploads<'_, 'a> {
     /// Queues a finished scenario for upload; waits while the queue is full. If the run ends before, it stays on the stage.
-    pub(super) async fn hand_over(
+    pub(crate) async fn hand_over(
         &self,
         scenario: &'a PlannedScenario,
         claim: Claim,
@@ -83,7 +83,7 @@ impl<'a> Uploads<'_, 'a> {
     }
 
     /// Queues what earlier runs left on the stage.
-    pub(super) async fn hand_over_staged(self, staged: &[&'a PlannedScenario]) {
+    pub(crate) async fn hand_over_staged(self, staged: &[&'a PlannedScenario]) {
         for scenario in staged {
             match self.claim_staged(scenario).await {
                 Ok(Some(claim)) => self.hand_over(scenario, claim, true).await,
@@ -136,7 +136,7 @@ impl Watch for Watching<'_, '_> {
 
 impl<'r, 'a> Uploader<'r, 'a> {
     /// The handle for submitting scenarios, and the future that uploads them.
-    pub(super) fn start(&'r self) -> (Uploads<'r, 'a>, impl Future<Output = ()>) {
+    pub(crate) fn start(&'r self) -> (Uploads<'r, 'a>, impl Future<Output = ()>) {
         let (sender, mut jobs) = mpsc::channel::<Job<'a>>(WAITING);
         let uploads = Uploads {
             jobs: sender,

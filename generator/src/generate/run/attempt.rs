@@ -6,25 +6,25 @@ use dataset::geometry::pose::FlightState;
 use tokio::time::timeout;
 use xplane_bridge::BridgeError;
 
-use super::Cancel;
-use super::error::ScenarioError;
-use super::event::Reporter;
+use crate::generate::Cancel;
+use crate::generate::error::ScenarioError;
+use crate::generate::event::Reporter;
 
 /// Shared by the steps of an attempt.
-pub(super) struct Attempt<'a, 'r> {
-    pub(super) id: &'a str,
-    pub(super) cancel: &'a Cancel,
-    pub(super) reporter: &'a Reporter<'r>,
+pub(crate) struct Attempt<'a, 'r> {
+    pub(crate) id: &'a str,
+    pub(crate) cancel: &'a Cancel,
+    pub(crate) reporter: &'a Reporter<'r>,
     /// Timeout of an answer while images are taken.
-    pub(super) answer_limit: Duration,
+    pub(crate) answer_limit: Duration,
     /// At most so many ticks, for a trial.
-    pub(super) most_ticks: Option<u32>,
+    pub(crate) most_ticks: Option<u32>,
 }
 
 impl Attempt<'_, '_> {
     /// The states to record: all of them, or for a trial some that lie evenly between the first and the last. The times of images count
     /// ticks, so that clouds move from one to the next as in a whole scenario.
-    pub(super) fn part_of(&self, states: Vec<FlightState>) -> Vec<FlightState> {
+    pub(crate) fn part_of(&self, states: Vec<FlightState>) -> Vec<FlightState> {
         match self.most_ticks.map(|most| most as usize) {
             Some(most) if most < states.len() => {
                 let at = |tick: usize| states[tick * states.len() / most];
@@ -35,7 +35,7 @@ impl Attempt<'_, '_> {
     }
 
     /// Waits for an answer of the simulator, until the timeout or until the run is cancelled.
-    pub(super) async fn answered<T>(
+    pub(crate) async fn answered<T>(
         &self,
         answer: impl Future<Output = Result<T, BridgeError>>,
     ) -> Result<T, ScenarioError> {
@@ -51,7 +51,7 @@ impl Attempt<'_, '_> {
     }
 
     /// Waits for `work`, but no longer than until the run is cancelled.
-    pub(super) async fn unless_cancelled<T, E: Into<ScenarioError>>(
+    pub(crate) async fn unless_cancelled<T, E: Into<ScenarioError>>(
         &self,
         work: impl Future<Output = Result<T, E>>,
     ) -> Result<T, ScenarioError> {
@@ -60,7 +60,7 @@ impl Attempt<'_, '_> {
 }
 
 /// The same for work that belongs to no attempt.
-pub(super) async fn unless_cancelled<T, E: Into<ScenarioError>>(
+pub(crate) async fn unless_cancelled<T, E: Into<ScenarioError>>(
     cancel: &Cancel,
     work: impl Future<Output = Result<T, E>>,
 ) -> Result<T, ScenarioError> {

@@ -9,8 +9,8 @@ use dataset::numbers::units::{METERS_PER_FOOT, METERS_PER_NAUTICAL_MILE};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, Fault, fault, legal_name};
-use super::limits::Enforce;
+use crate::sweep::check::fault::{Checked, Fault, fault, legal_name};
+use crate::sweep::check::limits::Enforce;
 
 /// Steepest descent from the start to the touchdown target, degrees. From steeper ones the flight model lands far beyond the target, or not
 /// at all.
@@ -19,7 +19,7 @@ const STEEPEST_DEG: f64 = 25.0;
 const OVER_RUNWAY_M: (f64, f64) = (100.0, 6_000.0);
 
 /// Level at 2500 ft until the aircraft meets the glide path.
-pub(super) const LEVEL_THEN_GLIDE_PATH: &str = "level-then-glide-path";
+pub(crate) const LEVEL_THEN_GLIDE_PATH: &str = "level-then-glide-path";
 /// The chart of WSSS 02L: 2500 ft until D7.6, 1500 ft until D4.4.
 const STEP_DOWN: &str = "step-down";
 /// From 3000 ft without a level segment.
@@ -31,7 +31,7 @@ const CHARTED_ELEVATION_M: f64 = 6.71;
 /// `[profile.NAME]`: each altitude above mean sea level, or above the runway.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub(super) enum ProfileTable {
+pub(crate) enum ProfileTable {
     /// Level until the aircraft meets the glide path, then down the glide path.
     GlidePath {
         /// Altitude of the level segment above mean sea level, metres. Either this or `level_above_runway_m`.
@@ -136,7 +136,7 @@ impl ProfileTable {
 }
 
 /// The profiles that the sweep defines, checked, and the built-in ones.
-pub(super) fn all(
+pub(crate) fn all(
     tables: &BTreeMap<String, ProfileTable>,
     runway: &Runway,
 ) -> Checked<BTreeMap<String, ApproachProfile>> {
@@ -206,7 +206,7 @@ fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<
 }
 
 /// Rejects a start from which the flight would have to dive: `start` is the distance to the target and the height above the profile.
-pub(super) fn check_descent(
+pub(crate) fn check_descent(
     name: &str,
     profile: &ApproachProfile,
     start: (f64, f64),

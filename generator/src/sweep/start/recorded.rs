@@ -7,11 +7,11 @@ use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, fault};
-use super::grid::{Combination, Selection};
-use super::times::LocalDay;
 use crate::recording::{Allowed, Recording, RecordingError, matching_files};
 use crate::seed;
+use crate::sweep::check::fault::{Checked, fault};
+use crate::sweep::grid::times::LocalDay;
+use crate::sweep::grid::{Combination, Selection};
 
 /// `[[recorded]]`: the first rule that matches a scenario applies; a rule without `times`, `weathers`, `profiles` and `repeats`
 /// matches all.
@@ -62,7 +62,7 @@ impl RecordedFlights {
 }
 
 /// Reads the recordings of all rules, and assigns each scenario its rule.
-pub(super) fn read(
+pub(crate) fn read(
     rules: Vec<RecordedRule>,
     combinations: &[Combination],
     folder: &Path,

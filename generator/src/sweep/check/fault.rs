@@ -7,19 +7,19 @@ use dataset::files::file_name;
 
 /// An invalid value.
 #[derive(Debug)]
-pub(super) struct Fault {
+pub(crate) struct Fault {
     /// Dotted key of the value, for [`dataset::files::toml_file::TomlFile::rejected`].
-    pub(super) key: String,
+    pub(crate) key: String,
     /// The value that was found, and the expected one.
-    pub(super) message: String,
+    pub(crate) message: String,
 }
 
-pub(super) type Checked<T> = Result<T, Fault>;
+pub(crate) type Checked<T> = Result<T, Fault>;
 
 /// Pattern of the names of weathers, rigs, profiles and cameras: they become file names. Also part of the schema.
-pub(super) const NAME_PATTERN: &str = "^[A-Za-z0-9_-]+$";
+pub(crate) const NAME_PATTERN: &str = "^[A-Za-z0-9_-]+$";
 
-pub(super) fn fault<T>(key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
+pub(crate) fn fault<T>(key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
     Err(Fault {
         key: key.into(),
         message: message.into(),
@@ -27,12 +27,12 @@ pub(super) fn fault<T>(key: impl Into<String>, message: impl Into<String>) -> Ch
 }
 
 /// Rejects names that do not match [`NAME_PATTERN`], and those that some system cannot use as file names.
-pub(super) fn legal_name(key: impl Into<String>, name: &str) -> Checked<()> {
+pub(crate) fn legal_name(key: impl Into<String>, name: &str) -> Checked<()> {
     file_name::check(name).or_else(|bad| fault(key, bad.to_string()))
 }
 
 /// Rejects names that a file system without case, as on macOS and Windows, takes for one.
-pub(super) fn distinct_names<'a>(
+pub(crate) fn distinct_names<'a>(
     kind: &str,
     names: impl IntoIterator<Item = &'a String>,
 ) -> Checked<()> {
@@ -52,7 +52,7 @@ pub(super) fn distinct_names<'a>(
 }
 
 /// Rejects a name for which the sweep has no table `[KIND.NAME]`.
-pub(super) fn defined<T>(
+pub(crate) fn defined<T>(
     key: impl Into<String>,
     kind: &str,
     name: &str,
@@ -69,7 +69,7 @@ pub(super) fn defined<T>(
 }
 
 /// Names in a sentence.
-pub(super) fn list(names: impl IntoIterator<Item = impl Display>) -> String {
+pub(crate) fn list(names: impl IntoIterator<Item = impl Display>) -> String {
     let names: Vec<String> = names.into_iter().map(|name| name.to_string()).collect();
     if names.is_empty() {
         "none".into()

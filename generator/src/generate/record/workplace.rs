@@ -8,13 +8,13 @@ use dataset::corpus::seal;
 use dataset::corpus::{Corpus, ScenarioFolder};
 
 /// A `<id>.partial/`, ours because we hold the claim.
-pub(super) struct Workplace {
+pub(crate) struct Workplace {
     folder: ScenarioFolder,
 }
 
 impl Workplace {
     /// The folder of a scenario, empty: leftovers of an unfinished attempt are cleared.
-    pub(super) fn clear(corpus: &Corpus, id: &str, _claim: &Claim) -> dataset::Result<Self> {
+    pub(crate) fn clear(corpus: &Corpus, id: &str, _claim: &Claim) -> dataset::Result<Self> {
         let folder = corpus.partial_scenario(id);
         let root = folder.root();
         // If a link was planted there, only the link is removed.
@@ -34,7 +34,7 @@ impl Workplace {
 
     /// The folder as an earlier run left it, if that run was killed between sealing and renaming: all its files exist and match the
     /// sealed hashes.
-    pub(super) fn finished(
+    pub(crate) fn finished(
         corpus: &Corpus,
         id: &str,
         config_hash: &str,
@@ -46,12 +46,12 @@ impl Workplace {
             .then_some(Self { folder })
     }
 
-    pub(super) fn folder(&self) -> &ScenarioFolder {
+    pub(crate) fn folder(&self) -> &ScenarioFolder {
         &self.folder
     }
 
     /// Removes the folder. A failure does no harm: the next attempt clears it.
-    pub(super) fn abandon(self) {
+    pub(crate) fn abandon(self) {
         if let Err(error) = fs::remove_dir_all(self.folder.root()) {
             tracing::debug!(%error, folder = %self.folder.root().display(), "left behind");
         }

@@ -10,11 +10,11 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer};
 
-use super::fault::{Checked, Fault, fault};
-use super::limits::Enforce;
+use crate::sweep::check::fault::{Checked, Fault, fault};
+use crate::sweep::check::limits::Enforce;
 use crate::time_of_day::TimeOfDay;
 
-pub(super) use local_day::LocalDay;
+pub(in crate::sweep) use local_day::LocalDay;
 use sun_passing::{Half, SunPassing};
 
 const PATTERN: &str = "^(([01][0-9]|2[0-3]):[0-5][0-9]|(dawn|sunrise|sunset|dusk)([+-]([01][0-9]|2[0-3]):[0-5][0-9])?)$";
@@ -24,7 +24,7 @@ const MINUTES_PER_DAY: u32 = 24 * 60;
 
 /// An entry of a list of times.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum TimeEntry {
+pub(crate) enum TimeEntry {
     At(String),
     Sun(SunEntry),
     Every(TimeRange),
@@ -32,14 +32,14 @@ pub(super) enum TimeEntry {
 
 /// `{ sun_elevation_deg = -4, in = "evening" }`: the centre of the sun, without refraction.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct SunEntry {
+pub(crate) struct SunEntry {
     sun_elevation_deg: f64,
     r#in: Half,
 }
 
 /// `{ from = "06:00", to = "18:00", every_min = 60 }`: both ends are included, if the step reaches the second.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct TimeRange {
+pub(crate) struct TimeRange {
     from: String,
     to: String,
     every_min: u32,
@@ -89,7 +89,7 @@ impl TimeTable {
 }
 
 /// Reads a time of day: `HH:MM`, or a name such as `dusk` with an offset.
-pub(super) fn parse(key: &str, text: &str, day: &LocalDay) -> Checked<TimeOfDay> {
+pub(crate) fn parse(key: &str, text: &str, day: &LocalDay) -> Checked<TimeOfDay> {
     if let Some(time) = TimeOfDay::parse(text) {
         return Ok(time);
     }
@@ -136,7 +136,7 @@ fn on_day(passing: SunPassing, key: &str, day: &LocalDay) -> Checked<TimeOfDay> 
 
 impl TimeEntry {
     /// The times that it stands for; never empty.
-    pub(super) fn times(&self, key: &str, day: &LocalDay) -> Checked<Vec<TimeOfDay>> {
+    pub(crate) fn times(&self, key: &str, day: &LocalDay) -> Checked<Vec<TimeOfDay>> {
         let TimeRange {
             from,
             to,

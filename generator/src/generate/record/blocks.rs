@@ -11,11 +11,11 @@ use dataset::geometry::pose::FlightState;
 use dataset::plan::Picture;
 use xplane_bridge::{BlockOfTicks, BlockTrial, Simulator};
 
-use super::attempt::Attempt;
 use super::encoders::Encoders;
-use super::error::ScenarioError;
-use super::event::Event;
 use super::lockstep::{Drawn, check, check_content, request};
+use crate::generate::error::ScenarioError;
+use crate::generate::event::Event;
+use crate::generate::run::attempt::Attempt;
 
 /// The most ticks of a block where time runs: some seconds on the screen, whatever the rate of the ticks. In longer blocks the views of a
 /// tick are further apart in time, and in much shorter ones something that covers the scene may come before the first image and go after
@@ -23,7 +23,7 @@ use super::lockstep::{Drawn, check, check_content, request};
 const MOST_RUNNING_TICKS: usize = 150;
 
 /// Captures all images into `encoders`, block by block; returns what was drawn for each tick and view, and how.
-pub(super) async fn capture_blocks(
+pub(crate) async fn capture_blocks(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
     weather: &Weather,
@@ -98,7 +98,7 @@ pub(super) async fn capture_blocks(
 }
 
 /// Compares images of blocks with settled ones, unless that was done before; whether blocks are used from now on.
-pub(super) async fn may_use_blocks(
+pub(crate) async fn may_use_blocks(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
     attempt: &Attempt<'_, '_>,

@@ -18,9 +18,9 @@ use rustix::process::{Pid, Signal, kill_process_group};
 use tokio::process::{Child, Command};
 use tokio::time::timeout;
 
-use super::error::GenerateError;
-use super::session::SimulatorTarget;
 use super::simulators::Simulators;
+use crate::generate::error::GenerateError;
+use crate::generate::session::SimulatorTarget;
 
 /// The simulator to restart, as in `--sim`.
 const SIMULATOR_VARIABLE: &str = "DTD_SIMULATOR";
@@ -40,7 +40,7 @@ pub struct Restart {
 
 /// Reasons why a command did not restart a simulator.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum RestartError {
+pub(crate) enum RestartError {
     /// No shell.
     #[error("cannot run `sh -c` for --restart-simulator: {0}")]
     Start(io::Error),
@@ -71,7 +71,7 @@ pub(super) enum RestartError {
 }
 
 /// Checks that the simulators of a run can be restarted by a command; a tape cannot, and stand-ins are restarted by `dtd` itself.
-pub(super) fn check(simulators: &Simulators) -> Result<(), GenerateError> {
+pub(crate) fn check(simulators: &Simulators) -> Result<(), GenerateError> {
     let targets = simulators.targets();
     let not_restartable = |target: &SimulatorTarget, why| GenerateError::NotRestartable {
         simulator: target.to_string(),
@@ -94,14 +94,14 @@ pub(super) fn check(simulators: &Simulators) -> Result<(), GenerateError> {
 }
 
 /// A command that was started.
-pub(super) struct Running {
+pub(crate) struct Running {
     child: Child,
     output: File,
 }
 
 impl Restart {
     /// Starts the command for a simulator.
-    pub(super) fn start(&self, simulator: &str) -> Result<Running, RestartError> {
+    pub(crate) fn start(&self, simulator: &str) -> Result<Running, RestartError> {
         let output = tempfile::tempfile().map_err(RestartError::Start)?;
         let copy = || output.try_clone().map_err(RestartError::Start);
         let child = Command::new("sh")
@@ -119,7 +119,7 @@ impl Restart {
 
 impl Running {
     /// Waits for the end of the command, and logs its output.
-    pub(super) async fn ended(&mut self, limit: Duration) -> Result<(), RestartError> {
+    pub(crate) async fn ended(&mut self, limit: Duration) -> Result<(), RestartError> {
         let ended = timeout(limit, self.child.wait()).await;
         let output = self.output();
         for line in output.lines() {
@@ -137,7 +137,7 @@ impl Running {
     }
 
     /// Kills a command that does not end, with all processes that it started.
-    pub(super) fn kill(&self) {
+    pub(crate) fn kill(&self) {
         let group = self.child.id().and_then(|id| Pid::from_raw(id as i32));
         if let Some(group) = group
             && let Err(error) = kill_process_group(group, Signal::KILL)

@@ -14,24 +14,24 @@ use dataset::numbers::frame_rate::FrameRate;
 use dataset::plan::Picture;
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
 
-use super::attempt::Attempt;
 use super::encoders::Encoders;
-use super::error::ScenarioError;
-use super::event::Event;
+use crate::generate::error::ScenarioError;
+use crate::generate::event::Event;
+use crate::generate::run::attempt::Attempt;
 
 /// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB per image).
 const UNDER_WAY: usize = 4;
 
 /// Report of the simulator about one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Drawn {
-    pub(super) sim_frame: u64,
-    pub(super) pose: Pose,
-    pub(super) camera: CameraPose,
+pub(crate) struct Drawn {
+    pub(crate) sim_frame: u64,
+    pub(crate) pose: Pose,
+    pub(crate) camera: CameraPose,
 }
 
 /// Captures all images into `encoders`; returns what was drawn for each tick and view.
-pub(super) async fn capture(
+pub(crate) async fn capture(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
     weather: &Weather,
@@ -88,7 +88,7 @@ pub(super) async fn capture(
     Ok(drawn)
 }
 
-pub(super) fn request(
+pub(crate) fn request(
     (picture, deliver): (Picture, Deliver),
     tick: u32,
     state: &FlightState,
@@ -111,7 +111,7 @@ pub(super) fn request(
 
 /// Rejects an image that does not show what was requested, within the precision of X-Plane's 32-bit floats, or that is not newer
 /// than the previous one.
-pub(super) fn check(
+pub(crate) fn check(
     asked: &CaptureRequest,
     frame: &CapturedFrame,
     view: &str,
@@ -167,7 +167,7 @@ pub(super) fn check(
 }
 
 /// Rejects an empty image.
-pub(super) fn check_content(
+pub(crate) fn check_content(
     frame: &CapturedFrame,
     view: &str,
     weather: &Weather,

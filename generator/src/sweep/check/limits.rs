@@ -10,7 +10,7 @@ use super::fault::{Checked, fault};
 use crate::spread::Spread;
 
 /// Limits as the tables of a sweep enforce them.
-pub(super) trait Enforce {
+pub(crate) trait Enforce {
     /// Rejects a number outside; NaN is never in range.
     fn check_key(self, key: impl Into<String>, value: f64) -> Checked<()>;
     /// Rejects a spread from which a number outside could be drawn.
@@ -48,7 +48,7 @@ impl Enforce for Limits {
 }
 
 /// Limits that go into a schema.
-pub(super) struct InSchema(Limits);
+pub(crate) struct InSchema(Limits);
 
 impl InSchema {
     fn limit(&self, schema: &mut Schema) {

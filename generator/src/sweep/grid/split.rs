@@ -4,8 +4,8 @@ use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, fault};
-use super::limits::Enforce;
+use crate::sweep::check::fault::{Checked, fault};
+use crate::sweep::check::limits::Enforce;
 
 /// `[split]`: shares of the scenarios on each side; they add up to 1. Scenarios with the same trajectory stay together.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
@@ -33,7 +33,7 @@ impl Default for SplitFractions {
 }
 
 impl SplitFractions {
-    pub(super) fn check(&self) -> Checked<()> {
+    pub(crate) fn check(&self) -> Checked<()> {
         for (side, part) in [
             ("train", self.train),
             ("validation", self.validation),

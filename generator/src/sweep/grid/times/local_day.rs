@@ -11,9 +11,9 @@ use dataset::geometry::sun;
 use dataset::numbers::limits;
 
 use crate::airports;
-use crate::sweep::fault::{Checked, Fault, fault};
+use crate::sweep::check::fault::{Checked, Fault, fault};
+use crate::sweep::check::limits::Enforce;
 use crate::sweep::grid::Grid;
-use crate::sweep::limits::Enforce;
 use crate::sweep::runways::AirportTable;
 use crate::time_of_day::TimeOfDay;
 

@@ -5,10 +5,10 @@ use dataset::plan::{Jitter, PlannedCamera};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, fault};
-use super::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
+use crate::sweep::check::fault::{Checked, fault};
+use crate::sweep::check::limits::Enforce;
 
 /// `[jitter]`: added to each camera's own values. Each is a number or a spread to draw from.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
@@ -57,7 +57,7 @@ impl JitterTable {
         }
     }
 
-    pub(super) fn check(&self, cameras: &[PlannedCamera]) -> Checked<()> {
+    pub(crate) fn check(&self, cameras: &[PlannedCamera]) -> Checked<()> {
         for (field, limits, spread) in [
             ("along_m", limits::JITTER_M, &self.along_m),
             ("right_m", limits::JITTER_M, &self.right_m),

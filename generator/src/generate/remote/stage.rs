@@ -9,7 +9,7 @@ use dataset::files::json_file::{read_json, write_json};
 use dataset::files::own_path::own_path;
 use serde::{Deserialize, Serialize};
 
-use super::error::GenerateError;
+use crate::generate::error::GenerateError;
 
 const MARK: &str = "stage.json";
 
@@ -20,7 +20,7 @@ struct Mark {
 }
 
 /// Rejects a folder that is the stage of another corpus, or contains scenarios and is not a stage. Does not write.
-pub(super) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
+pub(crate) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
     let refused = |message: String| {
         Err(GenerateError::NotAStage {
             folder: root.to_owned(),
@@ -51,7 +51,7 @@ pub(super) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
 }
 
 /// Marks a checked folder.
-pub(super) fn mark(stage: &Corpus, url: &str) -> Result<(), GenerateError> {
+pub(crate) fn mark(stage: &Corpus, url: &str) -> Result<(), GenerateError> {
     let path = own_path(stage.root(), MARK)?;
     if !path.exists() {
         let corpus = url.to_owned();

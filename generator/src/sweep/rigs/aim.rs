@@ -5,10 +5,10 @@ use dataset::plan::Aim;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::fault::{Checked, fault};
-use super::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
+use crate::sweep::check::fault::{Checked, fault};
+use crate::sweep::check::limits::Enforce;
 
 /// `[aim]`: where each scenario turns all its cameras: to a point of the glide path, or in a direction.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -49,7 +49,7 @@ impl AimTable {
         }
     }
 
-    pub(super) fn check(&self) -> Checked<()> {
+    pub(crate) fn check(&self) -> Checked<()> {
         for (field, limits, spread) in [
             ("dtd_nm", limits::AIM_DTD_NM, &self.dtd_nm),
             (

@@ -8,7 +8,7 @@ use xplane_bridge::{BridgeError, Simulator};
 
 /// The choice of a run.
 #[derive(Debug, Clone)]
-pub(super) struct Pictures {
+pub(crate) struct Pictures {
     choice: PixelChoice,
     width_px: u32,
     height_px: u32,
@@ -16,7 +16,7 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    pub(super) fn new(choice: PixelChoice, screen: Arc<dyn Screen>, picture: Picture) -> Self {
+    pub(crate) fn new(choice: PixelChoice, screen: Arc<dyn Screen>, picture: Picture) -> Self {
         Self {
             choice,
             width_px: picture.width_px,
@@ -26,13 +26,13 @@ impl Pictures {
     }
 
     /// The size of the window that our own stand-in needs, width and height in pixels, if it needs one.
-    pub(super) fn window_px(&self) -> Option<(u32, u32)> {
+    pub(crate) fn window_px(&self) -> Option<(u32, u32)> {
         let screen = PixelChoice::Only(PixelKind::Screen);
         (self.choice == screen).then_some((self.width_px, self.height_px))
     }
 
     /// Makes a new connection take its images from this source, and checks that it can. One that cannot is closed properly.
-    pub(super) async fn set_up(&self, mut simulator: Simulator) -> Result<Simulator, BridgeError> {
+    pub(crate) async fn set_up(&self, mut simulator: Simulator) -> Result<Simulator, BridgeError> {
         let picture_px = (self.width_px, self.height_px);
         let used = simulator.use_pixels(self.choice, picture_px, &self.screen);
         match used.await {

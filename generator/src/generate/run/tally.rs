@@ -5,14 +5,14 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use dataset::plan::{Plan, PlannedScenario};
 
-use super::Cancel;
-use super::error::GenerateError;
-use super::outcome::{FailedScenario, MarkedScenario, Outcome, Stopped};
+use crate::generate::Cancel;
+use crate::generate::error::GenerateError;
+use crate::generate::outcome::{FailedScenario, MarkedScenario, Outcome, Stopped};
 
 /// The tally of a run.
-pub(super) struct Tally {
+pub(crate) struct Tally {
     /// Set when the run must end, for whatever reason.
-    pub(super) halt: Cancel,
+    pub(crate) halt: Cancel,
     counts: Mutex<Counts>,
 }
 
@@ -27,7 +27,7 @@ struct Counts {
 
 impl Tally {
     /// Continues from what is known before the run.
-    pub(super) fn new(outcome: Outcome) -> Self {
+    pub(crate) fn new(outcome: Outcome) -> Self {
         Self {
             halt: Cancel::new(),
             counts: Mutex::new(Counts {
@@ -37,11 +37,11 @@ impl Tally {
         }
     }
 
-    pub(super) fn committed(&self, scenario: &PlannedScenario) {
+    pub(crate) fn committed(&self, scenario: &PlannedScenario) {
         self.lock().outcome.committed.push(scenario.id.clone());
     }
 
-    pub(super) fn marked(&self, id: &str, differences: Vec<String>) {
+    pub(crate) fn marked(&self, id: &str, differences: Vec<String>) {
         let id = id.to_owned();
         let mut counts = self.lock();
         counts
@@ -50,15 +50,15 @@ impl Tally {
             .push(MarkedScenario { id, differences });
     }
 
-    pub(super) fn skipped(&self, scenario: &PlannedScenario) {
+    pub(crate) fn skipped(&self, scenario: &PlannedScenario) {
         self.lock().outcome.skipped.push(scenario.id.clone());
     }
 
-    pub(super) fn stays_staged(&self, scenario: &PlannedScenario) {
+    pub(crate) fn stays_staged(&self, scenario: &PlannedScenario) {
         self.lock().outcome.staged.push(scenario.id.clone());
     }
 
-    pub(super) fn failed(&self, scenario: &PlannedScenario, reason: String) {
+    pub(crate) fn failed(&self, scenario: &PlannedScenario, reason: String) {
         let id = scenario.id.clone();
         self.lock()
             .outcome
@@ -66,29 +66,29 @@ impl Tally {
             .push(FailedScenario { id, reason });
     }
 
-    pub(super) fn gave_up_simulator(&self, reason: Stopped) {
+    pub(crate) fn gave_up_simulator(&self, reason: Stopped) {
         self.lock().last_simulator_failure = Some(reason);
     }
 
     /// True on the first call, when waiting for other runs has not been reported yet.
-    pub(super) fn is_first_to_wait(&self) -> bool {
+    pub(crate) fn is_first_to_wait(&self) -> bool {
         !std::mem::replace(&mut self.lock().told_of_waiting, true)
     }
 
     /// Ends the run early. The first reason counts.
-    pub(super) fn stop(&self, reason: Stopped) {
+    pub(crate) fn stop(&self, reason: Stopped) {
         self.lock().outcome.stopped.get_or_insert(reason);
         self.halt.cancel();
     }
 
     /// Ends the run with an error. The first one counts.
-    pub(super) fn fail(&self, error: GenerateError) {
+    pub(crate) fn fail(&self, error: GenerateError) {
         self.lock().fatal.get_or_insert(error);
         self.halt.cancel();
     }
 
     /// The outcome of the run, in the order of the plan.
-    pub(super) fn into_outcome<'a>(
+    pub(crate) fn into_outcome<'a>(
         self,
         plan: &Plan,
         not_made: impl Iterator<Item = &'a PlannedScenario>,

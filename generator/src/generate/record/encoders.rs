@@ -13,10 +13,10 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 use tokio::task::{JoinHandle, spawn_blocking};
 use xplane_bridge::link::PictureBytes;
 
-use super::error::ScenarioError;
+use crate::generate::error::ScenarioError;
 
 /// The encoders of a scenario. If they are dropped without [`Encoders::finish`], they stop and leave unfinished files.
-pub(super) struct Encoders {
+pub(crate) struct Encoders {
     views: Vec<Encoder>,
     /// For the images that wait, of all views together.
     room: Arc<Semaphore>,
@@ -37,7 +37,7 @@ enum Message {
 
 impl Encoders {
     /// Starts an encoder for each view and the stream of its camera. So many images may wait for all of them together.
-    pub(super) fn start<'a>(
+    pub(crate) fn start<'a>(
         folder: &ScenarioFolder,
         views: impl IntoIterator<Item = (&'a str, Option<Stream>)>,
         picture: Picture,
@@ -82,7 +82,7 @@ impl Encoders {
     ///
     /// # Errors
     /// The encoder has ended; [`Encoders::abandon`] returns the reason.
-    pub(super) async fn write(
+    pub(crate) async fn write(
         &mut self,
         view: usize,
         rgb: PictureBytes,
@@ -97,12 +97,12 @@ impl Encoders {
     }
 
     /// The buffer of an image that has been written.
-    pub(super) fn take_written(&mut self) -> Option<PictureBytes> {
+    pub(crate) fn take_written(&mut self) -> Option<PictureBytes> {
         self.written.try_recv().ok()
     }
 
     /// Completes all videos and returns the timestamps of each view.
-    pub(super) async fn finish(self) -> Result<Vec<Vec<i64>>, ScenarioError> {
+    pub(crate) async fn finish(self) -> Result<Vec<Vec<i64>>, ScenarioError> {
         let mut all = Vec::new();
         for encoder in &self.views {
             // If the thread has ended, joining it gives the reason.
@@ -117,7 +117,7 @@ impl Encoders {
 
     /// Stops and joins all threads, so that none of them writes into the folder any more. Returns the first failure of an encoder, which is
     /// the reason if an encoder ended the scenario.
-    pub(super) async fn abandon(self) -> Option<ScenarioError> {
+    pub(crate) async fn abandon(self) -> Option<ScenarioError> {
         let mut first = None;
         for Encoder {
             view,

@@ -6,14 +6,14 @@ use dataset::plan::Common;
 use dataset::video::{VideoEncoder, try_encoder};
 use tokio::task::spawn_blocking;
 
-use super::error::GenerateError;
-use super::event::{Event, Reporter};
+use crate::generate::error::GenerateError;
+use crate::generate::event::{Event, Reporter};
 
 /// Tries an encoder with the sweep's images, in a temporary folder.
 ///
 /// # Errors
 /// [`GenerateError::Encoder`] with the fault and what to do.
-pub(super) async fn pass(
+pub(crate) async fn pass(
     common: &Common,
     encoder: VideoEncoder,
     reporter: &Reporter<'_>,
