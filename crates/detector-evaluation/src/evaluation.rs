@@ -11,12 +11,12 @@ use dataset::work::watch::Watch;
 use labeller::{DetectOptions, Failure, Findings, Searcher};
 
 use crate::error::{Error, Result};
-use crate::example::Candidates;
 use crate::figures::{EvaluatedModel, Evaluation, RegistrationFigures, Tally};
 use crate::mode::EvaluatedMode;
 use crate::outcome::Searched;
-use crate::picture::pictures_of;
+use crate::outcome::picture::pictures_of;
 use crate::report;
+use crate::report::example::Candidates;
 use crate::search_store::{EVALUATION, REPORT, SearchStore};
 
 /// Options of an evaluation.

@@ -11,18 +11,15 @@ mod accuracy;
 mod average_precision;
 mod error;
 mod evaluation;
-mod example;
 mod false_alarms;
 mod figures;
 mod mode;
 mod outcome;
-mod picture;
 mod recall;
 mod report;
 #[cfg(test)]
 mod samples;
 mod search_store;
-mod wilson;
 
 pub use accuracy::{BoxErrors, DisparityErrors, WidthFigures};
 pub use average_precision::{AveragePrecision, PrecisionTally, TrueAircraft};

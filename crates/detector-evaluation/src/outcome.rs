@@ -1,11 +1,13 @@
 //! Outcome of each image: found, or missed for a reason.
 
+pub(crate) mod picture;
+
 use std::collections::HashMap;
 
 use dataset::corpus::detections::{Detection, Detections, MissReason};
 use labeller::matching::Match;
 
-use crate::picture::Picture;
+use picture::Picture;
 
 /// An image and what was detected in it.
 #[derive(Debug)]

@@ -2,13 +2,14 @@
 //!
 //! Every image is counted once: not expected, found, or missed for a reason.
 
+mod wilson;
+
 use std::collections::BTreeMap;
 use std::ops::AddAssign;
 
 use serde::Serialize;
 
 use crate::outcome::{Outcome, Searched};
-use crate::wilson;
 use dataset::conditions::sight::Sight;
 
 /// Width of the bins of distance, nautical miles.
@@ -311,7 +312,7 @@ mod tests {
     use dataset::corpus::detections::Detections;
 
     use super::*;
-    use crate::picture::Picture;
+    use crate::outcome::picture::Picture;
     use crate::samples::{picture, seen};
 
     const ALL: fn(&Condition<'_>) -> bool = |_| true;

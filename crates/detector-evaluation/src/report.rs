@@ -1,6 +1,7 @@
 //! `report.html`: an evaluation in one file that opens offline.
 
 mod charts;
+pub(crate) mod example;
 
 use dataset::numbers::spread::Spread;
 use minijinja::context;
@@ -11,11 +12,11 @@ use report_page::signed;
 use serde::Serialize;
 
 use crate::error::Result;
-use crate::example::{Example, Kind};
 use crate::figures::{Evaluation, ModeFigures, SightCounts};
 use crate::mode::EvaluatedMode;
 use crate::recall::{BIN_NM, Counts, Recall};
 use charts::Line;
+use example::{Example, Kind};
 
 const TEMPLATE: &str = include_str!("report/report.html");
 

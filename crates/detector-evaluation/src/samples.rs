@@ -3,7 +3,7 @@
 use dataset::corpus::detections::Detection;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
 
-use crate::picture::Picture;
+use crate::outcome::picture::Picture;
 use dataset::conditions::sight::Sight;
 
 pub(crate) fn at(cx_px: f64) -> PixelBox {

@@ -4,14 +4,19 @@
 //! to a fraction of a pixel. Half of the crops are not resampled, because interpolated pixels are smoother than those the detector
 //! will see.
 
+pub(crate) mod augmentation;
+pub mod cover;
+mod structures;
+mod texture;
+
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use super::augmentation::Augmentation;
-use super::convolution::standard_normal;
-use super::cover::Cover;
-use super::picture::TrainingPicture;
-use super::targets::CropTruth;
+use super::grid::targets::CropTruth;
+use super::network::convolution::standard_normal;
+use super::samples::picture::TrainingPicture;
+use augmentation::Augmentation;
+use cover::Cover;
 use dataset::tables::pixel_box::PixelBox;
 
 /// Share of crops that are resampled to another size.
@@ -189,7 +194,7 @@ fn vary_light(pixels: &mut [f32], rng: &mut impl Rng) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::tests::sky_with_bar;
+    use crate::samples::picture::tests::sky_with_bar;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 

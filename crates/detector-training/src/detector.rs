@@ -17,10 +17,12 @@ use serde_json::Value;
 
 use crate::error::{CorpusFault, Error, OutputFault, Result, in_range};
 use crate::evaluation::{Evaluation, evaluate};
-use crate::start::start_from;
+use crate::export;
+use crate::samples::corpus_samples;
+use crate::training::checkpoint;
+use crate::training::start::start_from;
 use crate::training::train;
-use crate::training_config::TrainingConfig;
-use crate::{checkpoint, corpus_samples, export};
+use crate::training::training_config::TrainingConfig;
 
 /// Settings for training a detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

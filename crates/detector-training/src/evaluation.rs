@@ -14,12 +14,12 @@ use dataset::work::watch::{Stopped, Watch};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::convolution::GatherTables;
-use super::corpus_samples::JudgedFrame;
 use super::grid::{ScoredBox, peaks};
 use super::network::Network;
-use super::patches::PatchBatch;
-use super::picture::TrainingPicture;
+use super::network::convolution::GatherTables;
+use super::network::patches::PatchBatch;
+use super::samples::corpus_samples::JudgedFrame;
+use super::samples::picture::TrainingPicture;
 
 /// Side of the squares that are searched one by one, pixels.
 const TILE_PX: usize = 640;
@@ -312,7 +312,7 @@ fn without_doubles(mut candidates: Vec<ScoredBox>) -> Vec<ScoredBox> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::targets::CropTruth;
+    use crate::grid::targets::CropTruth;
 
     fn scored(cx_px: f64, score: f64) -> ScoredBox {
         ScoredBox {

@@ -12,12 +12,12 @@ use burn::tensor::Tensor;
 use onnx_graph::proto::{AttributeProto, Dimension, FLOAT, ModelProto, ValueInfoProto};
 use onnx_graph::{Graph, ModelTexts};
 
-use super::convolution::Convolution;
 use super::grid::{
     ANCHOR_PX, LARGEST_LOG_SIZE, LARGEST_LOGIT, NEIGHBOURHOOD, STRIDE_PX, cell_center_px,
 };
+use super::network::convolution::Convolution;
+use super::network::patches::PATCH_SIDE_PX;
 use super::network::{NORMALISATION_FLOOR, Network};
-use super::patches::PATCH_SIDE_PX;
 
 /// Bytes of the ONNX model.
 pub(crate) fn onnx_bytes(network: &Network) -> Vec<u8> {

@@ -3,6 +3,8 @@
 //! Pixel (0, 0) is the centre of the top-left pixel, so cell `i` of 8 px covers -0.5 + 8 i to 7.5 + 8 i and has its centre at 8 i +
 //! 3.5. This file and the graph that `export` writes implement the same formulas.
 
+pub mod targets;
+
 use dataset::tables::pixel_box::PixelBox;
 
 /// Side of a cell, pixels.

@@ -10,11 +10,6 @@
 
 #![forbid(unsafe_code)]
 
-pub(crate) mod augmentation;
-pub mod checkpoint;
-pub mod convolution;
-pub mod corpus_samples;
-pub mod cover;
 pub mod crop;
 mod detector;
 mod error;
@@ -23,16 +18,9 @@ pub mod export;
 pub mod grid;
 pub mod loss;
 pub mod network;
-pub mod patches;
-pub mod picture;
 pub mod samples;
-mod start;
-mod structures;
-pub mod targets;
-mod texture;
 pub mod training;
-mod training_config;
 
 pub use detector::{DetectorConfig, DetectorReport, train_detector};
 pub use error::{CorpusFault, Error, OutputFault, Result};
-pub use training_config::{Effort, MOST_MINUTES, TrainingConfig};
+pub use training::training_config::{Effort, MOST_MINUTES, TrainingConfig};

@@ -6,8 +6,8 @@
 
 use burn::tensor::{Device, Tensor, TensorData, activation};
 
-use super::convolution::FeatureMap;
-use super::targets::Targets;
+use super::grid::targets::Targets;
+use super::network::convolution::FeatureMap;
 
 /// Weight of the box relative to the objectness.
 const BOX_IMPORTANCE: f32 = 1.0;
@@ -72,7 +72,7 @@ fn softplus(x: Tensor<2>) -> Tensor<2> {
 mod tests {
     use super::*;
     use crate::grid::CELL_VALUES;
-    use crate::targets::CropTruth;
+    use crate::grid::targets::CropTruth;
     use dataset::tables::pixel_box::PixelBox;
 
     fn loss_of(shift_cells: f32, logit: f32) -> (f32, f32) {

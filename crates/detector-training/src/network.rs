@@ -7,14 +7,17 @@
 //! amplify the texture of a cloud to the strength of the aircraft in front of it, so the strength that is divided out is a separate input
 //! of the next layer.
 
+pub mod convolution;
+pub mod patches;
+
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData, activation};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::convolution::{Convolution, FeatureMap, GatherTables, normal_weights};
 use super::grid::{CELL_VALUES, STRIDE_PX};
-use super::patches::{PATCH_SIDE_PX, PATCH_VALUES, PatchBatch};
+use convolution::{Convolution, FeatureMap, GatherTables, normal_weights};
+use patches::{PATCH_SIDE_PX, PATCH_VALUES, PatchBatch};
 
 /// Floor of the divisive normalisation, in units of [`INPUT_GAIN`] times the image's range: near the noise of a decoded video.
 pub(crate) const NORMALISATION_FLOOR: f32 = 0.05;
@@ -177,7 +180,7 @@ fn normalised(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::patches::PatchBatch;
+    use crate::network::patches::PatchBatch;
 
     fn output_of(network: &Network, device: &Device, picture: &[f32]) -> Vec<f32> {
         let mut batch = PatchBatch::new(1, 64, 64);

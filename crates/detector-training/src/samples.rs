@@ -3,14 +3,17 @@
 //! Input: images around aircraft, sorted by the matching crop size, and whole frames as background. Output: batches of crops with
 //! their targets. Places where the network reported a false aircraft are drawn more often (hard negatives).
 
+pub mod corpus_samples;
+pub mod picture;
+
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use super::augmentation::Augmentation;
+use super::crop::augmentation::Augmentation;
 use super::crop::{Placement, random_crop};
-use super::patches::PatchBatch;
-use super::picture::TrainingPicture;
-use super::targets::Targets;
+use super::grid::targets::Targets;
+use super::network::patches::PatchBatch;
+use picture::TrainingPicture;
 
 /// A size of crop, the aircraft that it suits, and how often it is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]

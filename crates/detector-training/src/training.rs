@@ -4,6 +4,10 @@
 //! whether that is measured in minutes or in steps; two forked copies of the network work on two halves of every batch. A training
 //! with a checkpoint resumes where it was killed.
 
+pub mod checkpoint;
+pub(crate) mod start;
+pub(crate) mod training_config;
+
 use std::path::Path;
 use std::time::Instant;
 
@@ -15,15 +19,15 @@ use dataset::work::watch::Watch;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::checkpoint::{Checkpoint, Position, Saved};
-use super::convolution::GatherTables;
 use super::grid::CELL_VALUES;
 use super::loss::loss;
 use super::network::Network;
+use super::network::convolution::GatherTables;
 use super::samples::{Batch, CROP_SIZES, HardPlace, HardPlaces, Samples};
-use super::start::start_from;
-use super::training_config::{Effort, TrainingConfig};
 use crate::error::{Error, Result};
+use checkpoint::{Checkpoint, Position, Saved};
+use start::start_from;
+use training_config::{Effort, TrainingConfig};
 
 /// Copies of the network that work in parallel.
 const SHARDS: usize = 2;
@@ -253,10 +257,10 @@ impl Shard {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::augmentation::Augmentation;
+    use crate::crop::augmentation::Augmentation;
     use crate::evaluation::detect;
-    use crate::picture::TrainingPicture;
-    use crate::targets::CropTruth;
+    use crate::grid::targets::CropTruth;
+    use crate::samples::picture::TrainingPicture;
     use dataset::tables::pixel_box::PixelBox;
     use dataset::work::watch::Silent;
     use rand::RngExt;

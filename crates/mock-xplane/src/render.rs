@@ -11,24 +11,13 @@
 mod air;
 mod aircraft;
 mod backdrop;
-mod blur;
-mod clouds;
 mod curves;
-mod drift;
-mod ground;
+mod imaging;
 mod kept;
 mod lamps;
 mod light;
-mod noise;
 pub(crate) mod overlay;
 mod rain;
-mod raster;
-mod seeing;
-mod sensor;
-mod ships;
-mod site_lamps;
-mod sway;
-mod tone;
 mod view;
 
 use std::sync::{Mutex, PoisonError};
@@ -43,18 +32,18 @@ use glam::{DVec2, DVec3, Vec3};
 
 use air::Air;
 use aircraft::Placed;
+use aircraft::raster::{Patch, Scratch};
+use backdrop::clouds::{CloudLight, Clouds};
+use backdrop::ground::Ground;
 use backdrop::{Backdrop, SkyGrid, Surroundings};
-use blur::Blur;
-use clouds::{CloudLight, Clouds};
-use ground::Ground;
+use imaging::blur::Blur;
+use imaging::seeing::Turbulence;
+use imaging::sensor::SensorNoise;
+use imaging::sway::SwayingMast;
+pub(crate) use imaging::sway::displace;
+use imaging::tone::Tone;
 use lamps::Spot;
 use light::Light;
-use raster::{Patch, Scratch};
-use seeing::Turbulence;
-use sensor::SensorNoise;
-use sway::SwayingMast;
-pub(crate) use sway::displace;
-use tone::Tone;
 use view::View;
 
 /// Pixels between grid nodes.
@@ -146,10 +135,10 @@ impl Scene {
         let approach = (-view.course + DVec3::Z * 0.03).normalize();
         let tone = Tone::for_horizon(curves::luminance(air.airlight(approach)));
         let ground = Ground::new(&view, runway, &air, &light, weather.rain_ratio);
-        let site_lamps = site_lamps::spots(&view, &air, &tone, &ground);
-        let rain_grey = tone::encode(tone.expose(air.airlight(approach) * 1.3)).to_array();
+        let site_lamps = lamps::site_lamps::spots(&view, &air, &tone, &ground);
+        let rain_grey = imaging::tone::encode(tone.expose(air.airlight(approach) * 1.3)).to_array();
         let rain_seed = view.position_m.to_array().iter().fold(0, |seed, c| {
-            noise::hash(seed, c.to_bits() as u32, (c.to_bits() >> 32) as u32)
+            backdrop::noise::hash(seed, c.to_bits() as u32, (c.to_bits() >> 32) as u32)
         });
         let world = Surroundings {
             clouds: Clouds::new(weather, &light),
@@ -300,7 +289,7 @@ impl Scene {
             .unwrap_or_else(PoisonError::into_inner)
             .pop()
             .unwrap_or_default();
-        let patch = raster::draw(&triangles, self.size(), &mut scratch);
+        let patch = aircraft::raster::draw(&triangles, self.size(), &mut scratch);
         self.scratch
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -449,7 +438,7 @@ impl Canvas {
         {
             let (x, y) = (self.x + index % self.width, self.y + index / self.width);
             rgb[(y * picture_width + x) * 3..][..3]
-                .copy_from_slice(&tone::to_bytes(tone::encode(light)));
+                .copy_from_slice(&imaging::tone::to_bytes(imaging::tone::encode(light)));
         }
     }
 }

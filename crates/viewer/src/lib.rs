@@ -6,25 +6,16 @@
 
 #![forbid(unsafe_code)]
 
-mod assets;
-mod bitmap;
-mod byte_range;
-mod doorkeeper;
 mod error;
 mod library;
 mod opened;
 mod overview;
 mod path;
 mod pictures;
-mod planes;
-mod refusal;
-mod refusal_page;
 mod rounded;
 mod run;
 mod scenario_tables;
 mod server;
-mod thumbnail;
-mod video_file;
 
 pub use error::ViewError;
 pub use server::{ViewOptions, serve};

@@ -6,9 +6,9 @@ use dataset::corpus::Corpus;
 use dataset::files::file_name;
 
 use crate::opened::Opened;
-use crate::refusal::Refusal;
+use crate::pictures::thumbnail::Thumbnails;
 use crate::run::Run;
-use crate::thumbnail::Thumbnails;
+use crate::server::refusal::Refusal;
 
 /// Scenarios that stay open: the shown one, and the one before.
 const MOST_OPENED: usize = 2;

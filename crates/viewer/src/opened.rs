@@ -9,7 +9,7 @@ use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::scenario::ScenarioRecord;
 
 use crate::pictures::{Form, Picture, Pictures};
-use crate::refusal::Refusal;
+use crate::server::refusal::Refusal;
 
 /// An opened scenario.
 pub(crate) struct Opened {

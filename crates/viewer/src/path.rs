@@ -5,8 +5,8 @@ use dataset::tables::frames::TickRow;
 use serde::Serialize;
 
 use crate::opened::Opened;
-use crate::refusal::Refusal;
 use crate::rounded::thousandths;
+use crate::server::refusal::Refusal;
 
 /// Points of a path.
 const MOST_POINTS: usize = 200;

@@ -3,6 +3,10 @@
 //! Videos are decoded from a keyframe on. A page steps mostly to the next image, which is the next one to decode; for steps backwards
 //! the images that were decoded on the way are kept.
 
+mod bitmap;
+pub(crate) mod planes;
+pub(crate) mod thumbnail;
+
 use std::collections::VecDeque;
 use std::path::Path;
 
@@ -12,8 +16,6 @@ use dataset::error::Error;
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::video::{BYTES_PER_PIXEL, VideoReader};
 use serde::Deserialize;
-
-use crate::bitmap;
 
 /// Images kept, bytes: fifteen of 1920 x 1280 as planes.
 const KEPT_BYTES: usize = 56 << 20;

@@ -14,9 +14,9 @@ use serde::Serialize;
 use crate::library::Library;
 use crate::opened::Opened;
 use crate::path::place;
-use crate::refusal::Refusal;
 use crate::rounded::{column, thousandths};
 use crate::run::Flight;
+use crate::server::refusal::Refusal;
 
 /// A scenario's tables.
 #[derive(Debug, Serialize)]

@@ -1,5 +1,12 @@
 //! The server: which address gives what.
 
+mod assets;
+mod byte_range;
+mod doorkeeper;
+pub(crate) mod refusal;
+mod refusal_page;
+mod video_file;
+
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,14 +23,15 @@ use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 use tokio::task::spawn_blocking;
 
-use crate::doorkeeper::guard;
 use crate::error::ViewError;
 use crate::library::Library;
+use crate::pictures::planes::{MOST_EVERY, Part};
 use crate::pictures::{Form, Picture};
-use crate::planes::{MOST_EVERY, Part};
-use crate::refusal::Refusal;
+use crate::pictures::{planes, thumbnail};
 use crate::run::{Run, Summary};
-use crate::{assets, overview, path, planes, scenario_tables, thumbnail, video_file};
+use crate::{overview, path, scenario_tables};
+use doorkeeper::guard;
+use refusal::Refusal;
 
 /// Columns and rows of an image that is sent as planes, and of its part if there is one.
 const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");

@@ -1,17 +1,19 @@
 //! The aircraft in the image: its mesh lit by sun, sky and ground, and its own lamps.
 
+pub(crate) mod raster;
+
 use airframe::{Configuration, Mesh, boeing_737_800};
 use dataset::geometry::pose::{Controls, Pose};
 use glam::{DMat3, DVec2, DVec3, Vec3};
 
 use crate::render::air::Air;
 use crate::render::curves::smoothstep;
+use crate::render::imaging::tone::Tone;
 use crate::render::lamps::Spot;
+use crate::render::lamps::site_lamps::spot;
 use crate::render::light::Light;
-use crate::render::raster::ScreenTriangle;
-use crate::render::site_lamps::spot;
-use crate::render::tone::Tone;
 use crate::render::view::View;
+use raster::ScreenTriangle;
 
 /// Reflectance of the ground that lights the aircraft from below.
 const GROUND_REFLECTANCE: f32 = 0.12;

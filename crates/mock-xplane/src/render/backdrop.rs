@@ -5,6 +5,12 @@
 //! computed for each of a series of instants so close together that the clouds drift by at most a pixel from one to the next
 //! (`drift.rs` tracks them). If several images show an instant, its rows are interpolated once and copied.
 
+pub(crate) mod clouds;
+mod drift;
+pub(crate) mod ground;
+pub(crate) mod noise;
+mod ships;
+
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::{DVec2, DVec3, Vec3};
@@ -12,14 +18,14 @@ use rayon::prelude::*;
 
 use crate::render::CELL_PX;
 use crate::render::air::Air;
-use crate::render::blur::Blur;
-use crate::render::clouds::Clouds;
-use crate::render::drift::{DriftingLayer, Moved};
-use crate::render::ground::{Ground, HIGHEST_SILHOUETTE_RAD};
+use crate::render::imaging::blur::Blur;
+use crate::render::imaging::tone::{self, Tone};
 use crate::render::kept::Kept;
 use crate::render::lamps::Spot;
-use crate::render::tone::{self, Tone};
 use crate::render::view::View;
+use clouds::Clouds;
+use drift::{DriftingLayer, Moved};
+use ground::{Ground, HIGHEST_SILHOUETTE_RAD};
 
 /// Drift between two computed instants, pixels. An image shows the clouds of the nearest instant: blending two would double the
 /// cost at low frame rates, where every image needs new ones.

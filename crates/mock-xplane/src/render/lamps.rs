@@ -3,6 +3,8 @@
 //! A lamp is smaller than a pixel at any distance of interest. Its illuminance at the camera, divided by the solid angle of a
 //! pixel, is spread by a Gaussian (the optics) with a weak wide skirt (glare), centred with sub-pixel accuracy.
 
+pub(crate) mod site_lamps;
+
 use glam::{DVec2, Vec3};
 
 /// Standard deviation of the optics' blur, pixels.

@@ -1,6 +1,6 @@
 //! Streaks of rain near the camera.
 
-use crate::render::noise::{hash, unit_hash};
+use crate::render::backdrop::noise::{hash, unit_hash};
 
 /// Streaks in an image of one million pixels in the heaviest rain.
 const STREAKS_PER_MEGAPIXEL: f64 = 260.0;

@@ -317,8 +317,9 @@ fn fog_takes_the_airframe_where_the_formula_says() {
     let behind = scene
         .backdrop
         .light(sky, middle.x as usize, middle.y as usize);
-    let levels_per_contrast =
-        f64::from((tone::encode(behind) - tone::encode(behind * 0.99)).max_element()) / 0.01;
+    let levels_per_contrast = f64::from(
+        (imaging::tone::encode(behind) - imaging::tone::encode(behind * 0.99)).max_element(),
+    ) / 0.01;
     let beta_per_m = 3.912 / FOG_VISIBILITY_M;
     let lost_m = near_m + (near * levels_per_contrast).ln() / beta_per_m;
     assert!((9_000.0..16_000.0).contains(&lost_m), "{lost_m}");

@@ -6,9 +6,9 @@ use axum::response::{IntoResponse, Response};
 use report_page::page::{render, value};
 use serde::Serialize;
 
-use crate::refusal::Refusal;
+use crate::server::refusal::Refusal;
 
-const TEMPLATE: &str = include_str!("../page/refusal.html");
+const TEMPLATE: &str = include_str!("../../page/refusal.html");
 
 #[derive(Serialize)]
 struct Values<'a> {

@@ -6,7 +6,7 @@
 
 use dataset::tables::pixel_box::PixelBox;
 
-use super::grid::{NEIGHBOURHOOD, STRIDE_PX, cell_center_px, cell_of_px, encode};
+use crate::grid::{NEIGHBOURHOOD, STRIDE_PX, cell_center_px, cell_of_px, encode};
 
 /// Fall-off of the heat around the centre, cells.
 const HEAT_DEVIATION_CELLS: f64 = 0.8;

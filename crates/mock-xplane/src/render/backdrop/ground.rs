@@ -10,10 +10,10 @@ use glam::{DVec2, DVec3, Vec3};
 
 use self::inland::Inland;
 use crate::render::air::Air;
+use crate::render::backdrop::noise::NoiseTile;
+use crate::render::backdrop::ships::Ship;
 use crate::render::curves::smoothstep;
 use crate::render::light::Light;
-use crate::render::noise::NoiseTile;
-use crate::render::ships::Ship;
 use crate::render::view::View;
 
 /// Length of the runway's pavement past the threshold, and its width, metres, where they are not known.

@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 use dataset::geometry::imaging::Sensor;
 use rayon::prelude::*;
 
-use crate::render::tone::{linear_from_srgb, srgb_from_linear};
+use crate::render::imaging::tone::{linear_from_srgb, srgb_from_linear};
 
 /// Steps of the normal distribution: one hash of 64 bits serves the three colours of a pixel.
 const BELL_BITS: u32 = 14;

@@ -13,10 +13,10 @@ use dataset::corpus::workshop::{self, CLAIM};
 use dataset::files::json_file::{read_json, write_atomically, write_json};
 use serde::{Deserialize, Serialize};
 
-use super::network::Network;
-use super::samples::HardPlaces;
 use super::training_config::TrainingConfig;
 use crate::error::{Error, OutputFault, Result};
+use crate::network::Network;
+use crate::samples::HardPlaces;
 
 const STATE: &str = "checkpoint.json";
 /// Hash of the model that the training is about to write.
@@ -24,24 +24,24 @@ const MODEL: &str = "model.b3";
 const PARTS: [&str; 2] = ["network", "optimizer"];
 
 /// Rejects a folder that contains anything but a checkpoint: it is deleted when the training is done.
-pub(super) fn refuse_strangers(folder: &Path) -> Result<()> {
+pub(crate) fn refuse_strangers(folder: &Path) -> Result<()> {
     let what = "is the checkpoint folder, but";
     let is_own = |name: &str| is_own(&folder.join(name));
     Ok(workshop::refuse_strangers(folder, what, is_own)?)
 }
 
 /// Notes the hash of the model before it is written, so that a training that is killed before its report knows it again.
-pub(super) fn note_model(folder: &Path, hash: &str) -> Result<()> {
+pub(crate) fn note_model(folder: &Path, hash: &str) -> Result<()> {
     Ok(write_atomically(&folder.join(MODEL), hash.as_bytes())?)
 }
 
 /// The hash of the model that a training in this folder wrote, or was about to write.
-pub(super) fn noted_model(folder: &Path) -> Option<String> {
+pub(crate) fn noted_model(folder: &Path) -> Option<String> {
     fs::read_to_string(folder.join(MODEL)).ok()
 }
 
 /// Removes the checkpoint of a finished training.
-pub(super) fn clear(folder: &Path) -> Result<()> {
+pub(crate) fn clear(folder: &Path) -> Result<()> {
     for path in content(folder)? {
         if is_own(&path) {
             fs::remove_file(&path).map_err(dataset::Error::io("remove", &path))?;
@@ -86,11 +86,11 @@ pub struct Position {
 }
 
 /// State of a training run in a checkpoint.
-pub(super) struct Saved {
-    pub(super) network: Network,
-    pub(super) optimizer: ModuleOptimizer,
-    pub(super) position: Position,
-    pub(super) hard: HardPlaces,
+pub(crate) struct Saved {
+    pub(crate) network: Network,
+    pub(crate) optimizer: ModuleOptimizer,
+    pub(crate) position: Position,
+    pub(crate) hard: HardPlaces,
 }
 
 /// Content of `checkpoint.json`.
@@ -102,13 +102,13 @@ struct State {
 }
 
 /// A folder with the checkpoint of one training.
-pub(super) struct Checkpoint<'a> {
+pub(crate) struct Checkpoint<'a> {
     folder: PathBuf,
     config: &'a TrainingConfig,
 }
 
 impl<'a> Checkpoint<'a> {
-    pub(super) fn new(folder: &Path, config: &'a TrainingConfig) -> Self {
+    pub(crate) fn new(folder: &Path, config: &'a TrainingConfig) -> Self {
         Self {
             folder: folder.to_owned(),
             config,
@@ -135,7 +135,7 @@ impl<'a> Checkpoint<'a> {
     }
 
     /// Writes the training and removes what it replaces.
-    pub(super) fn save(&self, training: &Saved) -> Result<()> {
+    pub(crate) fn save(&self, training: &Saved) -> Result<()> {
         fs::create_dir_all(&self.folder).map_err(dataset::Error::io("create", &self.folder))?;
         let step = training.position.step;
         let record = training.network.clone().into_record();
@@ -170,7 +170,7 @@ impl<'a> Checkpoint<'a> {
     }
 
     /// The training of the folder, or the given one if there is none.
-    pub(super) fn load(&self, mut fresh: Saved) -> Result<Saved> {
+    pub(crate) fn load(&self, mut fresh: Saved) -> Result<Saved> {
         if !self.state_path().exists() {
             return Ok(fresh);
         }

@@ -14,8 +14,8 @@ use dataset::files::outside_file::{self, FileKind};
 use futures_util::stream;
 use tokio::task::spawn_blocking;
 
-use crate::byte_range::Asked;
-use crate::refusal::Refusal;
+use crate::server::byte_range::Asked;
+use crate::server::refusal::Refusal;
 
 /// Bytes that are read at once.
 const CHUNK_BYTES: u64 = 1 << 18;

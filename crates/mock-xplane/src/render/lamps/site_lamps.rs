@@ -3,10 +3,10 @@
 use glam::{DVec3, Vec3};
 
 use crate::render::air::Air;
-use crate::render::ground::{Ground, ISLANDS_M};
+use crate::render::backdrop::ground::{Ground, ISLANDS_M};
+use crate::render::backdrop::noise::unit_hash;
+use crate::render::imaging::tone::Tone;
 use crate::render::lamps::Spot;
-use crate::render::noise::unit_hash;
-use crate::render::tone::Tone;
 use crate::render::view::View;
 
 /// Spacing of edge lights, metres (ICAO Annex 14).

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::augmentation::Augmentation;
+use crate::crop::augmentation::Augmentation;
 use crate::error::{Result, in_range};
 
 /// The longest training that can be asked for, minutes: a year.

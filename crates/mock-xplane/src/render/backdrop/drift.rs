@@ -10,8 +10,8 @@ use glam::{DVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::render::CELL_PX;
+use crate::render::backdrop::clouds::{Clouds, Layer};
 use crate::render::backdrop::{Nodes, Surroundings};
-use crate::render::clouds::{Clouds, Layer};
 use crate::render::kept::Kept;
 
 /// Drift from key to key where it is fastest, pixels. Half of it is the farthest look-up, where interpolation preserves 90 % of

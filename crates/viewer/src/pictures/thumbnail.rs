@@ -23,7 +23,7 @@ use tokio::task::spawn_blocking;
 
 use crate::library::Library;
 use crate::opened::Opened;
-use crate::refusal::Refusal;
+use crate::server::refusal::Refusal;
 
 /// Thumbnails that are made at the same time: the images of a scenario that is looked at come first.
 const AT_ONCE: usize = 2;

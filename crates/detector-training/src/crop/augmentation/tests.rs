@@ -1,6 +1,6 @@
 use super::*;
-use crate::cover::Cover;
-use crate::picture::tests::sky_with_bar;
+use crate::crop::cover::Cover;
+use crate::samples::picture::tests::sky_with_bar;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

@@ -16,11 +16,11 @@ use dataset::work::memory;
 use dataset::work::watch::Watch;
 use rayon::prelude::*;
 
-use super::cover::Cover;
 use super::picture::{TrainingPicture, is_visible, may_be_visible};
-use super::samples::{CROP_SIZES, Samples, size_for_width};
-use super::targets::CropTruth;
+use crate::crop::cover::Cover;
 use crate::error::{CorpusFault, Error, Result};
+use crate::grid::targets::CropTruth;
+use crate::samples::{CROP_SIZES, Samples, size_for_width};
 
 /// Whole frames kept of every video as background. Clouds and ground do not move within a scenario; lights and rain do.
 const BACKGROUNDS_PER_VIDEO: usize = 3;

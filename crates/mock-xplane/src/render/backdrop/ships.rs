@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::render::noise::unit_hash;
+use crate::render::backdrop::noise::unit_hash;
 use crate::render::view::View;
 
 const SHIPS: u32 = 14;

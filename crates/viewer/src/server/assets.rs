@@ -12,7 +12,7 @@ const ICON: &str = "image/svg+xml";
 
 macro_rules! page {
     ($name:literal) => {
-        include_str!(concat!("../page/", $name))
+        include_str!(concat!("../../page/", $name))
     };
 }
 

@@ -7,7 +7,7 @@ use rand::{Rng, RngExt};
 
 /// Sides of a rectangle, pixels of a crop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Rectangle {
+pub(crate) struct Rectangle {
     left: f32,
     top: f32,
     right: f32,
@@ -18,7 +18,7 @@ pub(super) struct Rectangle {
 
 impl Rectangle {
     /// Part of the pixel that is inside, 0 to 1.
-    pub(super) fn cover(&self, x: usize, y: usize) -> f32 {
+    pub(crate) fn cover(&self, x: usize, y: usize) -> f32 {
         let part = |at: f32, low: f32, high: f32| {
             ((at + 0.5).min(high) - (at - 0.5).max(low)).clamp(0.0, 1.0)
         };
@@ -26,7 +26,7 @@ impl Rectangle {
     }
 
     /// The rows and columns that it may touch in a crop.
-    pub(super) fn pixels(&self, side_px: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+    pub(crate) fn pixels(&self, side_px: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
         let span = |low: f32, high: f32| {
             let edge = |at: f32| (at.max(0.0) as usize).min(side_px);
             edge((low - 0.5).floor())..edge((high + 0.5).ceil() + 1.0)
@@ -37,7 +37,7 @@ impl Rectangle {
 }
 
 /// One random structure, its farthest parts first.
-pub(super) fn random_structure(side_px: usize, rng: &mut impl Rng) -> Vec<Rectangle> {
+pub(crate) fn random_structure(side_px: usize, rng: &mut impl Rng) -> Vec<Rectangle> {
     let side = side_px as f32;
     let foot = [
         rng.random_range(0.0..side),

@@ -15,8 +15,8 @@ use axum::http::{HeaderMap, Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use crate::refusal::Refusal;
-use crate::refusal_page;
+use crate::server::refusal::Refusal;
+use crate::server::refusal_page;
 
 /// The page uses its own files alone.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; media-src 'self'; \

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3, Vec3};
 
+use crate::render::backdrop::noise::{NoiseTile, hash, unit_hash};
 use crate::render::curves::smoothstep;
-use crate::render::noise::{NoiseTile, hash, unit_hash};
 
 /// The stand-in's own airport is on a coast.
 const BY_THE_SEA: &str = "WSSS";

@@ -12,9 +12,9 @@ use glam::{DVec2, DVec3, Vec3};
 
 use crate::render::CELL_PX;
 use crate::render::air::Air;
+use crate::render::backdrop::noise::NoiseTile;
 use crate::render::curves::smoothstep;
 use crate::render::light::Light;
-use crate::render::noise::NoiseTile;
 use crate::render::view::View;
 
 /// Haze leaves less than half a percent of contrast beyond this optical depth: marching farther is pointless.

@@ -1,6 +1,6 @@
 //! The first weights of a training, from a detector of this project.
 //!
-//! Input: an ONNX model that [`super::export`] wrote. Output: the network in it.
+//! Input: an ONNX model that [`crate::export`] wrote. Output: the network in it.
 
 use std::path::Path;
 
@@ -10,8 +10,8 @@ use dataset::files::outside_file::{self, FileKind};
 use onnx_graph::proto::{ModelProto, TensorProto};
 use prost::Message;
 
-use crate::convolution::Convolution;
 use crate::error::{Error, Result};
+use crate::network::convolution::Convolution;
 use crate::network::{INPUT_GAIN, Network};
 
 /// Layers besides those for the strength of contrast, in the order of the graph: the first, then the ones of [`layers`].
@@ -19,7 +19,7 @@ const LAYERS: usize = 13;
 const STRENGTHS: usize = 3;
 
 /// The network in the model at `path`.
-pub(super) fn start_from(path: &Path, device: &Device) -> Result<Network> {
+pub(crate) fn start_from(path: &Path, device: &Device) -> Result<Network> {
     let onnx = outside_file::read(path, FileKind::MODEL)?;
     network_of(&onnx, device).ok_or_else(|| Error::Start {
         path: path.to_owned(),
@@ -127,9 +127,9 @@ impl Weights<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::convolution::{GatherTables, normal_weights};
     use crate::export::{model, onnx_bytes};
-    use crate::patches::PatchBatch;
+    use crate::network::convolution::{GatherTables, normal_weights};
+    use crate::network::patches::PatchBatch;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 

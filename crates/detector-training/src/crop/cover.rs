@@ -3,7 +3,7 @@
 //! Input: an image of an aircraft and one of the same place without it. Output: a cover of 0 to 1 per pixel. Cameras do not move, so
 //! another frame of the same video shows the background; where the two differ is the aircraft.
 
-use crate::picture::TrainingPicture;
+use crate::samples::picture::TrainingPicture;
 use dataset::tables::pixel_box::PixelBox;
 
 /// Margin around a box in which its aircraft is searched for, pixels.
@@ -119,7 +119,7 @@ fn strongest_tenth(differences: &[u8]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::tests::sky_with_bar;
+    use crate::samples::picture::tests::sky_with_bar;
 
     #[test]
     fn the_aircraft_is_covered_and_the_sky_around_it_is_not() {

@@ -5,8 +5,8 @@
 
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
 
-use super::cover::Cover;
-use super::targets::CropTruth;
+use crate::crop::cover::Cover;
+use crate::grid::targets::CropTruth;
 
 /// Minimum part of the silhouette inside the image and above the ground.
 const LEAST_VISIBLE_FRACTION: f64 = 0.4;
@@ -67,7 +67,7 @@ pub(crate) fn is_visible(frame: &TrainingPicture, truth: &TruthBox) -> bool {
 }
 
 /// True if a large enough part of the aircraft is within the frame; how much of it haze and fog hide follows from the pixels alone.
-pub(super) fn may_be_visible(truth: &TruthBox) -> bool {
+pub(crate) fn may_be_visible(truth: &TruthBox) -> bool {
     truth.visible_fraction >= LEAST_VISIBLE_FRACTION
 }
 

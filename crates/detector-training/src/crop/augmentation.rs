@@ -11,12 +11,12 @@ use rand::{Rng, RngExt};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::convolution::standard_normal;
+use crate::crop::structures::{Rectangle, random_structure};
+use crate::crop::texture::Texture;
 use crate::error::{Result, in_range};
-use crate::picture::Strength;
-use crate::structures::{Rectangle, random_structure};
-use crate::targets::CropTruth;
-use crate::texture::Texture;
+use crate::grid::targets::CropTruth;
+use crate::network::convolution::standard_normal;
+use crate::samples::picture::Strength;
 
 /// One grey level of 256.
 const LEVEL: f32 = 1.0 / 255.0;
