@@ -14,7 +14,7 @@ use testkit::pictures::{ALIKE, farthest, pictures};
 use testkit_simulator::{PATIENCE, SWEEP, SimulatorProcess, plugin};
 use tokio::time::timeout;
 use xplane_bridge::datarefs::{self, Generation};
-use xplane_bridge::subscription::Subscription;
+use xplane_bridge::udp::subscription::Subscription;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 

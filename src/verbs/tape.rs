@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use generator::stand_in::{StandIn, StandInTask};
 use tokio::runtime::Runtime;
-use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
+use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::{BridgeError, LocalUdp, somebody_answers};
 use xplane_tape::{RecordOptions, TapeSummary, record};

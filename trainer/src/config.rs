@@ -14,7 +14,7 @@ use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
 
 use crate::config::backend::TrainingBackend;
-pub use crate::samples::scenario_split::ScenarioSplitConfig;
+pub use crate::samples::sides::scenario_split::ScenarioSplitConfig;
 pub use loss::Loss;
 pub(crate) use loss::Target;
 use loss::UNIT_NM;

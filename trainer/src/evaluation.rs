@@ -39,11 +39,11 @@ use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{RunSummary, TrainedRun};
 use crate::samples::camera_health::Corrections;
-use crate::samples::leave_out::LeftOut;
-use crate::samples::marked_scenarios;
-use crate::samples::moved_rig::differences_elsewhere;
 use crate::samples::paired_views::Aside;
+use crate::samples::rig::moved_rig::differences_elsewhere;
 use crate::samples::rig::{Rig, are_same, differences, form};
+use crate::samples::sides::leave_out::LeftOut;
+use crate::samples::sides::marked_scenarios;
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
 /// Warning about a run that aligns backgrounds, at another airport.

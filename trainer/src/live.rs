@@ -29,7 +29,7 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 
-pub use crate::samples::look::Look;
+pub use crate::samples::camera_health::look::Look;
 pub use answer::{Answer, Position, Stated, Withheld};
 pub(crate) use in_sight::{InSight, Judged};
 pub use phase::Phase;

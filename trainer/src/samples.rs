@@ -6,21 +6,13 @@
 //! gets is decided for whole flights ([`crate::samples::paired_views`]). Ticks past the touchdown target are ignored, because the distance
 //! to touchdown grows again there. A committed scenario that is missing from the split is an error.
 
-pub(crate) mod camera_adjustment;
 pub(crate) mod camera_health;
-pub(crate) mod flight_parts;
 pub(crate) mod json_differences;
-pub(crate) mod late_images;
 pub(crate) mod lateral_spread;
-pub(crate) mod leave_out;
-pub(crate) mod look;
-pub(crate) mod marked_scenarios;
-pub(crate) mod moved_rig;
-pub(crate) mod other_boxes;
 pub(crate) mod paired_views;
 pub(crate) mod rig;
 mod sample;
-pub(crate) mod scenario_split;
+pub(crate) mod sides;
 pub(crate) mod training_cameras;
 pub(crate) mod trusted_boxes;
 pub(crate) mod truth;
@@ -49,12 +41,12 @@ use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
+use crate::samples::camera_health::late_images::{in_time, lateness};
+use crate::samples::camera_health::look::Look;
 use crate::samples::camera_health::{CameraHealth, Corrections};
-use crate::samples::late_images::{in_time, lateness};
-use crate::samples::look::Look;
-use crate::samples::other_boxes::{Candidate, Registered};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
+use crate::samples::trusted_boxes::other_boxes::{Candidate, Registered};
 use crate::samples::view_shift::ViewShift;
 
 pub(crate) use sample::{CommonError, Observation, Sample};

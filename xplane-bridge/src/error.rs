@@ -1,5 +1,8 @@
 //! Errors between us and a simulator, with what the user can do.
 
+pub(crate) mod causes;
+pub(crate) mod peer_text;
+
 use std::net::SocketAddr;
 use std::time::Duration;
 

@@ -6,6 +6,7 @@
 
 mod capture;
 mod description;
+pub mod doorway;
 mod flight;
 mod message;
 mod picture_bytes;

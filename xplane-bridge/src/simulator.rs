@@ -8,17 +8,13 @@ mod commands;
 mod conditions;
 mod connect_options;
 pub mod doctor;
-mod effective_weather;
-mod find_web_api;
 mod flight_start;
 mod link_client;
 mod pictures;
 mod profile;
 mod settings_watch;
 mod setup;
-mod sharing;
 mod udp;
-mod weather;
 
 use std::collections::{BTreeSet, VecDeque};
 use std::net::SocketAddr;
@@ -33,13 +29,13 @@ use futures_util::future::{BoxFuture, LocalBoxFuture};
 use tokio::time::{Instant, timeout_at};
 
 use crate::datarefs::{self, Generation};
+use crate::error::peer_text::quoted;
 use crate::error::{BridgeError, HELLO};
 use crate::fly::{FlightStart, FlyRequest};
 use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
     PictureBytes, PictureSize, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
 };
-use crate::peer_text::quoted;
 use crate::pixels::{CodedGrabs, Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
@@ -51,9 +47,9 @@ pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
 };
 use link_client::LinkClient;
+use link_client::sharing::Sharing;
 use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
-use sharing::Sharing;
 use udp::UdpClient;
 pub(crate) use udp::running_since;
 pub use udp::somebody_answers;
@@ -297,7 +293,9 @@ impl Simulator {
             };
             let generation = Generation::of_version(version);
             let web_api = match (generation, web_api) {
-                (Generation::XPlane12, Some(place)) => find_web_api::usable(place, port).await,
+                (Generation::XPlane12, Some(place)) => {
+                    connect_options::find_web_api::usable(place, port).await
+                }
                 _ => None,
             };
             tracing::info!(

@@ -14,8 +14,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use crate::causes::with_causes;
-use crate::peer_text::quoted;
+use crate::error::causes::with_causes;
+use crate::error::peer_text::quoted;
 use futures_util::future::BoxFuture;
 
 pub use flight::AirStart;

@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::net::UdpSocket;
 use tokio::time::{Instant, timeout, timeout_at};
 use xplane_bridge::packet::{DatarefValue, DatarefValues, FromSimulator, ToSimulator};
-use xplane_bridge::subscription::{SILENCE, Subscription};
+use xplane_bridge::udp::subscription::{SILENCE, Subscription};
 
 /// Takes requests until none comes for a while; the newest of each index.
 async fn requests(socket: &UdpSocket) -> (BTreeMap<i32, bool>, Option<std::net::SocketAddr>) {

@@ -14,7 +14,7 @@ use testkit_simulator::{plugin, quiet, serving};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{Check, DoctorOptions, Measuring, Verdict, examine};
 use xplane_bridge::fly::{FlightStart, FlyRequest};
-use xplane_bridge::subscription::Subscription;
+use xplane_bridge::udp::subscription::Subscription;
 use xplane_bridge::{CaptureRequest, Deliver, Simulator, WebApiPlace};
 
 const SIZE_PX: (u32, u32) = (96, 64);

@@ -25,7 +25,7 @@ use xplane_bridge::link::PixelKind;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 #[cfg(target_os = "linux")]
 use xplane_bridge::pixels::{Grab, PixelError, Rectangle, RgbPicture};
-use xplane_bridge::subscription::Subscription;
+use xplane_bridge::udp::subscription::Subscription;
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
 
 const SIZE_PX: (u32, u32) = (160, 120);

@@ -14,7 +14,7 @@ use tokio::time::timeout;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{Check, DoctorOptions, Measuring, Verdict, examine};
 use xplane_bridge::profile::{Finding, KnownProfile, Profile, WindUnit};
-use xplane_bridge::subscription::Subscription;
+use xplane_bridge::udp::subscription::Subscription;
 use xplane_bridge::{CaptureRequest, ConnectOptions, Deliver, Simulator, WebApiPlace};
 
 const PATIENCE: Duration = Duration::from_secs(20);

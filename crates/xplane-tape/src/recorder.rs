@@ -27,7 +27,7 @@ use tokio::net::{TcpListener, UdpSocket};
 
 use xplane_bridge::LocalUdp;
 use xplane_bridge::link::LinkToken;
-use xplane_bridge::simulator_address::reachable;
+use xplane_bridge::udp::simulator_address::reachable;
 
 use super::error::TapeError;
 use super::format::TapeInfo;

@@ -11,7 +11,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use tokio::time::{Instant, sleep};
-use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
+use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::{KnownProfile, RecordedPace};
 use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, KnownBlocks, LocalUdp, Simulator};
 use xplane_tape::{TapeError, TapeReader};

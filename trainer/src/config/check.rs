@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use super::{Optimisation, TrainConfig};
 use crate::error::{Error, Result};
 use crate::samples::FARTHEST_NM;
-use crate::samples::leave_out::LeftOut;
+use crate::samples::sides::leave_out::LeftOut;
 
 /// Units of a layer, and layers of a stack: four times as wide and deep as in the paper. With layers at these limits, a training on two
 /// views takes 2 GiB, and 3.5 MB per sample of a batch.

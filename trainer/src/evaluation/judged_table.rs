@@ -31,7 +31,7 @@ use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blak
 use crate::evaluation::metrics::{EstimatorMetrics, Group, Outcome, WithoutViews};
 use crate::evaluation::rules::EvaluationRules;
 use crate::run::place::RunPlace;
-use crate::samples::marked_scenarios;
+use crate::samples::sides::marked_scenarios;
 use crate::samples::truth::Truth;
 use crate::samples::{Sample, Samples};
 

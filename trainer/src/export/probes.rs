@@ -8,7 +8,7 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::networks::normalisation::Normalisation;
 use crate::samples::Observation;
-use crate::samples::look::Look;
+use crate::samples::camera_health::look::Look;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
 

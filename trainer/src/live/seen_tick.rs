@@ -4,8 +4,8 @@ use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
 
-use crate::samples::look::Look;
-use crate::samples::other_boxes::{self, Registered};
+use crate::samples::camera_health::look::Look;
+use crate::samples::trusted_boxes::other_boxes::{self, Registered};
 use crate::samples::{Observation, Scored, whole_of};
 
 /// The images of one time.

@@ -3,8 +3,8 @@
 
 use crate::run::trained::TrainedRun;
 use crate::samples::Samples;
-use crate::samples::moved_rig::Move;
 use crate::samples::rig::are_same;
+use crate::samples::rig::moved_rig::Move;
 
 impl TrainedRun {
     /// The run as if it had been trained at the runway of these samples. Images of the ground stay where they were taken.

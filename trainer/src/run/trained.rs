@@ -38,7 +38,7 @@ use crate::run::sealed::SealedRun;
 use crate::samples::ScenarioSummary;
 use crate::samples::paired_views::PairedViews;
 use crate::samples::rig::{Cameras, Rig};
-use crate::samples::scenario_split::ScenarioSplit;
+use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::DroppedByView;
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.

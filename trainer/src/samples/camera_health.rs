@@ -5,6 +5,9 @@
 //! in common is common to their ticks; the remaining errors make each shift less certain. A view does not count at a tick whose image
 //! repeats an earlier one, or whose direction is off by an amount that is not known well. Other ticks stay as they are, bit by bit.
 
+pub(crate) mod late_images;
+pub(crate) mod look;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::AddAssign;

@@ -1,5 +1,7 @@
 //! The rig whose images a corpus has. A network learns one rig.
 
+pub(crate) mod moved_rig;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::corpus::calibration::CameraEntry;

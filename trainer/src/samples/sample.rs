@@ -6,9 +6,9 @@ use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
-use crate::samples::look::Look;
-use crate::samples::other_boxes::{Candidate, OtherBoxes, Registered};
+use crate::samples::camera_health::look::Look;
 use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::view_shift::ViewShift;
 
 /// An error of the places in a view that all ticks of a flight share, such as the error of a lag or of a camera's turn.

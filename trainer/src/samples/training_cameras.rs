@@ -6,9 +6,12 @@
 //!
 //! The fit needs the truth, so it is made of the training side alone and applies to it alone.
 
+pub(crate) mod camera_adjustment;
 mod camera_fit;
 mod contradiction;
 mod dropped_boxes;
+#[cfg(test)]
+mod tests;
 
 use dataset::corpus::detections::RegisteredWith;
 use dataset::geometry::camera::Camera;
@@ -138,6 +141,3 @@ impl Samples {
         TrainingCameras::of(self, &training).true_boxes(&training)
     }
 }
-
-#[cfg(test)]
-mod tests;

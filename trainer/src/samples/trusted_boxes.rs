@@ -13,6 +13,8 @@
 //!
 //! A tick without any box left gets no answer.
 
+pub(crate) mod other_boxes;
+
 use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;

@@ -10,9 +10,9 @@ use crate::error::{CorpusFault, Error, Result};
 use crate::evaluation::split_again;
 use crate::networks::normalisation::Normalisation;
 use crate::samples::camera_health::Corrections;
-use crate::samples::marked_scenarios;
 use crate::samples::paired_views::PairedViews;
-use crate::samples::scenario_split::ScenarioSplit;
+use crate::samples::sides::marked_scenarios;
+use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::{DroppedByView, TrainingCameras};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 

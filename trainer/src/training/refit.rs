@@ -37,8 +37,8 @@ use crate::run::place::RunPlace;
 use crate::run::refitted_view::Refit;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
-use crate::samples::flight_parts::FlightParts;
 use crate::samples::rig::{Cameras, are_same, form};
+use crate::samples::sides::flight_parts::FlightParts;
 use crate::samples::training_cameras::TrainingCameras;
 use crate::samples::{DistanceRange, Sample, Samples};
 

@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
 use super::Request;
-use crate::peer_text::quoted;
+use crate::error::peer_text::quoted;
 
 /// First bytes in each direction, before the version.
 const MAGIC: [u8; 4] = *b"DTDL";

@@ -1,5 +1,8 @@
 //! Setting weather and time, and making sure that they are set.
 
+mod effective_weather;
+mod weather;
+
 use std::time::Duration;
 
 use dataset::conditions::Conditions;
@@ -8,7 +11,6 @@ use tokio::time::{Instant, sleep};
 
 use super::Simulator;
 use super::settings_watch::SettingsWatch;
-use super::weather;
 use crate::datarefs::{
     DATE_DAYS, DatarefWrite, Generation, OVERRIDE_FLIGHT_MODEL, USE_SYSTEM_TIME, ZULU_TIME_S,
     clock_writes, condition_writes, running_clock_writes, weather_writes,

@@ -2,12 +2,14 @@
 //!
 //! An invalid variable is an error that names it. Ignoring it would record scenarios in another way than the user intended.
 
+pub(crate) mod find_web_api;
+
 use std::env::{self, VarError};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::str::FromStr;
 
 use crate::error::BridgeError;
-use crate::udp_socket::LocalUdp;
+use crate::udp::socket::LocalUdp;
 use crate::web_api;
 
 /// Environment variable with the token of a capture link that is open to other machines.

@@ -7,10 +7,8 @@
 //!
 //! It is part of this crate because it measures with what the client keeps private, such as writing a dataref until it holds.
 
-mod announcement;
 mod complaints;
 mod eyes;
-mod following;
 mod lockstep;
 mod measure;
 mod next;
@@ -20,7 +18,6 @@ mod readable;
 mod sky;
 mod state;
 mod talk;
-mod web;
 mod window;
 
 use std::fmt;
@@ -38,8 +35,8 @@ use crate::error::BridgeError;
 use crate::link::PictureSize;
 use crate::pixels::{FfmpegScreen, Screen};
 use crate::profile::Finding;
-use crate::simulator_address::reachable;
-use crate::udp_socket::LocalUdp;
+use crate::udp::simulator_address::reachable;
+use crate::udp::socket::LocalUdp;
 use crate::{ConnectOptions, Simulator, SimulatorDescription, WebApiPlace};
 
 /// X-Plane's default address.
@@ -254,7 +251,7 @@ impl Examination<'_> {
 
     /// Returns the simulator's address, if known.
     async fn run(&mut self, options: &DoctorOptions) -> Option<SocketAddr> {
-        let (check, announced) = announcement::listen(options).await;
+        let (check, announced) = talk::announcement::listen(options).await;
         let heard = check.verdict == Verdict::Ok;
         let undecided = check.verdict == Verdict::Failed;
         self.note(check);
@@ -300,7 +297,7 @@ impl Examination<'_> {
                 None
             }
             Generation::XPlane12 => {
-                let (check, api) = web::check(web_api, talk.capture_port().await).await;
+                let (check, api) = talk::web::check(web_api, talk.capture_port().await).await;
                 self.note(check);
                 api
             }
@@ -385,7 +382,7 @@ async fn silent(
     web_api: Option<SocketAddr>,
 ) -> Check {
     let refusing = match web_api {
-        Some(place) if web::refuses(place).await => Some(place),
+        Some(place) if talk::web::refuses(place).await => Some(place),
         _ => None,
     };
     let mut found = match silence {

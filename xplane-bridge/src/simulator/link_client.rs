@@ -1,6 +1,8 @@
 //! The client's end of the capture link. A failure in the middle of a message closes it, because the position of the next message
 //! is then unknown.
 
+pub(crate) mod sharing;
+
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -10,10 +12,10 @@ use tokio::time::{Instant, timeout_at};
 
 use super::before;
 use crate::error::BridgeError;
+use crate::error::peer_text::quoted;
 use crate::link::{
     Answer, LinkError, Request, exchange_greetings, read_header, read_payload, write_message,
 };
-use crate::peer_text::quoted;
 
 /// An open link, or what is left of one.
 #[derive(Debug)]

@@ -13,8 +13,8 @@ use tokio::time::Instant;
 
 use crate::datarefs::{DatarefWrite, RUNNING_TIME_S};
 use crate::error::BridgeError;
-use crate::subscription::{Reading, SILENCE, Subscription};
-use crate::udp_socket::SimulatorSocket;
+use crate::udp::socket::SimulatorSocket;
+use crate::udp::subscription::{Reading, SILENCE, Subscription};
 
 /// Values per second of every dataref: nine of ten may be lost before SILENCE counts as silence.
 const FREQUENCY_HZ: i32 = 4;

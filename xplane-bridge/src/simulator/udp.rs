@@ -17,8 +17,8 @@ use crate::packet::{
     Command, DatarefValue, LoadAircraft, PlaceAtStart, Position, SubscribeDataref,
     SubscribePosition, ToSimulator, WriteDataref,
 };
-use crate::subscription::{BATCH, BATCH_PAUSE};
-use crate::udp_socket::{Claim, LocalUdp, SimulatorSocket};
+use crate::udp::socket::{Claim, LocalUdp, SimulatorSocket};
+use crate::udp::subscription::{BATCH, BATCH_PAUSE};
 
 /// Delay before a request that brought no value is sent again.
 const REPEAT_AFTER: Duration = Duration::from_millis(250);

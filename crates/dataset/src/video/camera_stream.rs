@@ -15,7 +15,7 @@ use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Dictionary, Packet, Rational, color, decoder, encoder, frame};
 
 use super::conversion::Conversion;
-use super::scaler::{Matrix, PaddedEnd, Scaler};
+use super::conversion::scaler::{Matrix, PaddedEnd, Scaler};
 use super::{fault, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::geometry::imaging::Stream;

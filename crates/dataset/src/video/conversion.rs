@@ -3,12 +3,15 @@
 //! A part is copied out of the planes and converted separately, with the settings of the whole image: if only one small aircraft is of
 //! interest, 97 % of an image are never converted.
 
+pub(crate) mod luma;
+pub(crate) mod scaler;
+
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{color, frame};
 
 use super::BYTES_PER_PIXEL;
-use super::scaler::{Matrix, Scaler};
+use scaler::{Matrix, Scaler};
 
 /// A rectangle of whole pixels in an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,6 +4,8 @@
 //! before they show it. So the packets of a finished recording are copied, without re-encoding, into a file with one index, which
 //! then replaces the fragmented file atomically. Exports are copied in the same way for a finer unit of their timestamps.
 
+pub(crate) mod fragments;
+
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};

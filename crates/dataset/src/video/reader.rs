@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::{Packet, decoder, format, frame, media};
 
+use super::conversion::luma::Luma;
 use super::conversion::{self, Conversion, PicturePart, has_planes_of_bytes};
-use super::luma::Luma;
 use super::{BYTES_PER_PIXEL, TimeBase, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::files::outside_file::{self, FileKind};

@@ -3,6 +3,8 @@
 //! Input: the codec of a sweep. Output: FFmpeg's encoder of that codec, its pixel format, its options. Options are names and values of
 //! FFmpeg's own tables (a test compares them where an encoder is compiled in); none of the GPU's encoders has been run by this project.
 
+pub(crate) mod uploaded_frames;
+
 use ffmpeg_next::format::Pixel;
 
 use super::{VideoCodec, VideoSettings};

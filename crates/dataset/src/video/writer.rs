@@ -10,8 +10,8 @@ use ffmpeg_next::format::{self, Pixel};
 use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Dictionary, Packet, Rational, color, encoder, frame};
 
-use super::scaler::{Matrix, PaddedEnd, Scaler};
-use super::uploaded_frames::UploadedFrames;
+use super::conversion::scaler::{Matrix, PaddedEnd, Scaler};
+use super::video_encoder::uploaded_frames::UploadedFrames;
 use super::{
     BYTES_PER_PIXEL, VideoCodec, VideoEncoder, VideoSettings, fault, ffmpeg_path, index,
     start_ffmpeg,

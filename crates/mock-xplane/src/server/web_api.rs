@@ -29,7 +29,7 @@ use socket2::SockRef;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
 use tokio::time::timeout;
-use xplane_bridge::doorway::Doorway;
+use xplane_bridge::link::doorway::Doorway;
 
 use self::ids::Ids;
 use self::refusal::Refusal;

@@ -14,7 +14,7 @@ use tokio::time::timeout;
 use super::Route;
 use crate::format::{Channel, Direction, LINK_VERSION_KEY};
 use crate::link_message::{LinkMessage, MAGIC};
-use xplane_bridge::doorway::Doorway;
+use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{Answer, LinkError, write_message};
 
 /// Bytes of a greeting: four letters, the version.

@@ -18,7 +18,7 @@ use crate::format::{Channel, Direction};
 use xplane_bridge::PortNote;
 use xplane_bridge::datarefs::CAPTURE_PORT;
 use xplane_bridge::packet::ToSimulator;
-use xplane_bridge::simulator_address::{is_answer, local_address};
+use xplane_bridge::udp::simulator_address::{is_answer, local_address};
 
 /// A client without traffic for this long is forgotten. If it comes back, it is a new one.
 const FORGET_AFTER: Duration = Duration::from_secs(600);

@@ -4,8 +4,8 @@ use dataset::corpus::calibration::{CameraEntry, RigidTransform};
 use dataset::geometry::camera::Camera;
 use serde::{Deserialize, Serialize};
 
-use crate::samples::camera_adjustment::Adjustment;
-use crate::samples::moved_rig::Move;
+use crate::samples::rig::moved_rig::Move;
+use crate::samples::training_cameras::camera_adjustment::Adjustment;
 
 /// A fitted camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

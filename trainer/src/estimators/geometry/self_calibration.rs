@@ -26,9 +26,9 @@ use serde::{Deserialize, Serialize};
 use crate::config::SelfCalibrationConfig;
 use crate::estimators::geometry::fitted_camera::FittedCamera;
 use crate::estimators::geometry::triangulation::of_one_aircraft;
-use crate::samples::camera_adjustment::{Adjustment, UNKNOWNS};
-use crate::samples::moved_rig::Move;
 use crate::samples::rig::Cameras;
+use crate::samples::rig::moved_rig::Move;
+use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{FARTHEST_M, Observation, Sample, ScenarioSummary};
 

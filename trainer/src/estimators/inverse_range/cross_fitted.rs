@@ -4,7 +4,7 @@
 use dataset::corpus::splits::Side;
 
 use super::InverseRange;
-use crate::samples::flight_parts::FlightParts;
+use crate::samples::sides::flight_parts::FlightParts;
 use crate::samples::{Sample, Samples};
 
 /// The same fits of different flights.

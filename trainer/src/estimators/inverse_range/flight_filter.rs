@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::estimators::inverse_range::{CrossFitted, InverseRange, Measurement};
 use crate::networks::normalisation::Normalisation;
-use crate::samples::flight_parts::MOST_PARTS;
+use crate::samples::sides::flight_parts::MOST_PARTS;
 use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;

@@ -2,7 +2,7 @@
 
 use super::{CrossFitted, Fit, InverseRange};
 use crate::samples::Sample;
-use crate::samples::flight_parts::FlightParts;
+use crate::samples::sides::flight_parts::FlightParts;
 
 impl InverseRange {
     /// The same fits in the same order for a new camera, with the sets that contain its view fitted to `approaches`, and again without each

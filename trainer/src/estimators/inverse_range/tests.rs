@@ -5,7 +5,7 @@ use glam::DVec2;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
-use crate::samples::flight_parts::FlightParts;
+use crate::samples::sides::flight_parts::FlightParts;
 use crate::samples::{CommonError, DistanceRange, Samples};
 
 fn read(corpus: &SyntheticCorpus) -> Samples {

@@ -6,8 +6,8 @@ use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use super::path::Sighting;
-use crate::samples::other_boxes::Candidate;
 use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::trusted_boxes::other_boxes::Candidate;
 
 /// Boxes of this time give the motion in an image, seconds, ...
 const MOTION_S: f64 = 10.0;

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::relation::{Relation, width_px};
 use super::robust_line::{dot, robust_line};
 use crate::samples::Observation;
-use crate::samples::look::Look;
+use crate::samples::camera_health::look::Look;
 
 /// Unit of the coordinates in the fit, pixels: so small that what keeps slopes small in [`robust_line`] moves no column by a pixel.
 const UNIT_PX: f64 = 100.0;

@@ -12,8 +12,8 @@ use super::is_related;
 use super::path::{Path, Sighting};
 use super::relation::Relation;
 use crate::samples::Observation;
-use crate::samples::look::Look;
-use crate::samples::other_boxes::Candidate;
+use crate::samples::camera_health::look::Look;
+use crate::samples::trusted_boxes::other_boxes::Candidate;
 
 /// Boxes of a view at a tick that are considered, those with the highest scores.
 const MOST_BOXES: usize = 16;

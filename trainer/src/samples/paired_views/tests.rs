@@ -8,8 +8,8 @@ use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
-use crate::samples::look::Look;
-use crate::samples::other_boxes::{Candidate, OtherBoxes};
+use crate::samples::camera_health::look::Look;
+use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes};
 use crate::samples::{DistanceRange, Samples};
 
 /// The first view alone has an image.

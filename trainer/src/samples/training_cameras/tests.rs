@@ -5,7 +5,7 @@ use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
 use crate::samples::DistanceRange;
-use crate::samples::camera_adjustment::Adjustment;
+use crate::samples::training_cameras::camera_adjustment::Adjustment;
 
 fn read(corpus: &SyntheticCorpus) -> Samples {
     let folder = tempfile::tempdir().unwrap();

@@ -14,11 +14,11 @@ use tokio::runtime::Handle;
 use tokio::time::timeout;
 
 use super::{Grab, Screen};
+use crate::error::peer_text::quoted;
 use crate::link::{
     LinkError, ScreenAnswer, ScreenPart, ScreenRequest, exchange_greetings, read_header,
     read_payload, write_message,
 };
-use crate::peer_text::quoted;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
 /// Timeout of opening or a grab: slightly less than the caller's, so that the thread ends first.

@@ -1,5 +1,7 @@
 //! Measures what reports disagree on, once per installation; the plugin stores the result.
 
+pub(crate) mod following;
+
 use chrono::{SecondsFormat, Utc};
 use dataset::conditions::Clock;
 use dataset::geometry::pose::Pose;

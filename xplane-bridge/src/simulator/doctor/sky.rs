@@ -10,8 +10,8 @@ use tokio::time::{Instant, sleep};
 
 use super::Check;
 use super::eyes::{Eyes, Shot};
-use super::following;
 use super::lockstep::difference;
+use super::measure::following;
 use crate::Simulator;
 use crate::datarefs::{
     CHANGE_MODE, CLOUD_BASE, CLOUD_COVER, CLOUD_TOP, CLOUD_TYPE, COMMAND_REGENERATE_WEATHER,

@@ -1,5 +1,8 @@
 //! Checks over UDP: version, capture link, writing, commands, frame rate, position. The values read are evaluated elsewhere.
 
+pub(crate) mod announcement;
+pub(crate) mod web;
+
 use std::net::SocketAddr;
 use std::time::Duration;
 

@@ -8,7 +8,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::{JoinSet, spawn_blocking};
 use tokio::time::timeout;
-use xplane_bridge::doorway::Doorway;
+use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{Answer, LinkError};
 use xplane_tape::{LinkMessage, MAGIC, MessagePosition};
 

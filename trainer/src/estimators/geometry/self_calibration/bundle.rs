@@ -12,7 +12,7 @@ use dataset::numbers::least_squares::NormalEquations;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::measured::{Deviations, Measured};
-use crate::samples::camera_adjustment::{Adjustment, UNKNOWNS};
+use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
 
 /// Unknowns of the aircraft: where the measured point is, ahead, right and up of the labelled position.
 pub(super) const AIRCRAFT_UNKNOWNS: usize = 3;

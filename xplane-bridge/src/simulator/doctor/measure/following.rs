@@ -6,16 +6,16 @@ use std::collections::BTreeMap;
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
 
-use super::Check;
 use crate::Simulator;
 use crate::datarefs::weather_writes;
 use crate::error::BridgeError;
 use crate::profile::{Finding, WindUnit};
+use crate::simulator::doctor::Check;
 
 const NAME: &str = "weather at the aircraft";
 
 /// Sets both weathers; `unit` is the one in which winds are written, if it is known.
-pub(super) async fn measure(
+pub(crate) async fn measure(
     simulator: &mut Simulator,
     unit: Option<WindUnit>,
 ) -> BTreeMap<EffectiveQuantity, Finding<bool>> {
@@ -26,13 +26,13 @@ pub(super) async fn measure(
 }
 
 /// No quantity was measured, for this reason.
-pub(super) fn nothing(reason: &str) -> BTreeMap<EffectiveQuantity, Finding<bool>> {
+pub(crate) fn nothing(reason: &str) -> BTreeMap<EffectiveQuantity, Finding<bool>> {
     let none = |quantity| (quantity, Finding::NotMeasured(reason.to_owned()));
     EffectiveQuantity::ALL.map(none).into()
 }
 
 /// For a person.
-pub(super) fn check(findings: &BTreeMap<EffectiveQuantity, Finding<bool>>) -> Check {
+pub(crate) fn check(findings: &BTreeMap<EffectiveQuantity, Finding<bool>>) -> Check {
     let those = |follows: bool| -> Vec<String> {
         let those = (findings.iter()).filter(|(_, finding)| finding.found() == Some(&follows));
         those.map(|(quantity, _)| quantity.to_string()).collect()
@@ -188,9 +188,9 @@ mod tests {
             Finding::NotMeasured(_)
         ));
         let check = check(&findings);
-        assert_eq!(check.verdict, super::super::Verdict::Warning);
+        assert_eq!(check.verdict, crate::simulator::doctor::Verdict::Warning);
         assert_eq!(check.found, "does not follow what is written: visibility");
         let skipped = super::check(&nothing("no time"));
-        assert_eq!(skipped.verdict, super::super::Verdict::Skipped);
+        assert_eq!(skipped.verdict, crate::simulator::doctor::Verdict::Skipped);
     }
 }

@@ -4,16 +4,16 @@
 
 use std::net::SocketAddr;
 
-use super::{SWITCH_TIMEOUT, Simulator, wrong};
 use crate::error::BridgeError;
 use crate::link::{Answer, CaptureRequest, Deliver, Request, SharedPicture, SharedPictures};
+use crate::simulator::{SWITCH_TIMEOUT, Simulator, wrong};
 
 /// Maximum shared images in flight: a few being drawn, and those that wait for two encoders.
 const SLOTS: u32 = 16;
 
 /// State of the shared memory.
 #[derive(Debug)]
-pub(super) enum Sharing {
+pub(crate) enum Sharing {
     /// There is none.
     Impossible,
     /// The simulator supports it; the size is not known yet.
@@ -24,7 +24,7 @@ pub(super) enum Sharing {
 
 impl Sharing {
     /// Initial state for the client at `local`, with a simulator that shares memory with the client at `with`.
-    pub(super) fn with(with: Option<SocketAddr>, local: SocketAddr) -> Self {
+    pub(crate) fn with(with: Option<SocketAddr>, local: SocketAddr) -> Self {
         match with {
             Some(with) if with == local => Self::Possible,
             Some(with) => {
@@ -38,7 +38,7 @@ impl Sharing {
 
 impl Simulator {
     /// Memory to lend for the requested image, unless it must be sent.
-    pub(super) async fn lend_memory(
+    pub(crate) async fn lend_memory(
         &mut self,
         request: &CaptureRequest,
     ) -> Result<Option<SharedPicture>, BridgeError> {

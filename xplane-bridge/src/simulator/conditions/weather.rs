@@ -13,13 +13,13 @@ use dataset::conditions::Weather;
 use dataset::corpus::effective_weather::EffectiveWeather;
 use tokio::time::{Instant, sleep};
 
-use super::Simulator;
 use crate::datarefs::{
     COMMAND_REGENERATE_WEATHER, DatarefWrite, RUNNING_TIME_S, TEMPERATURE_C, UPDATE_IMMEDIATELY,
     WEATHER_PRESET, WEATHER_SOURCE, WeatherSource, needs_repeating_after_regeneration,
 };
 use crate::error::BridgeError;
 use crate::profile::Profile;
+use crate::simulator::Simulator;
 
 /// Time for the preset before the values are written: it sets its own winds half a second later.
 const PRESET_PAUSE: Duration = Duration::from_secs(1);
@@ -29,7 +29,7 @@ const REGENERATION_PAUSE: Duration = Duration::from_secs(1);
 const POLL: Duration = Duration::from_secs(1);
 /// The same for a tape, and the number of unchanged readings after which no new ones are expected.
 const REPLAYED_POLL: Duration = Duration::from_millis(50);
-pub(super) const REPLAYED_POLLS: u32 = 10;
+pub(crate) const REPLAYED_POLLS: u32 = 10;
 /// Timeout of the weather, by the simulator's clock or ours, whichever is faster. Clouds were seen to take 55 s.
 const PATIENCE: Duration = Duration::from_secs(70);
 /// A regeneration stops X-Plane for seconds; after a longer silence it is considered gone.
@@ -51,7 +51,7 @@ struct Missing {
 }
 
 /// The value that X-Plane 12 must read besides the settings: no other source makes the weather.
-pub(super) fn ours() -> DatarefWrite {
+pub(crate) fn ours() -> DatarefWrite {
     DatarefWrite::new(WEATHER_SOURCE, 0.0)
 }
 
@@ -60,7 +60,7 @@ impl Simulator {
     ///
     /// # Errors
     /// Also [`BridgeError::OtherWeatherShows`].
-    pub(super) async fn set_weather_12(
+    pub(crate) async fn set_weather_12(
         &mut self,
         writes: &[DatarefWrite],
         planned: &Weather,
@@ -102,7 +102,7 @@ impl Simulator {
     }
 
     /// Lets X-Plane rebuild the written weather, and rewrites what that resets.
-    pub(super) async fn rebuild_weather(
+    pub(crate) async fn rebuild_weather(
         &mut self,
         writes: &[DatarefWrite],
     ) -> Result<(), BridgeError> {
@@ -128,7 +128,7 @@ impl Simulator {
     ///
     /// # Errors
     /// [`BridgeError::WeatherNotTaken`] if that does not help either.
-    pub(super) async fn await_weather(
+    pub(crate) async fn await_weather(
         &mut self,
         writes: &[DatarefWrite],
     ) -> Result<(), BridgeError> {
@@ -152,7 +152,7 @@ impl Simulator {
 
     /// Writes weather; all but the clouds is applied at once. Lost values are rewritten in the first moments; values that take longer are
     /// left alone after that.
-    pub(super) async fn write_weather(
+    pub(crate) async fn write_weather(
         &mut self,
         writes: &[DatarefWrite],
     ) -> Result<(), BridgeError> {
@@ -248,7 +248,7 @@ impl Simulator {
     }
 
     /// A tape gives its next values on every reading.
-    pub(super) fn poll_pause(&self) -> Duration {
+    pub(crate) fn poll_pause(&self) -> Duration {
         if self.description.replayed {
             REPLAYED_POLL
         } else {
@@ -257,7 +257,7 @@ impl Simulator {
     }
 
     /// A pause that a simulator whose weather shows at once does not need.
-    pub(super) async fn pause_for_weather(&self, pause: Duration) {
+    pub(crate) async fn pause_for_weather(&self, pause: Duration) {
         sleep(pause.min(self.weather_settle)).await;
     }
 }

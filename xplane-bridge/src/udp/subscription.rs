@@ -16,7 +16,7 @@ use tokio::time::{Instant, timeout_at};
 
 use crate::error::BridgeError;
 use crate::packet::ToSimulator;
-use crate::udp_socket::{Claim, LocalUdp, SimulatorSocket};
+use crate::udp::socket::{Claim, LocalUdp, SimulatorSocket};
 use requested::RequestedDatarefs;
 
 /// Requests per batch. X-Plane handles about 140 in one of its frames and loses the others silently.

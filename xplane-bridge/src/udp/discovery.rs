@@ -20,7 +20,7 @@ use tokio::time::{Instant, timeout_at};
 use crate::error::BridgeError;
 use crate::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
 use crate::simulator::running_since;
-use crate::udp_socket::LocalUdp;
+use crate::udp::socket::LocalUdp;
 
 /// Time to listen: three beacons, of which two may be lost.
 pub const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(3);

@@ -2,15 +2,15 @@
 
 use std::net::SocketAddr;
 
-use super::{Check, DoctorOptions};
-use crate::discovery::{Announced, announced, choose};
 use crate::error::BridgeError;
+use crate::simulator::doctor::{Check, DoctorOptions};
+use crate::udp::discovery::{Announced, announced, choose};
 
 const NAME: &str = "beacon";
 
 /// Listens for the beacon of the examined simulator, or of any if no address is known; returns the announced address. If several
 /// announce themselves and none was specified, the check fails.
-pub(super) async fn listen(options: &DoctorOptions) -> (Check, Option<SocketAddr>) {
+pub(crate) async fn listen(options: &DoctorOptions) -> (Check, Option<SocketAddr>) {
     let heard = match announced(options.listen).await {
         Ok(heard) => heard,
         Err(error) => return (Check::skipped(NAME, error.to_string()), None),

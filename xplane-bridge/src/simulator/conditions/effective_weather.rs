@@ -11,11 +11,11 @@ use dataset::conditions::Weather;
 use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
 use tokio::time::{Instant, sleep};
 
-use super::Simulator;
 use super::weather::REPLAYED_POLLS;
 use crate::datarefs::{DatarefWrite, effective_weather_datarefs, effective_weather_of};
 use crate::error::BridgeError;
 use crate::profile::Profile;
+use crate::simulator::Simulator;
 
 /// Time for the aircraft's surroundings and the image to follow the settings.
 const SHOWING: Duration = Duration::from_secs(10);
@@ -33,7 +33,7 @@ impl Simulator {
 
     /// Waits until the weather at the aircraft is as planned, but for quantities that are known to differ; returns the last reading in any
     /// case. A tape gives its last reading at once.
-    pub(super) async fn await_effective_weather(
+    pub(crate) async fn await_effective_weather(
         &mut self,
         planned: &Weather,
         known_to_differ: &BTreeSet<EffectiveQuantity>,
@@ -61,7 +61,7 @@ impl Simulator {
 
     /// Reads the weather at the aircraft again after the last image. A quantity that has changed since the first reading is treated as if
     /// it had differed then.
-    pub(super) async fn confirm_effective_weather(&mut self) -> Result<(), BridgeError> {
+    pub(crate) async fn confirm_effective_weather(&mut self) -> Result<(), BridgeError> {
         let planned = self.conditions.as_ref().map(|set| set.weather.clone());
         let (Some(before), Some(planned)) = (self.effective_weather.clone(), planned) else {
             return Ok(());
@@ -114,7 +114,7 @@ impl Simulator {
     }
 
     /// True if the clouds at the aircraft are wrong where it may help to regenerate them.
-    pub(super) fn is_sky_wrong(&self, shown: &EffectiveWeather) -> bool {
+    pub(crate) fn is_sky_wrong(&self, shown: &EffectiveWeather) -> bool {
         let clouds = EffectiveQuantity::CloudCover;
         shown.differing.contains(&clouds) && !self.not_followed.contains(&clouds)
     }
@@ -127,7 +127,7 @@ impl Simulator {
     }
 
     /// An error for the first quantity that is not as planned, although it was measured to follow what is written.
-    pub(super) fn refuse_what_should_follow(
+    pub(crate) fn refuse_what_should_follow(
         &self,
         shown: &EffectiveWeather,
         planned: &Weather,

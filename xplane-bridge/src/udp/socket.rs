@@ -7,7 +7,7 @@
 //! A system reports only to connected sockets that a port is closed. So a second socket, which is connected and on which no answer is
 //! expected, finds out if any program listens there.
 //!
-//! [`simulator_address`]: crate::simulator_address
+//! [`simulator_address`]: crate::udp::simulator_address
 
 mod local_udp;
 mod readers;
@@ -28,7 +28,7 @@ use crate::packet::{
     DatarefValue, DatarefValuesView, FromSimulator, Position, SubscribeDataref, SubscribePosition,
     ToSimulator,
 };
-use crate::simulator_address::{is_answer, local_address, reachable};
+use crate::udp::simulator_address::{is_answer, local_address, reachable};
 pub use local_udp::{LocalUdp, PortNote};
 use readers::Readers;
 

@@ -13,24 +13,24 @@ use ffmpeg_next::format::Pixel;
 use ffmpeg_next::frame;
 use ffmpeg_next::software::scaling::{Context, Flags};
 
-use super::BYTES_PER_PIXEL;
+use crate::video::BYTES_PER_PIXEL;
 
 /// Converts images of one size from one pixel format to another.
-pub(super) struct Scaler(Context);
+pub(crate) struct Scaler(Context);
 
 /// swscale reads whole vectors: it may read some bytes past its input, but never this many.
 const READ_BEHIND_BYTES: usize = 256;
 
 /// The end of an image, with readable memory behind it.
 #[derive(Default)]
-pub(super) struct PaddedEnd(Vec<u8>);
+pub(crate) struct PaddedEnd(Vec<u8>);
 
 // SAFETY: this value alone owns the context, and swscale keeps no per-thread state.
 unsafe impl Send for Scaler {}
 
 /// The YUV matrix of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Matrix {
+pub(crate) enum Matrix {
     /// ITU-R BT.601, for old or untagged standard-definition video.
     Bt601,
     /// ITU-R BT.709, for everything that this project writes.
@@ -43,7 +43,7 @@ const LIMITED_RANGE: i32 = 0;
 
 impl Scaler {
     /// A converter for images of `width` x `height` pixels. `full_range`: YUV values use 0 to 255 instead of 16 to 235.
-    pub(super) fn new(
+    pub(crate) fn new(
         (from, to): (Pixel, Pixel),
         width: u32,
         height: u32,
@@ -76,7 +76,7 @@ impl Scaler {
     }
 
     /// Converts one image.
-    pub(super) fn run(
+    pub(crate) fn run(
         &mut self,
         input: &frame::Video,
         output: &mut frame::Video,
@@ -86,7 +86,7 @@ impl Scaler {
 
     /// Converts one RGB image whose rows are contiguous in memory, in place: only its last rows are copied, to `end`, since the
     /// memory behind them may not be readable.
-    pub(super) fn run_rgb(
+    pub(crate) fn run_rgb(
         &mut self,
         rgb: &[u8],
         end: &mut PaddedEnd,
@@ -138,7 +138,7 @@ impl Scaler {
     }
 
     /// Makes the frame's buffer writable, in case the encoder still references it.
-    pub(super) fn make_writable(picture: &mut frame::Video) -> Result<(), ffmpeg_next::Error> {
+    pub(crate) fn make_writable(picture: &mut frame::Video) -> Result<(), ffmpeg_next::Error> {
         // SAFETY: the frame is valid and owned by the caller.
         match unsafe { ffi::av_frame_make_writable(picture.as_mut_ptr()) } {
             code if code < 0 => Err(ffmpeg_next::Error::from(code)),

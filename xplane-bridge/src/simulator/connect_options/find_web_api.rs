@@ -14,7 +14,7 @@ const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Reason why a Web API is not used.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum NotUsed {
+pub(crate) enum NotUsed {
     /// There is none, or it does not answer.
     #[error(transparent)]
     Fails(#[from] WebApiError),
@@ -44,7 +44,7 @@ pub(super) enum NotUsed {
 }
 
 /// The Web API there, if it belongs to the simulator whose capture link has this port.
-pub(super) async fn find(address: SocketAddr, capture_port: u16) -> Result<WebApi, NotUsed> {
+pub(crate) async fn find(address: SocketAddr, capture_port: u16) -> Result<WebApi, NotUsed> {
     let api = WebApi::connect(address, TIMEOUT).await?;
     let other = |found| NotUsed::OtherSimulator {
         address,
@@ -68,7 +68,7 @@ pub(super) async fn find(address: SocketAddr, capture_port: u16) -> Result<WebAp
 }
 
 /// [`find`]; `None`, with the reason in the log, if it cannot be used.
-pub(super) async fn usable(address: SocketAddr, capture_port: u16) -> Option<WebApi> {
+pub(crate) async fn usable(address: SocketAddr, capture_port: u16) -> Option<WebApi> {
     match find(address, capture_port).await {
         Ok(api) => Some(api),
         Err(NotUsed::Fails(error @ WebApiError::NotReached { .. })) => {

@@ -173,7 +173,7 @@ impl Observation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::look::Look;
+    use crate::samples::camera_health::look::Look;
 
     fn candidate(cx_px: f64) -> Candidate {
         let pixel_box = PixelBox {

@@ -3,9 +3,9 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::Check;
 use crate::datarefs::CAPTURE_PORT;
-use crate::simulator::find_web_api::{NotUsed, find};
+use crate::simulator::connect_options::find_web_api::{NotUsed, find};
+use crate::simulator::doctor::Check;
 use crate::web_api::{WebApi, WebApiError};
 
 const NAME: &str = "web api";
@@ -15,7 +15,7 @@ const HINT: &str = "Needed only to begin flights with weather in one request (X-
                     DTD_WEB_API=HOST:PORT, or --web-api HOST:PORT for this examination alone";
 
 /// Tries the Web API there as a client would; returns it if a client would use it.
-pub(super) async fn check(
+pub(crate) async fn check(
     place: Option<SocketAddr>,
     capture_port: Option<u16>,
 ) -> (Check, Option<WebApi>) {
@@ -67,7 +67,7 @@ async fn without_plugin(address: SocketAddr) -> Check {
 }
 
 /// True if a simulator reports through its Web API that it accepts no connections.
-pub(super) async fn refuses(address: SocketAddr) -> bool {
+pub(crate) async fn refuses(address: SocketAddr) -> bool {
     matches!(
         WebApi::connect(address, TIMEOUT).await,
         Err(WebApiError::Forbidden { .. })

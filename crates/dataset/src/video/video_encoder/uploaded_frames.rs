@@ -13,14 +13,14 @@ use ffmpeg_next::{encoder, frame};
 const POOL_FRAMES: i32 = 20;
 
 /// The pool of a GPU's frames of one size.
-pub(super) struct UploadedFrames(*mut ffi::AVBufferRef);
+pub(crate) struct UploadedFrames(*mut ffi::AVBufferRef);
 
 // SAFETY: this value alone owns its reference, and FFmpeg counts references atomically.
 unsafe impl Send for UploadedFrames {}
 
 impl UploadedFrames {
     /// A pool on the first VA-API device, for images in NV12.
-    pub(super) fn of_vaapi(width_px: u32, height_px: u32) -> Result<Self, ffmpeg_next::Error> {
+    pub(crate) fn of_vaapi(width_px: u32, height_px: u32) -> Result<Self, ffmpeg_next::Error> {
         let mut device = ptr::null_mut();
         // SAFETY: `device` receives a reference that is owned here, or stays null with a negative result; null names and options mean the
         // first device with its defaults.
@@ -65,7 +65,7 @@ impl UploadedFrames {
     }
 
     /// Makes an encoder that is not open yet take frames of this pool.
-    pub(super) fn attach_to(&self, video: &mut encoder::video::Video) {
+    pub(crate) fn attach_to(&self, video: &mut encoder::video::Video) {
         // SAFETY: the context is valid and has no frames yet; it owns the new reference and gives it back when it is freed.
         unsafe {
             (*video.as_mut_ptr()).hw_frames_ctx = ffi::av_buffer_ref(self.0);
@@ -73,7 +73,7 @@ impl UploadedFrames {
     }
 
     /// A copy of an image in the GPU's memory, with its timestamp and tags.
-    pub(super) fn upload(
+    pub(crate) fn upload(
         &self,
         picture: &frame::Video,
     ) -> Result<frame::Video, ffmpeg_next::Error> {

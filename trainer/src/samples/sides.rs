@@ -1,0 +1,6 @@
+//! Scenarios of the training, the validation and the test side.
+
+pub(crate) mod flight_parts;
+pub(crate) mod leave_out;
+pub(crate) mod marked_scenarios;
+pub(crate) mod scenario_split;
