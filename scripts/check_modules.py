@@ -3,7 +3,8 @@
 
 A room is a module at the root of a crate with everything inside it. Rooms must not depend on each other in a circle, and the longest chain
 of rooms has a limit, so that a reader can take them one after the other. Modules inside a room may form small circles (a type and the code
-that checks it). Tests are not counted. With --list, every dependency between rooms is printed.
+that checks it). In every crate, a folder has a dozen modules at most. Tests are not counted. With --list, every dependency between rooms
+is printed.
 """
 
 import argparse
@@ -16,6 +17,10 @@ CRATES = {
     "trainer": ({"estimators"}, 3, 9),
     "crates/dataset": (set(), 6, 9),
 }
+
+MOST_MODULES = 12
+# Folders with one file for each of the things that users can name.
+LONG_LISTS = {"src/verbs", "crates/testkit/src"}
 
 MODULE = re.compile(r"^\s*(?:pub(?:\([a-z]+\))? )?mod (\w+);", re.M)
 USE = re.compile(r"^\s*(pub(?:\([a-z]+\))? )?use ([^;]+);", re.M)
@@ -142,13 +147,24 @@ def rooms_of(imports, divided):
     return graph
 
 
+def long_folders(root):
+    """Folders of source files with more modules than a reader can keep in mind, and how many they have."""
+    for source in [root / "src", *root.glob("*/src"), *root.glob("crates/*/src")]:
+        for folder in [source, *(path for path in source.rglob("*") if path.is_dir())]:
+            modules = {path.stem for path in folder.iterdir() if path.suffix == ".rs"} - {"lib", "main", "tests"}
+            name = folder.relative_to(root).as_posix()
+            if len(modules) > MOST_MODULES and name not in LONG_LISTS:
+                yield name, len(modules)
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--list", action="store_true", help="print which rooms each room imports")
     listed = arguments.parse_args().list
-    faults = []
+    root = Path(__file__).parent.parent
+    faults = [f"{folder}: {count} modules in a folder, expected at most {MOST_MODULES}" for folder, count in long_folders(root)]
     for crate, (divided, most_in_circle, most_levels) in CRATES.items():
-        imports = Crate(Path(__file__).parent.parent / crate).imports
+        imports = Crate(root / crate).imports
         rooms = rooms_of(imports, divided)
         for circle in circles(rooms):
             if len(circle) > 1:

@@ -95,8 +95,11 @@ def wrapping(name: str, text: str) -> list[str]:
     return [f"{name}:{number}: {len(line)} columns, expected at most {WIDTH}: wrap the text" for number, line in prose if too_long(line)]
 
 
+SOURCE_PATH = re.compile(r"`((?:src|generator|labeller|trainer|xplane-bridge|crates|tests|scripts|python|docs)/[\w./-]+\.(?:rs|py|sh|csv|toml))`")
+
+
 def broken_links(pages: dict[str, str]) -> list[str]:
-    """Relative links of the pages without their file or heading."""
+    """Relative links of the pages without their file or heading, and paths of source files that do not exist."""
     faults = []
     for name, page in pages.items():
         for link in re.finditer(r"\]\((?!https?:|mailto:)([^)#\s]*)(?:#([^)\s]*))?\)", page):
@@ -106,6 +109,9 @@ def broken_links(pages: dict[str, str]) -> list[str]:
                 faults.append(f"{where}: no such file")
             elif link[2] and path.suffix == ".md" and link[2] not in anchors(path.read_text(encoding="utf-8")):
                 faults.append(f"{where}: no such heading")
+        for path in SOURCE_PATH.finditer(page):
+            if not pathlib.Path(path[1]).exists():
+                faults.append(f"{name}:{line_of(page, path.start())}: {path[1]}: no such file")
     return faults
 
 

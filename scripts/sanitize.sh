@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# AddressSanitizer on the tests of the code with `unsafe`: crates/dataset/src/video/scaler.rs (functions of FFmpeg that its crate does not wrap) and
+# AddressSanitizer on the tests of the code with `unsafe`: crates/dataset/src/video/conversion/scaler.rs (functions of FFmpeg that its crate does not wrap) and
 # xplane-bridge/src/link/shared_memory.rs (mapped memory). Builds in a separate folder, target/sanitize.
 #
 # The sanitizer is an unstable option of the compiler; RUSTC_BOOTSTRAP enables it in the stable one. FFmpeg itself is not instrumented, but its

@@ -3,6 +3,15 @@
 //! A verb's argument is its subject, a run or a corpus; everything else is an option: `evaluate RUN --corpus CORPUS`,
 //! `view CORPUS --run RUN`. `push` copies, from one argument to the other.
 
+pub(crate) mod estimate;
+pub(crate) mod estimator;
+pub(crate) mod export;
+mod local_udp;
+mod output;
+pub(crate) mod search;
+mod shard;
+pub(crate) mod view;
+
 use std::env;
 use std::ffi::OsString;
 use std::net::IpAddr;
@@ -29,17 +38,15 @@ use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
 
-use crate::estimate_args::EstimateArgs;
-use crate::estimator_args::{
-    EvaluateArgs, ExportEstimatorsArgs, PredictArgs, RefitArgs, TrainArgs,
-};
-use crate::export_args::ExportArgs;
 use crate::help;
-use crate::local_udp_args::LocalUdpArgs;
-use crate::output_arg::Output;
-use crate::search_args::{SearchArgs, SearchMode};
-use crate::shard_arg::ShardArg;
-use crate::view_args::ViewArgs;
+use estimate::EstimateArgs;
+use estimator::{EvaluateArgs, ExportEstimatorsArgs, PredictArgs, RefitArgs, TrainArgs};
+use export::ExportArgs;
+use local_udp::LocalUdpArgs;
+use output::Output;
+use search::{SearchArgs, SearchMode};
+use shard::ShardArg;
+use view::ViewArgs;
 
 /// Heading of the options that every verb has.
 const GLOBAL: &str = "Global options";

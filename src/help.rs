@@ -124,8 +124,8 @@ Examples:
       --view right=rtsp://user@camera2/video --metrics 127.0.0.1:9464
   dtd estimate run --view left=left.mp4 --view right=right.mp4 \\
       --as-fast-as-possible
-  dtd estimate run --view left=corpus:corpus/0001-a \\
-      --view right=corpus:corpus/0001-a
+  dtd estimate run --view left=corpus:corpus/1200-clear-r1 \\
+      --view right=corpus:corpus/1200-clear-r1
   dtd estimate run --config ESTIMATE.toml     sources and options in a file
 
 Environment:

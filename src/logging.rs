@@ -3,6 +3,9 @@
 //! An event is one line, whatever its fields contain: a peer's text can neither begin another line nor reach the terminal's control
 //! characters. Events about a peer (field `from`) are written once a minute for each place in the code and address.
 
+pub(crate) mod repeats;
+pub(crate) mod stderr;
+
 use std::fmt::{Debug, Write};
 use std::net::{IpAddr, SocketAddr};
 
@@ -13,8 +16,8 @@ use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, registry};
 
-use crate::repeats::{self, Source};
-use crate::stderr::{self, Level};
+use repeats::Source;
+use stderr::Level;
 
 /// The crate of the stand-in and of replayed tapes, whose clients choose what its events say.
 const SERVER: &str = "mock_xplane";

@@ -13,8 +13,8 @@ use std::process;
 use dataset::plain::plain;
 
 use crate::failure::FAILED;
-use crate::repeats;
-use crate::stderr::{self, Level};
+use crate::logging::repeats;
+use crate::logging::stderr::{self, Level};
 
 macro_rules! println {
     () => { $crate::print::to_stdout(format_args!("")) };
@@ -23,21 +23,21 @@ macro_rules! println {
 
 macro_rules! eprintln {
     ($($words:tt)*) => {
-        $crate::print::to_stderr($crate::stderr::Level::Info, format_args!($($words)*))
+        $crate::print::to_stderr($crate::logging::stderr::Level::Info, format_args!($($words)*))
     };
 }
 
 /// Writes a line that says what went wrong although the verb goes on.
 macro_rules! eprint_warning {
     ($($words:tt)*) => {
-        $crate::print::to_stderr($crate::stderr::Level::Warning, format_args!($($words)*))
+        $crate::print::to_stderr($crate::logging::stderr::Level::Warning, format_args!($($words)*))
     };
 }
 
 /// Writes a line that says what failed.
 macro_rules! eprint_error {
     ($($words:tt)*) => {
-        $crate::print::to_stderr($crate::stderr::Level::Error, format_args!($($words)*))
+        $crate::print::to_stderr($crate::logging::stderr::Level::Error, format_args!($($words)*))
     };
 }
 

@@ -1,7 +1,8 @@
-//! Progress on stderr: bars on a terminal; otherwise lines, for people or for programs ([`crate::stderr`]).
+//! Progress on stderr: bars on a terminal; otherwise lines, for people or for programs ([`crate::logging::stderr`]).
 
 mod cadence;
 mod standing;
+pub(crate) mod verb_watch;
 
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, Once, PoisonError, Weak};
 use std::thread;
@@ -11,8 +12,8 @@ use dataset::plain::one_line;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
-use crate::repeats::{self, Source};
-use crate::stderr::{self, Form, Level};
+use crate::logging::repeats::{self, Source};
+use crate::logging::stderr::{self, Form, Level};
 use cadence::{BEAT, Cadence};
 use standing::Standing;
 pub(crate) use standing::{Disk, Scenarios};

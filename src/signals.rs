@@ -15,7 +15,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 
 use crate::failure::TRY_AGAIN;
-use crate::repeats;
+use crate::logging::repeats;
 
 /// SIGXFSZ, when a file would exceed `ulimit -f`: unhandled it kills the process; handled, the write fails with an error.
 const FILE_TOO_LARGE: i32 = 25;

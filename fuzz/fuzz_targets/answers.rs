@@ -30,20 +30,17 @@ fuzz_target!(|made: Made| detector::decode(&made));
 #[allow(dead_code, reason = "only the decoders are called")]
 mod detector {
     mod answer;
-    mod boxes_and_scores;
-    mod efficient_nms;
     mod layout;
-    mod meaning;
     mod model_file;
     mod profile;
-    mod suppression;
 
     use super::Made;
     use answer::{Answer, numbers_of};
-    use boxes_and_scores::PairAnswer;
-    use efficient_nms::NmsAnswer;
+    use layout::boxes_and_scores::PairAnswer;
+    use layout::efficient_nms::NmsAnswer;
+    use layout::meaning::{Known, Meaning};
+    use layout::suppression;
     use layout::{Decoding, Layout};
-    use meaning::{Known, Meaning};
     use profile::{BoxOrigin, ModelProfile};
 
     /// More would be slow and teach nothing.

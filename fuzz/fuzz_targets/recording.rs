@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::geometry::runway::Runway;
-use dtd_fuzz::airports::bundled;
+use generator::airports::bundled;
 use dtd_fuzz::as_file;
-use dtd_fuzz::recording::{Allowed, Recording};
+use generator::recording::{Allowed, Recording};
 use libfuzzer_sys::fuzz_target;
 
 static CHANGI: LazyLock<Runway> = LazyLock::new(|| bundled("WSSS", "02L").unwrap());

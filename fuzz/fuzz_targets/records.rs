@@ -13,7 +13,7 @@ use dataset::plan::Plan;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::{Seal, is_within, sealed_files};
 use dataset::corpus::splits::Splits;
-use dtd_fuzz::plan::{Difference, is_seeded_by};
+use generator::plan::{Difference, is_seeded_by};
 use libfuzzer_sys::fuzz_target;
 use serde::Serialize;
 

@@ -5,8 +5,8 @@
 use std::path::Path;
 
 use dataset::plan::Plan;
-use dtd_fuzz::plan::expand;
-use dtd_fuzz::sweep::Sweep;
+use generator::plan::expand;
+use generator::sweep::Sweep;
 use libfuzzer_sys::fuzz_target;
 
 /// More would be slow and teach nothing.

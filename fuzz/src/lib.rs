@@ -1,23 +1,8 @@
-//! Shared by the fuzz targets: the generator's pure modules, from their sources, and files in memory.
+//! Shared by the fuzz targets: files in memory.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
-
-/// The expansion of a sweep, without recording: the whole crate would bring the object store's clients along.
-#[path = "../../generator/src"]
-mod generator {
-    pub mod airports;
-    pub mod plan;
-    pub mod recording;
-    pub mod seed;
-    pub mod spread;
-    pub mod sweep;
-    pub mod time_of_day;
-    pub mod trajectory;
-}
-
-pub use generator::*;
 
 /// Writes bytes to a file that only this process uses, in memory if possible, and passes its path on.
 pub fn as_file<T>(bytes: &[u8], name: &str, read: impl FnOnce(&Path) -> T) -> T {

@@ -20,6 +20,7 @@ mod remote;
 mod run;
 mod session;
 mod space;
+pub mod stand_in;
 mod trial;
 
 use std::cmp::Reverse;

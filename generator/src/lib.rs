@@ -9,13 +9,13 @@
 
 #![forbid(unsafe_code)]
 
+pub mod against;
 pub mod airports;
 pub mod generate;
 pub mod plan;
 pub mod recording;
 pub mod seed;
 pub mod spread;
-pub mod stand_in;
 pub mod sweep;
 pub mod sweep_language;
 pub mod time_of_day;

@@ -4,7 +4,6 @@
 //! and the master seed, never by its position among the others: a sweep that grows adds scenarios and leaves the others as they
 //! are. What a plan is on disk: [`dataset::plan`].
 
-pub mod against;
 mod duration;
 mod estimate;
 mod expand;

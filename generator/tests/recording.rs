@@ -14,7 +14,7 @@ use dataset::geometry::imaging::Degradation;
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::Runway;
 use dataset::verify::verify;
-use generator::plan::against::{Against, Standing};
+use generator::against::{Against, Standing};
 use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, trial};
 use generator::plan::{Estimate, Pacing, expand};
 use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};

@@ -24,8 +24,8 @@ use super::output::{Next, count, failed, finish, print_json};
 use super::train::{failure_of, has_scenario_on};
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
+use crate::progress::verb_watch::VerbWatch;
 use crate::shipped::Detector;
-use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DetectArgs) -> Outcome {

@@ -19,7 +19,7 @@ use super::Outcome;
 use super::detect::refuse_other_models;
 use super::output::print_json;
 use super::train::failure_of;
-use crate::estimate_args::EstimateArgs;
+use crate::args::estimate::EstimateArgs;
 use crate::failure::{Ending, Failure};
 use crate::shipped::Detector;
 use crate::signals::CleanStop;

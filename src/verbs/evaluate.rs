@@ -14,9 +14,9 @@ use super::Outcome;
 use super::open_corpus::{leave_out_unsearched_by_run, open_sound_corpus};
 use super::output::{Next, count, finish, print_json, print_table};
 use super::train::failure_of;
-use crate::estimator_args::{EvaluateArgs, SideArg};
+use crate::args::estimator::{EvaluateArgs, SideArg};
 use crate::failure::Failure;
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateArgs) -> Outcome {

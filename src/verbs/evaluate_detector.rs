@@ -14,10 +14,10 @@ use super::detect::refuse_other_models;
 use super::open_corpus::open_filled_corpus;
 use super::output::{Next, count, finish, print_json, print_table};
 use crate::args::EvaluateDetectorArgs;
+use crate::args::search::SearchMode;
 use crate::failure::{Ending, Failure};
-use crate::search_args::SearchMode;
+use crate::progress::verb_watch::VerbWatch;
 use crate::shipped::Detector;
-use crate::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {

@@ -9,9 +9,9 @@ use serde::Serialize;
 use super::Outcome;
 use super::open_corpus::{open_sound_corpus, refuse_empty};
 use super::output::{Next, count, finish, print_json};
-use crate::export_args::{Asked, ExportArgs};
+use crate::args::export::{Asked, ExportArgs};
 use crate::failure::{Ending, Failure};
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &ExportArgs) -> Outcome {

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use dataset::corpus::new_folder;
+use dataset::corpus::workshop::new_folder;
 use labeller::detector::{NumberInput, run_numbers};
 use serde::Serialize;
 use trainer::{
@@ -13,7 +13,7 @@ use trainer::{
 use super::Outcome;
 use super::output::{Next, finish, print_json};
 use super::train::failure_of;
-use crate::estimator_args::ExportEstimatorsArgs;
+use crate::args::estimator::ExportEstimatorsArgs;
 use crate::failure::{Ending, Failure};
 
 const CARD: &str = "MODEL_CARD.md";

@@ -16,7 +16,7 @@ use super::object_store::{SPLIT_AGAIN, failure_of, failure_to_mirror, mend, run_
 use super::output::{count, print_json};
 use crate::args::FetchArgs;
 use crate::failure::{Ending, Failure};
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Characters of a foreign name that a message shows.
 const MOST_SHOWN: usize = 64;

@@ -11,7 +11,7 @@ use super::open_corpus::{open_filled_corpus, repair};
 use super::output::{Next, count, failed, finish, print_json};
 use crate::args::LabelArgs;
 use crate::failure::{Ending, Failure};
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &LabelArgs) -> Outcome {

@@ -10,7 +10,7 @@ use tokio::time::sleep;
 
 use super::async_runtime::async_runtime;
 use crate::failure::Failure;
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Longest time for transfers to stop.
 const STOP_TIMEOUT: Duration = Duration::from_secs(5);

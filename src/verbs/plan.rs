@@ -14,7 +14,7 @@ use dataset::geometry::runway::Runway;
 use dataset::geometry::sun::Sun;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::{Change, Plan, PlannedScenario};
-use generator::plan::against::{Against, Standing};
+use generator::against::{Against, Standing};
 use generator::plan::{Estimate, Outlook, Pacing, expand};
 use generator::sweep::Sweep;
 use serde::Serialize;

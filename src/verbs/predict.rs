@@ -6,8 +6,8 @@ use super::Outcome;
 use super::open_corpus::{leave_out_unsearched_by_run, open_sound_corpus};
 use super::output::{count, print_json};
 use super::train::failure_of;
-use crate::estimator_args::PredictArgs;
-use crate::verb_watch::VerbWatch;
+use crate::args::estimator::PredictArgs;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &PredictArgs) -> Outcome {

@@ -17,7 +17,7 @@ use super::open_corpus::open_filled_corpus;
 use super::output::{count, print_json};
 use crate::args::PushArgs;
 use crate::failure::{Ending, Failure};
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Result for the corpus.
 #[derive(Default, Serialize)]

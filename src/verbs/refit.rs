@@ -8,8 +8,8 @@ use super::Outcome;
 use super::open_corpus::{leave_out_unsearched_by_run, open_sound_corpus};
 use super::output::{count, finish, print_json};
 use super::train::{failure_of, judged_next};
-use crate::estimator_args::RefitArgs;
-use crate::verb_watch::VerbWatch;
+use crate::args::estimator::RefitArgs;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &RefitArgs) -> Outcome {

@@ -4,10 +4,10 @@ use std::env;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use generator::stand_in::{StandIn, StandInTask};
+use generator::generate::stand_in::{StandIn, StandInTask};
 use tokio::runtime::Runtime;
-use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::link::LinkToken;
+use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::{BridgeError, LocalUdp, somebody_answers};
 use xplane_tape::{RecordOptions, TapeSummary, record};
 

@@ -16,9 +16,9 @@ use trainer::{Choice, TrainConfig, TrainOutcome};
 use super::Outcome;
 use super::open_corpus::{leave_out_unsearched, open_sound_corpus};
 use super::output::{Next, finish, print_json};
-use crate::estimator_args::TrainArgs;
+use crate::args::estimator::TrainArgs;
 use crate::failure::{Ending, Failure};
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// The result of a training for programs.
 #[derive(Serialize)]

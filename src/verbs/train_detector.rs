@@ -11,7 +11,7 @@ use super::open_corpus::open_sound_corpus;
 use super::output::print_json;
 use crate::args::TrainDetectorArgs;
 use crate::failure::Failure;
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {

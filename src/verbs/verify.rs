@@ -25,7 +25,7 @@ use super::open_corpus::{open_corpus, refuse_empty, repair};
 use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
 use crate::failure::{Ending, Failure};
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 
 /// Views whose empty boxes are listed, and ticks of each.
 const MOST_VIEWS_LISTED: usize = 8;

@@ -13,9 +13,9 @@ use viewer::{ViewOptions, serve};
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
+use crate::args::view::ViewArgs;
 use crate::failure::{Ending, Failure};
 use crate::signals::CleanStop;
-use crate::view_args::ViewArgs;
 
 /// Opens an address with the program that the user chose for it.
 const OPENER: &str = if cfg!(target_os = "macos") {

@@ -47,8 +47,8 @@ pub struct OnlineRun {
 }
 
 impl OnlineRun {
-    /// Opens a run. `estimator`: name of the one that answers; `None`: the run's choice, or `inverse_range_filtered` for one that needs
-    /// later ticks.
+    /// Opens a run. `estimator`: name of the one that answers; `None`: the run's choice, with the filter in place of single ticks and of
+    /// what needs later ones.
     ///
     /// # Errors
     /// The run cannot be read, or the estimator needs what only a corpus has.
@@ -64,9 +64,10 @@ impl OnlineRun {
                     known: all_online().map(Estimator::name).collect(),
                 })
             })?,
-            None => {
-                online(&run.summary.choice.estimator).unwrap_or(Estimator::InverseRangeFiltered)
-            }
+            None => match online(&run.summary.choice.estimator) {
+                None | Some(Estimator::InverseRange) => Estimator::InverseRangeFiltered,
+                Some(chosen) => chosen,
+            },
         };
         let is_of_fits = matches!(
             estimator,

@@ -6,7 +6,6 @@ pub mod distortion;
 pub mod echo;
 pub mod flight;
 pub mod geodesy;
-pub mod image_motion;
 pub mod imaging;
 pub mod pose;
 pub mod rays;

@@ -4,9 +4,8 @@
 //! that it was not trained on. The network is a small CenterNet (Zhou et al., 2019) adapted to this task: boxes accurate to a
 //! fraction of a pixel, because the distance is derived from them, at any contrast that haze leaves.
 //!
-//! `network` and `convolution` compute, `grid` defines the meaning of the numbers, `targets` and `loss` what they should be;
-//! `picture`, `cover`, `crop`, `augmentation` (with `texture` and `structures`), `samples` and `corpus_samples` feed `training`, which
-//! may `start` from a model; `evaluation` measures; `export` writes the model.
+//! `network` computes, `grid` defines the meaning of the numbers and what they should be, `loss` compares; `samples` and `crop` feed
+//! `training`, which may start from a model; `evaluation` measures; `export` writes the model.
 
 #![forbid(unsafe_code)]
 

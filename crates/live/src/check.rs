@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use crate::clocks::clock::{ClockSource, RunClock};
+use crate::conductor::views::Views;
 use crate::error::{Error, Result};
 use crate::feed::{Message, Report};
-use crate::output::metrics::Metrics;
 use crate::options::Options;
+use crate::output::metrics::Metrics;
 use crate::shared::Shared;
-use crate::conductor::views::Views;
 
 /// A source that does not answer in this time is not there.
 const MOST: Duration = Duration::from_secs(8);

@@ -12,11 +12,11 @@ use dataset::files::json_file::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
 use crate::clocks::clock_offset::{Offset, RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
-use crate::error::{Error, Result};
 use crate::clocks::free_clocks::{FreeClock, News};
+use crate::clocks::vertical_lag::Sighting;
+use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::source::Source;
-use crate::clocks::vertical_lag::Sighting;
 
 /// Offsets as they are kept: of one run, and each of two cameras.
 #[derive(Debug, Default, Serialize, Deserialize)]

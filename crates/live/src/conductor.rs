@@ -17,27 +17,27 @@ use glam::DVec2;
 use labeller::live::{SeenBox, register_views};
 use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView};
 
-use crate::conductor::answers::Answers;
+use crate::clocks::Clocks;
 use crate::clocks::clock::RunClock;
 use crate::clocks::clock_offset::Offset;
-use crate::clocks::Clocks;
+use crate::clocks::free_clocks::News;
+use crate::clocks::vertical_lag::Sighting;
+use crate::conductor::answers::Answers;
+use crate::conductor::overload::Overload;
+use crate::conductor::pairing::{Joined, Pairing};
+use crate::conductor::track_motion::{TrackMotion, moved_box, moved_shift};
+use crate::conductor::views::{View, Views};
+use crate::conductor::withheld_news::WithheldNews;
 use crate::error::{Error, Result};
 use crate::feed::{Message, Report};
-use crate::clocks::free_clocks::News;
+use crate::options::Options;
 use crate::output::line::{Event, Line};
 use crate::output::lines::Lines;
 use crate::output::metrics::{Fate, Metrics, Stage};
 use crate::output::metrics_server;
-use crate::options::Options;
-use crate::conductor::overload::Overload;
-use crate::conductor::pairing::{Joined, Pairing};
 use crate::search::Searched;
 use crate::shared::{Correction, Pace, Shared};
-use crate::conductor::track_motion::{TrackMotion, moved_box, moved_shift};
-use crate::clocks::vertical_lag::Sighting;
 use crate::view_state::news::ViewNews;
-use crate::conductor::views::{View, Views};
-use crate::conductor::withheld_news::WithheldNews;
 
 /// Longest wait for a message: views are judged this often without one.
 const WAIT: Duration = Duration::from_millis(20);

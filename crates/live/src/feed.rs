@@ -15,17 +15,17 @@ use dataset::video::DecodedImage;
 
 use crate::clocks::clock::{ClockSource, Clues, Stamp, Stamper};
 use crate::error::Error;
-use crate::view_state::image_look::Looks;
-use crate::source::input::{End, Input, InputImage};
-use crate::output::metrics::{Fate, Stage};
 use crate::feed::open_limit::OpenLimit;
-use crate::options::Decoder;
-use crate::source::place::{OpenFault, Patience};
 use crate::feed::read_limit::ReadLimit;
+use crate::feed::slot::Slot;
+use crate::options::Decoder;
+use crate::output::metrics::{Fate, Stage};
 use crate::search::Searched;
 use crate::shared::{Pace, Shared, ViewStatus};
-use crate::feed::slot::Slot;
 use crate::source::Source;
+use crate::source::input::{End, Input, InputImage};
+use crate::source::place::{OpenFault, Patience};
+use crate::view_state::image_look::Looks;
 use crate::view_state::{Seen, ViewState};
 
 /// Milliseconds before a lost source is opened again: at first, and at most.

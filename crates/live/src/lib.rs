@@ -4,15 +4,13 @@
 //! Output: answers and events, one after another ([`Line`]), and counts ([`Metrics`]).
 //!
 //! ```text
-//! source, place, input, gpu   where images come from; FFmpeg's side of it
-//! clock           the time of each image; clocks, free_clocks, vertical_lag, clock_offset: offsets of cameras' clocks, by what both see
-//! feed            a thread a view: opens, decodes, opens again; hands over the newest image; open_limit, read_limit, undecoded: when
-//!                 a source is given up
-//! view_state      whether a view can be measured
-//! search          a thread a view: boxes and camera motion of the newest image
-//! pairing         images of several views that belong together
-//! conductor       joins the views, asks the estimator, writes answers
-//! lines, metrics  outputs, which no slow reader delays
+//! source       where images come from: FFmpeg's side of it, GPUs
+//! clocks       the time of each image; offsets of cameras' clocks, by what both see
+//! feed         a thread per view: opens, decodes, opens again; hands over the newest image; when a source is given up
+//! view_state   whether a view can be measured
+//! search       a thread per view: boxes and camera motion of the newest image
+//! conductor    joins images of several views that belong together, asks the estimator, writes answers
+//! output       lines and metrics, which no slow reader delays
 //! ```
 //!
 //! An answer is never older than it says: each has the time of its images, its age and a state.
@@ -33,8 +31,8 @@ pub use check::{Found, check};
 pub use clocks::clock::ClockSource;
 pub use conductor::estimate;
 pub use error::{Error, Result};
-pub use output::line::{Answer, AnswerState, Event, Line};
-pub use options::{Decoder, Options};
 pub use options::settings::{Settings, ViewSettings, schema};
+pub use options::{Decoder, Options};
+pub use output::line::{Answer, AnswerState, Event, Line};
 pub use source::{Source, Stream};
 pub use view_state::ViewState;

@@ -11,11 +11,11 @@ use dataset::video::{DecodedImage, ImageConverter, Luma, PicturePart};
 use labeller::detector::PictureView;
 use labeller::live::{Image, Looked, ViewSearch};
 
-use crate::feed::{FeedImage, Message};
-use crate::search::lockstep::Lockstep;
-use crate::output::metrics::{Fate, Stage};
-use crate::shared::{Pace, Shared, ViewStatus};
 use crate::feed::slot::{Slot, Taken};
+use crate::feed::{FeedImage, Message};
+use crate::output::metrics::{Fate, Stage};
+use crate::search::lockstep::Lockstep;
+use crate::shared::{Pace, Shared, ViewStatus};
 
 /// A searched image.
 pub(crate) struct Searched {

@@ -28,8 +28,8 @@ use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::task::JoinSet;
 use xplane_bridge::datarefs::{self as names, Generation};
-use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::LinkToken;
+use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_tape::TapeError;
 

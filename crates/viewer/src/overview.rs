@@ -9,7 +9,7 @@ use std::time::SystemTime;
 use dataset::corpus::detections::models_of;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::faults_at_a_glance;
-use dataset::corpus::sealed::Sealed;
+use dataset::corpus::seal::sealed::Sealed;
 use dataset::corpus::set_aside::SetAside;
 use dataset::corpus::splits::{Side, Splits};
 use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};

@@ -7,8 +7,8 @@ use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use dataset::corpus::other_flight::OtherFlight;
-use dataset::corpus::sealed::Sealed;
+use dataset::corpus::scenario::other_flight::OtherFlight;
+use dataset::corpus::seal::sealed::Sealed;
 use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
 use dataset::tables::frames::TickRow;

@@ -12,7 +12,7 @@ use tokio::task::JoinError;
 use xplane_bridge::BridgeError;
 
 use super::space;
-use crate::stand_in::StandInError;
+use crate::generate::stand_in::StandInError;
 use crate::trajectory::BadFlight;
 
 /// The simulator must keep a frame's pose and its time together; this is the user's remedy when it does not.

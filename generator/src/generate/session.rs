@@ -11,15 +11,15 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use tokio::time::{Instant, sleep};
-use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::{KnownProfile, RecordedPace};
+use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, KnownBlocks, LocalUdp, Simulator};
 use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
 use super::followed::Followed;
 use super::record::pictures::Pictures;
-use crate::stand_in::{StandIn, StandInError, StandInTask};
+use crate::generate::stand_in::{StandIn, StandInError, StandInTask};
 
 /// More stand-ins than this on one machine are a typo.
 pub(super) const MOST_STAND_INS: usize = 64;

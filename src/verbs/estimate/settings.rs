@@ -11,7 +11,7 @@ use labeller::RowBand;
 use labeller::detector::Device;
 use live::{Decoder, Settings, Source};
 
-use crate::estimate_args::{EstimateArgs, GivenOffset, OfView, metrics_address};
+use crate::args::estimate::{EstimateArgs, GivenOffset, OfView, metrics_address};
 use crate::failure::Failure;
 
 /// Given options, by view and for all views.

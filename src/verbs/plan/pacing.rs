@@ -5,8 +5,8 @@ use std::net::SocketAddr;
 use generator::generate::{GenerateError, SimulatorTarget, trial};
 use generator::plan::Pacing;
 use generator::sweep::Sweep;
-use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::KnownProfile;
+use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::{
     BridgeError, CONNECT_TIMEOUT, ConnectOptions, LocalUdp, Simulator, SimulatorDescription,
 };

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use dataset::corpus::scenario::Flight;
 use dataset::geometry::sun::Sun;
 use dataset::plan::PlannedScenario;
-use generator::plan::against::Standing;
+use generator::against::Standing;
 use generator::plan::{Estimate, Outlook, Sight};
 use indicatif::DecimalBytes;
 

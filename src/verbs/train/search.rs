@@ -12,9 +12,9 @@ use toml::{Table, Value};
 use trainer::{Search, SearchTable, TrainConfig};
 
 use super::{checked, failure_of, judged_next, overridden};
-use crate::estimator_args::TrainArgs;
+use crate::args::estimator::TrainArgs;
 use crate::failure::{Ending, Failure};
-use crate::verb_watch::VerbWatch;
+use crate::progress::verb_watch::VerbWatch;
 use crate::verbs::Outcome;
 use crate::verbs::output::{finish, print_json, print_table};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use dataset::corpus::sealed::Sealed;
+use dataset::corpus::seal::sealed::Sealed;
 use dataset::files::json_file::{parse_json, write_unsynced};
 use dataset::files::outside_file::{self, FileKind};
 use serde::de::DeserializeOwned;

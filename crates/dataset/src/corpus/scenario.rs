@@ -1,5 +1,7 @@
 //! `scenario.json`: all parameters of one scenario, and the versions that made it.
 
+pub mod other_flight;
+
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};

@@ -3,10 +3,12 @@
 //! A folder is filled under another name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of
 //! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through
 //! [`replace_files`], holding the scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last.
-//! `DONE.json.new` commits the change; all that remains is renaming. Readers ([`crate::corpus::sealed`]) see the complete old state before
-//! that moment and the complete new one after it, and never write. If a process is killed or the disk fails, the next writer
-//! completes a committed change and drops an uncommitted one. An error after the commit, e.g. of a sync, does not undo it: the files
-//! alone determine the state, and removing what the new seal names would destroy the scenario.
+//! `DONE.json.new` commits the change; all that remains is renaming. Readers ([`crate::corpus::seal::sealed`]) see the complete old state
+//! before that moment and the complete new one after it, and never write. If a process is killed or the disk fails, the next writer
+//! completes a committed change and drops an uncommitted one. An error after the commit, e.g. of a sync, does not undo it: the files alone
+//! determine the state, and removing what the new seal names would destroy the scenario.
+
+pub mod sealed;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -18,7 +20,6 @@ use serde::{Deserialize, Serialize};
 use crate::corpus::ScenarioFolder;
 use crate::corpus::claim::Claim;
 use crate::corpus::detections;
-use crate::corpus::sealed::{self, Found, Sealed};
 use crate::error::{Error, Result};
 use crate::files::file_name;
 use crate::files::json_file::{read_json, write_atomically, write_json};
@@ -26,6 +27,7 @@ use crate::files::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
 use crate::files::outside_file::{self, FileKind};
 use crate::files::own_path::{own_path, refuse_link};
 use crate::video::VideoCodec;
+use sealed::{Found, Sealed};
 
 /// Hashes of all files of a folder.
 pub const MANIFEST: &str = "MANIFEST.b3";

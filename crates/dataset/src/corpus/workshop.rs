@@ -11,6 +11,8 @@
 //! A killed process leaves its workshop to the next one, which resumes or drops what it finds there. A workshop with foreign
 //! entries is rejected, and left as it is; what lies in `new/` is the maker's.
 
+pub mod new_folder;
+
 use std::fs;
 use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;

@@ -7,6 +7,8 @@
 //! Only the stand-in can draw it; a simulator reports whether it can before a scenario is flown. The camera's encoder is ours, so its
 //! stream is available with every simulator.
 
+pub mod image_motion;
+
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::distortion::Distortion;
@@ -109,7 +111,7 @@ pub struct Stream {
 }
 
 impl Crosswind {
-    /// Frequency of the knee, hertz; [`super::image_motion`] has its source.
+    /// Frequency of the knee, hertz; [`image_motion`] has its source.
     pub fn knee_hz(&self) -> f64 {
         0.3 * self.wind_mps / self.aperture_m
     }

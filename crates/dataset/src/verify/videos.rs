@@ -6,7 +6,7 @@ use std::thread;
 use super::Faults;
 use super::pixels::{PairProof, Scenario, ViewProof, Watcher, judge_lags};
 use crate::corpus::ScenarioFolder;
-use crate::corpus::sealed::Sealed;
+use crate::corpus::seal::sealed::Sealed;
 use crate::video::{TimeBase, VideoReader};
 use crate::work::watch::Watch;
 

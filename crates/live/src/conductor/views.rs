@@ -9,15 +9,15 @@ use std::time::{Duration, Instant};
 use dataset::video::start_ffmpeg;
 
 use crate::error::{Error, Result};
-use crate::feed::{Feed, Message};
-use crate::source::gpu::Gpu;
-use crate::search::lockstep::Lockstep;
 use crate::feed::open_limit::OpenLimit;
-use crate::options::Options;
 use crate::feed::read_limit::ReadLimit;
-use crate::search::Search;
-use crate::shared::{Shared, ViewStatus};
 use crate::feed::slot::Slot;
+use crate::feed::{Feed, Message};
+use crate::options::Options;
+use crate::search::Search;
+use crate::search::lockstep::Lockstep;
+use crate::shared::{Shared, ViewStatus};
+use crate::source::gpu::Gpu;
 
 /// Images of a view that wait for its search.
 const MOST_WAITING: usize = 4;

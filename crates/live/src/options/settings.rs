@@ -17,7 +17,7 @@ pub struct Settings {
     pub views: BTreeMap<String, ViewSettings>,
     /// Views of the run to estimate without. `--without` names further ones, and `--view` overrides it.
     pub without: Vec<String>,
-    /// Estimator that answers; the training's choice by default. `--estimator` overrides it.
+    /// Estimator that answers; by default the training's choice, `inverse_range` with its filter. `--estimator` overrides it.
     pub estimator: Option<String>,
     /// The detector, an ONNX file; the bundled one by default. `--model` overrides it.
     pub model: Option<PathBuf>,

@@ -12,11 +12,11 @@ use ffmpeg_next::codec::packet::side_data;
 use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::{Packet, decoder, format, frame, media};
 
+use crate::options::Decoder;
+use crate::source::Source;
 use crate::source::access_unit::{AccessUnit, AccessUnits, UnitCodec};
 use crate::source::gpu::Gpu;
-use crate::options::Decoder;
 use crate::source::place::{OpenFault, Patience, Place, RecordedTimes};
-use crate::source::Source;
 use crate::source::undecoded::Undecoded;
 
 /// Images whose arrival is remembered until they are decoded.

@@ -18,8 +18,8 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, mpsc};
 use tokio::task::{JoinError, JoinHandle, JoinSet, spawn_blocking};
 use tokio::time::timeout;
-use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::fly::FlyRequest;
+use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{
     Answer, CaptureRequest, Deliver, DrawingSlot, DrawingSlots, FLIGHT_COLUMNS, FrameHeader,
     LinkError, LinkToken, PixelKind, Request, SharedMemory, encode_flight, exchange_greetings,

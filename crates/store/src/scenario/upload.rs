@@ -11,8 +11,8 @@ use std::fs;
 use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
+use dataset::corpus::seal::sealed::Sealed;
 use dataset::corpus::seal::{self, DONE, SealedFile};
-use dataset::corpus::sealed::Sealed;
 use dataset::files::outside_file::{self, FileKind};
 use futures_util::future::BoxFuture;
 

@@ -24,9 +24,7 @@ mod gaussian;
 mod held_share;
 mod hypothesis;
 mod labelled_flight;
-mod matrix;
 mod misfit_scale;
-mod mixture;
 mod motion;
 
 use std::borrow::Borrow;

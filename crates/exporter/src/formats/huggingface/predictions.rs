@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use dataset::corpus::other_flight::OtherFlight;
-use dataset::corpus::sealed::Sealed;
+use dataset::corpus::scenario::other_flight::OtherFlight;
+use dataset::corpus::seal::sealed::Sealed;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::tables::columns::{Table, TableWriter};
 

@@ -5,8 +5,10 @@
 //! instead. Blur grows by Fried's parameter with the power 3/5 of the path length (D. L. Fried, "Optical Resolution Through a Randomly
 //! Inhomogeneous Medium", JOSA 56, 1966), for uniform air along the path.
 
-use dataset::geometry::image_motion::{RADIANS_PER_ARCSEC, SEEING_REFERENCE_M, TiltMotion};
 use dataset::geometry::imaging::Seeing;
+use dataset::geometry::imaging::image_motion::{
+    RADIANS_PER_ARCSEC, SEEING_REFERENCE_M, TiltMotion,
+};
 use glam::DVec2;
 
 /// Seeing of one camera.

@@ -4,8 +4,8 @@
 //! They keep the places of centroids exactly, and at half a pixel 95 % of the contrast of details four pixels long; blur has removed finer
 //! ones. Beyond its edges an image is extended by its edge pixels.
 
-use dataset::geometry::image_motion::SwayMotion;
 use dataset::geometry::imaging::Sway;
+use dataset::geometry::imaging::image_motion::SwayMotion;
 use glam::DVec2;
 use rayon::prelude::*;
 

@@ -36,7 +36,7 @@ use crate::server::engine::Engine;
 use crate::server::scenes::{SceneKey, Scenes};
 use crate::server::world::World;
 use crate::server::world::airport::{GROUND_MSL_M, ON_THRESHOLD};
-use crate::server::world::local_frame::LocalFrame;
+use crate::server::world::scenery::local_frame::LocalFrame;
 use crate::window::DisplayWindow;
 
 const POSITION: &str = "sim/flightmodel/position/";

@@ -8,8 +8,8 @@ use xplane_bridge::datarefs as names;
 use xplane_bridge::packet::Position;
 
 use super::airport::{GROUND_MSL_M, ON_THRESHOLD};
-use super::local_frame::LocalFrame;
 use super::motion::{self, Rates};
+use super::scenery::local_frame::LocalFrame;
 use crate::datarefs::Datarefs;
 
 /// Prefix of the datarefs with which a client may turn or move the aircraft.

@@ -1,5 +1,7 @@
 //! Scenery: what is loaded around the aircraft, and the height of the ground there while it settles.
 
+pub(crate) mod local_frame;
+
 use dataset::geometry::geodesy::LatLon;
 
 use crate::quirks::{Quirk, Quirks};

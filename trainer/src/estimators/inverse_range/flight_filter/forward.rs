@@ -15,8 +15,8 @@
 use crate::estimators::inverse_range::Measurement;
 
 use super::gaussian::{Gaussian, Step};
+use super::hypothesis::mixture::{State, mixed};
 use super::hypothesis::{Decision, Hypothesis, Levelled, Model, step};
-use super::mixture::{State, mixed};
 
 /// Chances at a usual tick: that an outlier follows a good measurement, that it follows an outlier (groups have three on average), and that
 /// what was known is of something else. No flight was measured for these and what follows; tests/disturbed.rs has the simulated flights

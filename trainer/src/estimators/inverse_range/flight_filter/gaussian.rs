@@ -1,9 +1,11 @@
 //! Normal distribution of a few unknowns, advanced in time, corrected by one number at a time (Kalman 1960), and smoothed backwards (Rauch,
 //! Tung and Striebel 1965).
 
+mod matrix;
+
 use dataset::numbers::least_squares::CholeskyFactor;
 
-use super::matrix::{Matrix, dot};
+use matrix::{Matrix, dot};
 
 /// Squared deviations beyond this count as this much in a likelihood, so that one slip does not decide a fit.
 const LARGEST_SURPRISE: f64 = 25.0;

@@ -3,6 +3,8 @@
 //! With this decided, a Kalman filter is exact. All variances have a common factor that the flight itself determines: its misfits in their
 //! variances, together with some usual ones. So the likelihood of a misfit is Student's t.
 
+pub(crate) mod mixture;
+
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
 use super::correlated_error::CorrelatedError;

@@ -45,7 +45,7 @@ pub(crate) struct EstimateArgs {
     /// File with the password of a view's server, on its first line
     #[arg(long = "password-file", value_name = "VIEW=FILE")]
     pub(crate) password_files: Vec<OfView<PathBuf>>,
-    /// Estimator that answers [default: the one that the training chose]
+    /// Estimator that answers [default: the training's choice, `inverse_range` with its filter]
     #[arg(long, value_name = "NAME")]
     pub(crate) estimator: Option<String>,
     /// The detector, an ONNX file [default: the bundled one]

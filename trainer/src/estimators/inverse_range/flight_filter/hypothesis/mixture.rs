@@ -1,7 +1,7 @@
 //! The one answer of several hypotheses on the motion.
 
-use super::gaussian::Gaussian;
-use super::motion::Motion;
+use crate::estimators::inverse_range::flight_filter::gaussian::Gaussian;
+use crate::estimators::inverse_range::flight_filter::motion::Motion;
 
 /// Share of the weight that the answer's covariance covers.
 const COVERED: f64 = 0.95;
@@ -12,20 +12,20 @@ const NEAR: f64 = 3.0;
 const FOLLOWED: f64 = 0.2;
 
 /// A hypothesis.
-pub(super) struct State<'a> {
-    pub(super) weight: f64,
-    pub(super) known: &'a Gaussian,
+pub(crate) struct State<'a> {
+    pub(crate) weight: f64,
+    pub(crate) known: &'a Gaussian,
     /// Factor of its variances.
-    pub(super) inflation: f64,
+    pub(crate) inflation: f64,
     /// True if the last measurement is of something else.
-    pub(super) is_outlier: bool,
+    pub(crate) is_outlier: bool,
 }
 
 /// What is known of the motion by some hypotheses, the heaviest first; `None` without any. `is_measured`: this tick has a measurement.
 ///
 /// The mean is taken over the hypotheses near one of them, the covariance over all around it: a mean of hypotheses that are far apart would
 /// be where none of them is.
-pub(super) fn mixed(states: &[State], is_measured: bool) -> Option<Gaussian> {
+pub(crate) fn mixed(states: &[State], is_measured: bool) -> Option<Gaussian> {
     let answer = answer(states, is_measured)?;
     let size = Motion::UNKNOWNS;
     let mut covered = 0.0;

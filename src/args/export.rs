@@ -7,8 +7,8 @@ use clap::{Args, ValueEnum};
 use dataset::corpus::splits::Side;
 use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 
+use crate::args::output::Output;
 use crate::args::{WindowSize, folder, from_one};
-use crate::output_arg::Output;
 
 /// Options of an export.
 #[derive(Debug, Args)]
@@ -106,9 +106,9 @@ enum OneSide {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Boxes {
-    /// The true ones
+    /// Ground truth
     Truth,
-    /// Detected ones, of confirmed tracks only
+    /// Detections of confirmed tracks
     Detections,
 }
 

@@ -4,13 +4,13 @@ use std::ops::{Index, IndexMut};
 
 /// A square matrix, row by row.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Matrix {
-    pub(super) size: usize,
-    pub(super) values: Vec<f64>,
+pub(crate) struct Matrix {
+    pub(crate) size: usize,
+    pub(crate) values: Vec<f64>,
 }
 
 impl Matrix {
-    pub(super) fn zero(size: usize) -> Self {
+    pub(crate) fn zero(size: usize) -> Self {
         Self {
             size,
             values: vec![0.0; size * size],
@@ -18,26 +18,26 @@ impl Matrix {
     }
 
     /// Puts a smaller matrix on the diagonal, its first element at `(at, at)`.
-    pub(super) fn set_block<const N: usize>(&mut self, at: usize, block: &[[f64; N]; N]) {
+    pub(crate) fn set_block<const N: usize>(&mut self, at: usize, block: &[[f64; N]; N]) {
         for (i, row) in block.iter().enumerate() {
             let start = (at + i) * self.size + at;
             self.values[start..start + N].copy_from_slice(row);
         }
     }
 
-    pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &[f64]> {
         self.values.chunks_exact(self.size)
     }
 
-    pub(super) fn row(&self, number: usize) -> &[f64] {
+    pub(crate) fn row(&self, number: usize) -> &[f64] {
         &self.values[number * self.size..(number + 1) * self.size]
     }
 
-    pub(super) fn times_vector(&self, vector: &[f64]) -> Vec<f64> {
+    pub(crate) fn times_vector(&self, vector: &[f64]) -> Vec<f64> {
         self.rows().map(|row| dot(row, vector)).collect()
     }
 
-    pub(super) fn times(&self, other: &Self) -> Self {
+    pub(crate) fn times(&self, other: &Self) -> Self {
         let mut product = Self::zero(self.size);
         for (row, sums) in self.rows().zip(product.values.chunks_exact_mut(other.size)) {
             for (&factor, other_row) in row.iter().zip(other.rows()) {
@@ -49,7 +49,7 @@ impl Matrix {
         product
     }
 
-    pub(super) fn transposed(&self) -> Self {
+    pub(crate) fn transposed(&self) -> Self {
         let mut transposed = Self::zero(self.size);
         for i in 0..self.size {
             for j in 0..self.size {
@@ -60,7 +60,7 @@ impl Matrix {
     }
 
     /// `self + sign * other`, element by element.
-    pub(super) fn plus(mut self, sign: f64, other: &Self) -> Self {
+    pub(crate) fn plus(mut self, sign: f64, other: &Self) -> Self {
         for (value, other) in self.values.iter_mut().zip(&other.values) {
             *value += sign * other;
         }
@@ -82,6 +82,6 @@ impl IndexMut<(usize, usize)> for Matrix {
     }
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

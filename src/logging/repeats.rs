@@ -10,7 +10,7 @@ use std::{fmt, mem, thread};
 
 use tracing::callsite::Identifier;
 
-use crate::stderr::{self, Level};
+use crate::logging::stderr::{self, Level};
 
 /// The same line is written at most once in this time.
 const PERIOD: Duration = Duration::from_secs(60);

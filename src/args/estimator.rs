@@ -7,7 +7,7 @@ use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
 use trainer::{MOST_APPROACHES, TrainingBackend};
 
 use crate::args::folder;
-use crate::output_arg::Output;
+use crate::args::output::Output;
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TrainArgs {
