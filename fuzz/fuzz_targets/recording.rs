@@ -4,10 +4,10 @@
 
 use std::sync::LazyLock;
 
-use dataset::numbers::frame_rate::FrameRate;
 use dataset::geometry::runway::Runway;
-use generator::airports::bundled;
+use dataset::numbers::frame_rate::FrameRate;
 use dtd_fuzz::as_file;
+use generator::airports::bundled;
 use generator::recording::{Allowed, Recording};
 use libfuzzer_sys::fuzz_target;
 

@@ -8,11 +8,11 @@ use std::path::Path;
 
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::detections::Provenance;
-use dataset::files::json_file::parse_json;
-use dataset::plan::{Difference, Plan};
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::{Seal, is_within, sealed_files};
 use dataset::corpus::splits::Splits;
+use dataset::files::json_file::parse_json;
+use dataset::plan::{Difference, Plan};
 use generator::plan::is_seeded_by;
 use libfuzzer_sys::fuzz_target;
 use serde::Serialize;

@@ -17,7 +17,6 @@ use testkit_simulator::{Running, quiet};
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::time::timeout;
 use xplane_bridge::datarefs::ZULU_TIME_S;
-use xplane_bridge::udp::discovery::announced;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::link::{
     Answer, LinkError, LinkToken, PictureBytes, PixelKind, Request, SharedPictures,
@@ -25,6 +24,7 @@ use xplane_bridge::link::{
 };
 use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator};
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
+use xplane_bridge::udp::discovery::announced;
 use xplane_bridge::udp::subscription::Subscription;
 use xplane_bridge::{
     BridgeError, CONNECT_TIMEOUT, CaptureRequest, CapturedFrame, ConnectOptions, Deliver, Simulator,
