@@ -12,11 +12,24 @@ import numpy.typing as npt
 import polars as pl
 
 from dtd.camera import Camera
-from dtd.files import CorpusError, collect, damaged, is_sealed, read_json, recorded, refuse_link, scan, sealed
+from dtd.files import CorpusError, collect, damaged, is_sealed, read_json, recorded, refuse_link, scan, sealed, sealed_table
 from dtd.video import Picture, Video
 
 _PER_VIEW = ("sim_frame_", "pts_", "echo_", "camera_")
 """Columns of frames.parquet that have one copy for each view begin so and end with the view."""
+
+
+_SCENARIOS: dict[str, pl.DataType] = {
+    **dict.fromkeys(["scenario", "side", "trajectory", "time_of_day", "weather"], pl.String()),
+    **dict.fromkeys(["visibility_m", "effective_visibility_m"], pl.Float64()),
+    "weather_differs": pl.List(pl.String),
+    **dict.fromkeys(["airport", "runway"], pl.String()),
+    "frame_rate": pl.Float64(),
+    "ticks": pl.Int64(),
+    "rig": pl.String(),
+    "views": pl.List(pl.String),
+}
+"""Columns of the scenarios, also of a corpus without any."""
 
 
 class Corpus:
@@ -82,8 +95,7 @@ class Corpus:
                     "views": record["views"],
                 }
             )
-        types: dict[str, pl.DataType] = {"effective_visibility_m": pl.Float64(), "weather_differs": pl.List(pl.String)}
-        return pl.DataFrame(rows, schema_overrides=types)
+        return pl.DataFrame(rows, schema=_SCENARIOS)
 
     def ticks(self) -> pl.DataFrame:
         """One row per scenario and tick: time, pose, and, after `dtd label`, the distance to touchdown."""
@@ -113,7 +125,7 @@ class Corpus:
 
     def _frames(self, scenario: str, folder: Path) -> tuple[Path, pl.LazyFrame, dict[str, dict[str, str]]]:
         """frames.parquet of a scenario, and by view its columns with their names without the view."""
-        path = sealed(folder, "frames.parquet")
+        path = sealed_table(folder, "frames.parquet")
         table = scan(path)
         by_view: dict[str, dict[str, str]] = {view: {} for view in self.views_of(scenario)}
         for name in table.collect_schema().names():
@@ -131,7 +143,7 @@ class Corpus:
         labelled = {scenario: folder for scenario, folder in self._scenarios.items() if is_sealed(folder, name)}
         if not labelled:
             raise CorpusError(f"{self.path} has no ground-truth boxes: run `dtd label` on it first")
-        return _with_scenario({scenario: sealed(folder, name) for scenario, folder in labelled.items()})
+        return _with_scenario({scenario: sealed_table(folder, name) for scenario, folder in labelled.items()})
 
     def detections(self, model: str | None = None) -> pl.DataFrame:
         """What a detector found, after `dtd detect`. `model`: its file name or the start of its hash, if the corpus has several."""
@@ -162,9 +174,9 @@ class Corpus:
             is_csv = path.suffix.lower() == ".csv"
             if is_csv:
                 # All rows give the types: the first may be empty, before the aircraft is in sight.
-                table = pl.read_csv(path, schema_overrides={"scenario": pl.String}, infer_schema_length=None)
+                table = pl.read_csv(path, schema_overrides={"scenario": pl.String}, infer_schema_length=None, glob=False)
             else:
-                table = pl.read_parquet(path)
+                table = pl.read_parquet(path, glob=False)
         except (pl.exceptions.PolarsError, OSError) as error:
             raise CorpusError(f"{path} cannot be read: {error}; run `dtd evaluate` or `dtd predict` again") from error
         for column in ("scenario", "tick"):
@@ -192,7 +204,7 @@ class Corpus:
         folder = self._folder(scenario)
         _refuse_other_than(self.views_of(scenario), view, f"view of scenario {scenario}")
         column = f"pts_{view}"
-        table = sealed(folder, "frames.parquet")
+        table = sealed_table(folder, "frames.parquet")
         (timestamps,) = collect([(table, scan(table).select(column))])
         for ending in (".mp4", ".mov"):
             path = sealed(folder, f"views/{view}{ending}")

@@ -47,8 +47,31 @@ def sealed(scenario: Path, name: str) -> Path:
     return renamed
 
 
+def sealed_table(scenario: Path, name: str) -> Path:
+    """The current path of a sealed table of a scenario; checks the content."""
+    # `dtd` may replace it between a look at the manifest and one at the file.
+    for _ in range(3):
+        path = sealed(scenario, name)
+        try:
+            found = blake3(path.read_bytes()).hexdigest()
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise damaged(path, error) from None
+        if found == _hashes(scenario).get(name):
+            return path
+    if not path.exists():
+        raise CorpusError(f"{path} is missing; `dtd verify` lists what else is")
+    raise damaged(path, "it is not what MANIFEST.b3 says")
+
+
 def is_sealed(scenario: Path, name: str) -> bool:
     """Whether the manifest of a scenario lists a file."""
+    return name in _hashes(scenario)
+
+
+def _hashes(scenario: Path) -> dict[str, str]:
+    """The hash of each file that the manifest of a scenario lists."""
     manifest = sealed(scenario, "MANIFEST.b3")
     try:
         lines = manifest.read_text(encoding="utf-8").splitlines()
@@ -56,14 +79,14 @@ def is_sealed(scenario: Path, name: str) -> bool:
         raise CorpusError(f"{manifest} is missing") from None
     except (OSError, UnicodeDecodeError) as error:
         raise damaged(manifest, error) from None
-    return any(line.partition("  ")[2] == name for line in lines)
+    return {name: blake3_hash for blake3_hash, _, name in (line.partition("  ") for line in lines)}
 
 
 def scan(path: Path) -> pl.LazyFrame:
     """A table, of which only the schema is read."""
     if not path.exists():
         raise CorpusError(f"{path} is missing; `dtd verify` lists what else is")
-    table = pl.scan_parquet(path)
+    table = pl.scan_parquet(path, glob=False)
     try:
         table.collect_schema()
     except (pl.exceptions.PolarsError, OSError) as error:

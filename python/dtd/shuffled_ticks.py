@@ -6,11 +6,12 @@
     from dtd.shuffled_ticks import ShuffledTicks
     from dtd.tick_dataset import TickDataset
 
-    train = ShuffledTicks(TickDataset(Corpus("corpus"), side="train", crop_px=(96, 64)), seed=1)
-    for epoch in range(10):
-        train.set_epoch(epoch)
-        for batch in DataLoader(train, batch_size=32, num_workers=2):
-            ...
+    if __name__ == "__main__":  # for workers that are spawned
+        train = ShuffledTicks(TickDataset(Corpus("corpus"), side="train", crop_px=(96, 64)), seed=1)
+        for epoch in range(10):
+            train.set_epoch(epoch)
+            for batch in DataLoader(train, batch_size=32, num_workers=2):
+                ...
 
 A sample at random costs the decoding of all images since the key frame before it. Here scenarios are cut into runs of consecutive ticks,
 the order of the runs is shuffled, and samples are taken from several runs at a time, one of each in a random order. The samples of a batch
@@ -128,9 +129,12 @@ class _OpenRun:
         self._decoded: deque[Sample] = deque()
         self._coming: Future[list[Sample]] | None = None
         self._videos: dict[str, Video] = {}
+        self._process = os.getpid()
         self._ask()
 
     def next_sample(self) -> Sample:
+        if self._process != os.getpid():
+            raise RuntimeError("this iteration began before this process was forked, and its threads stayed there: begin anew")
         if self._threads is None:
             return self._sample(self._left.popleft())
         if not self._decoded:

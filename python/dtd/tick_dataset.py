@@ -13,6 +13,7 @@ Where torch is installed, `TickDataset` is a `torch.utils.data.Dataset`; without
 """
 
 import os
+import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -79,7 +80,7 @@ class TickDataset(_Dataset):
         transform: Callable[[Sample], Any] | None = None,
         open_videos: int = 8,
     ) -> None:
-        """The ticks of these scenarios (all, or those of a side of the split).
+        """The ticks of these scenarios (all, or those of a side of the split), also under another weather than planned, unlike `dtd train`.
 
         `views`: those of the first scenario, if not given; every scenario must have them.
         `every`: every n-th tick.
@@ -100,7 +101,7 @@ class TickDataset(_Dataset):
             chosen = chosen.filter(pl.col("scenario").is_in(list(scenarios)))
         ids = chosen["scenario"].to_list()
         if not ids:
-            raise CorpusError(f"{corpus.path} has no scenario with side {side!r} among {scenarios or 'all'}")
+            raise CorpusError(f"{corpus.path} has no scenario with side {side!r} among {list(scenarios) if scenarios is not None else 'all'}")
         self.views = list(views if views is not None else corpus.views_of(ids[0]))
         if not self.views:
             raise ValueError("views is empty: name at least one, or leave it out for all")
@@ -116,10 +117,12 @@ class TickDataset(_Dataset):
         table = corpus.boxes() if boxes is None else boxes
         for view in self.views:
             names = {name: f"{view} {name}" for name in _BOX}
-            of_view = table.filter(view=view).select("scenario", "tick", *_BOX).rename(names)
+            of_view = table.filter(view=view).select("scenario", "tick", pl.col(_BOX).fill_nan(None)).rename(names)
             rows = rows.join(of_view, on=["scenario", "tick"], how="left", validate="m:1", maintain_order="left")
         if crop_px is not None:
-            rows = rows.drop_nulls([f"{view} cx_px" for view in self.views])
+            rows = rows.drop_nulls([f"{view} {name}" for view in self.views for name in _BOX])
+            if rows.is_empty():
+                raise CorpusError(f"no tick has a box in each of the views {', '.join(self.views)}, around which crops could be cut")
         self._scenarios = rows["scenario"].to_list()
         self._ticks = rows["tick"].to_numpy()
         self._times_ns = rows["time_ns"].to_numpy()
@@ -136,7 +139,12 @@ class TickDataset(_Dataset):
 
     def __getitem__(self, index: int) -> Any:
         """The sample with this number: a `Sample`, or what `transform` makes of it."""
-        return self.transformed(self.sample(index, self._video))
+        if self._process != os.getpid():
+            # Forked: these videos are the parent's.
+            self._forget_videos()
+        with self._lock:
+            sample = self.sample(index, self._video)
+        return self.transformed(sample)
 
     def transformed(self, sample: Sample) -> Any:
         """What `transform` makes of a sample."""
@@ -151,7 +159,7 @@ class TickDataset(_Dataset):
         pictures, corners = {}, {}
         for view in self.views:
             picture = video(scenario, view)[tick]
-            corners[view] = np.zeros(2, np.int64) if self.crop_px is None else self._corner(boxes[view], picture)
+            corners[view] = np.zeros(2, np.int64) if self.crop_px is None else self._corner(boxes[view], picture, f"{scenario}, view {view}")
             pictures[view] = self._cropped(picture, corners[view])
         return Sample(
             scenario=scenario,
@@ -181,11 +189,11 @@ class TickDataset(_Dataset):
         """The images of a view of a scenario of this dataset; to be closed by the caller."""
         return Video(*self._sources[scenario, view], is_threaded=is_threaded)
 
-    def _corner(self, box: Floats, picture: Picture) -> npt.NDArray[np.int64]:
+    def _corner(self, box: Floats, picture: Picture, where: str) -> npt.NDArray[np.int64]:
         assert self.crop_px is not None
         room = np.array([picture.shape[1] - self.crop_px[0], picture.shape[0] - self.crop_px[1]])
         if (room < 0).any():
-            raise CorpusError(f"a crop of {self.crop_px} does not fit into an image of {picture.shape[1::-1]} pixels")
+            raise CorpusError(f"{where}: a crop of {self.crop_px} does not fit into an image of {picture.shape[1::-1]} pixels")
         corner = np.round(box[:2] - (np.array(self.crop_px) - 1) / 2)
         return np.clip(corner, 0, room).astype(np.int64)
 
@@ -196,9 +204,6 @@ class TickDataset(_Dataset):
         return picture[down : down + height, right : right + width].copy()
 
     def _video(self, scenario: str, view: str) -> Video:
-        if self._process != os.getpid():
-            # Forked: these videos are the parent's.
-            self._forget_videos()
         key = (scenario, view)
         if key not in self._videos:
             while len(self._videos) >= max(self._open_videos, 1):
@@ -209,11 +214,12 @@ class TickDataset(_Dataset):
 
     def _forget_videos(self) -> None:
         self._process = os.getpid()
+        self._lock = threading.Lock()
         self._videos: OrderedDict[tuple[str, str], Video] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but open videos."""
-        left_out = ("_videos", "_process")
+        left_out = ("_videos", "_lock", "_process")
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -1,5 +1,6 @@
 """The images of a view."""
 
+import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,9 +18,6 @@ from av.video.frame import VideoFrame
 from av.video.reformatter import Colorspace, VideoReformatter
 
 from dtd.files import CorpusError, damaged
-
-GROUP_OF_PICTURES = 60
-"""Most ticks from a key frame of a corpus to the next."""
 
 Picture = npt.NDArray[np.uint8]
 
@@ -40,10 +38,11 @@ class Video:
         is_threaded: bool = True,
     ) -> None:
         """`timestamps`: the `pts` of every tick, in units of `unit_s` seconds; without it, in units of the file. `size_px`: width and height
-        that the images must have. `is_threaded`: whether the decoder has threads, which read ahead."""
+        that the images must have. `is_threaded`: whether decoder and converter have threads, which read ahead."""
         self.path = path
         with _named(path):
-            self._container = av.open(str(path))
+            # Else the part of a relative path before a colon would be a protocol.
+            self._container = av.open(f"file:{path}")
         # Containers and streams refer to each other: one that is only dropped keeps its threads until it is collected.
         self._process = os.getpid()
         self._close = finalize(self, _close, self._container, self._process)
@@ -63,6 +62,7 @@ class Video:
         self._pts //= ratio.denominator
         self._tick_of = {int(pts): tick for tick, pts in enumerate(self._pts)}
         self._reformatter = VideoReformatter()
+        self._reformat_threads = 0 if is_threaded else 1
         self._decoder: Iterator[VideoFrame] | None = None
         self._next_tick = 0
 
@@ -81,8 +81,15 @@ class Video:
             raise IndexError(f"{self.path} has the ticks 0 to {len(self) - 1}, not {tick}")
         if self._process != os.getpid():
             raise CorpusError(f"{self.path} was opened before this process was forked, and its decoder stayed there: open it here")
-        with _named(self.path):
-            return self._decoded(tick)
+        if not self._close.alive:
+            raise CorpusError(f"{self.path} is closed")
+        try:
+            with _named(self.path):
+                return self._decoded(tick)
+        except Exception:
+            # A decoder that failed has no more images.
+            self._decoder = None
+            raise
 
     def _decoded(self, tick: int) -> Picture:
         wanted = int(self._pts[tick])
@@ -90,6 +97,8 @@ class Video:
             self._container.seek(wanted, stream=self._stream, backward=True, any_frame=False)
             self._decoder = self._container.decode(self._stream)
         for frame in self._decoder:
+            if frame.is_corrupt:
+                raise damaged(self.path, f"its image with timestamp {frame.pts} is corrupt")
             at = self._tick_of.get(frame.pts) if frame.pts is not None else None
             if at is None:
                 raise CorpusError(f"{self.path} has an image with timestamp {frame.pts}, which belongs to no tick")
@@ -98,7 +107,6 @@ class Video:
                 return self._rgb(frame)
             if at > tick:
                 break
-        self._decoder = None
         raise CorpusError(f"{self.path} has no image of tick {tick} (timestamp {wanted})")
 
     def _is_far(self, tick: int) -> bool:
@@ -106,22 +114,22 @@ class Video:
         first, last = int(self._pts[self._next_tick]), int(self._pts[tick])
         if last - first <= 0:
             return False
-        try:
-            index = self._stream.index_entries
-        except AttributeError:  # Before PyAV 16.
-            return tick - self._next_tick > GROUP_OF_PICTURES
+        index = self._stream.index_entries
         entry = index.search_timestamp(last, backward=True, any_frame=False)
         return entry >= 0 and index[entry].timestamp > first
 
     def _rgb(self, frame: VideoFrame) -> Picture:
         # Videos of this project are BT.709 and say so; FFmpeg's converter has to be told.
         source = Colorspace.ITU601 if frame.colorspace in (5, 6) else Colorspace.ITU709
-        return np.asarray(self._reformatter.reformat(frame, format="rgb24", src_colorspace=source).to_ndarray(), np.uint8)
+        converted = self._reformatter.reformat(frame, format="rgb24", src_colorspace=source, threads=self._reformat_threads)
+        return np.asarray(converted.to_ndarray(), np.uint8)
 
     def close(self) -> None:
         """Closes the file; one that was opened before this process was forked stays with the process that opened it."""
-        self._decoder = None
-        self._close()
+        if self._process == os.getpid() and self._close.alive:
+            self._close()
+            self._decoder = None
+            del self._stream, self._reformatter, self._container
 
     def __enter__(self) -> Self:
         return self
@@ -141,12 +149,24 @@ def _close(container: InputContainer, process: int) -> None:
 
 
 _videos: WeakSet[Video] = WeakSet()
-_of_parent: list[Video] = []
-"""Videos that this process was forked with. Decoders and converters have threads, which do not survive a fork: to free one here would wait
-for them for ever, or crash. Garbage collection would, so they are kept."""
+_at_fork: list[Video] = []
+
+
+def _keep_for_ever() -> None:
+    """Decoders and converters have threads, which do not survive a fork: to free one in the forked process would wait for them for ever, or
+    crash. Garbage collection and the end of the interpreter would free them, so each gets a reference that nobody drops."""
+    for video in _at_fork:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(video))
+    _at_fork.clear()
+
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=lambda: _of_parent.extend(_videos))
+    # Held while the process is forked, so that no other hook has them collected.
+    os.register_at_fork(
+        before=lambda: _at_fork.extend(_videos),
+        after_in_parent=_at_fork.clear,
+        after_in_child=_keep_for_ever,
+    )
 
 
 @contextmanager

@@ -5,6 +5,8 @@ import json
 import multiprocessing
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
 import unittest
 import warnings
@@ -36,8 +38,15 @@ def let_go_of(videos: list[Video]) -> None:
         except CorpusError as error:
             assert "before this process was forked" in str(error)
             video.close()
+        else:
+            raise AssertionError("a video of the parent was read")
     videos.clear()
     gc.collect()
+
+
+def threads() -> int:
+    """Number of threads of this process."""
+    return len(os.listdir("/proc/self/task"))
 
 
 class Tables(unittest.TestCase):
@@ -129,6 +138,13 @@ class Changed(unittest.TestCase):
         change(content)
         (self.scenario / name).write_text(json.dumps(content))
 
+    def seal(self, name: str) -> None:
+        """Writes the hash of a changed file of the scenario into its manifest."""
+        manifest = self.scenario / "MANIFEST.b3"
+        others = [line for line in manifest.read_text().splitlines() if not line.endswith(f"  {name}")]
+        hash_now = blake3((self.scenario / name).read_bytes()).hexdigest()
+        manifest.write_text("\n".join([*others, f"{hash_now}  {name}", ""]))
+
     def add_detections(self, stem: str, model: str) -> None:
         """A table of detections without any, by a model whose hash begins with this."""
         folder = self.scenario / "detections"
@@ -144,6 +160,7 @@ class Changed(unittest.TestCase):
         # Views mast and far_mast: the columns of the second end like those of the first.
         frames = frames.rename({name: name.replace("tower_2", "far_mast") for name in frames.columns})
         frames.with_columns(pts_far_mast=pl.col("pts_far_mast") + 7).write_parquet(path)
+        self.seal("frames.parquet")
         self.change("scenario.json", lambda record: record.update(views=["lens", "mast", "far_mast"]))
         corpus = Corpus(self.copy)
         views = corpus.views().filter(scenario=SCENARIO)
@@ -187,12 +204,14 @@ class Changed(unittest.TestCase):
                 read()
             path.write_bytes(whole)
 
-    def test_damage_inside_a_table_is_named_too(self) -> None:
-        path = self.scenario / "frames.parquet"
-        content = path.read_bytes()
-        path.write_bytes(content[:4] + bytes(len(content) // 2) + content[4 + len(content) // 2 :])
-        with self.assertRaisesRegex(CorpusError, f"{path}.*dtd verify"):
-            Corpus(self.copy).ticks()
+    def test_a_table_with_a_single_other_bit_is_named_too(self) -> None:
+        for name in ("frames.parquet", "boxes_truth.parquet"):
+            path = self.scenario / name
+            content = bytearray(path.read_bytes())
+            content[len(content) // 2] ^= 1
+            path.write_bytes(content)
+            with self.assertRaisesRegex(CorpusError, f"{path}.*dtd verify"):
+                _ = Corpus(self.copy).ticks() if name == "frames.parquet" else Corpus(self.copy).boxes()
 
     def test_pictures_of_another_size_than_the_calibration_are_rejected(self) -> None:
         def widen(calibration: dict[str, Any]) -> None:
@@ -284,6 +303,39 @@ class Pictures(unittest.TestCase):
             gc.enable()
         self.assertEqual(ended, 0)
         np.testing.assert_array_equal(videos[0][0], first[0])
+
+    def test_a_process_that_was_forked_without_multiprocessing_ends(self) -> None:
+        script = (
+            "import os, sys\n"
+            "from dtd import Corpus\n"
+            f"video = Corpus({str(PATH)!r}).video({SCENARIO!r}, 'mast')\n"
+            "video[0]\n"
+            "child = os.fork()\n"
+            "if child: sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))\n"
+        )
+        subprocess.run([sys.executable, "-W", "ignore::DeprecationWarning", "-c", script], check=True, timeout=60)
+
+    def test_a_video_that_is_dropped_closed_or_refused_leaves_nothing(self) -> None:
+        source = self.corpus.video_source(SCENARIO, "mast")
+        gc.disable()
+        try:
+            before = threads(), len(os.listdir("/proc/self/fd"))
+            for is_threaded in (True, False):
+                video = Video(*source, is_threaded=is_threaded)
+                video[0]
+                self.assertEqual(threads() > before[0], is_threaded)
+                del video
+                video = Video(*source, is_threaded=is_threaded)
+                video[0]
+                video.close()
+                video.close()
+                with self.assertRaisesRegex(CorpusError, "is closed"):
+                    video[1]
+                with self.assertRaisesRegex(CorpusError, "has images of"):
+                    Video(*source[:3], (1, 1))
+                self.assertEqual((threads(), len(os.listdir("/proc/self/fd"))), before)
+        finally:
+            gc.enable()
 
     def test_a_video_that_counts_in_another_unit_has_the_same_picture_at_the_same_time(self) -> None:
         path, timestamps, unit, _ = self.corpus.video_source(SCENARIO, "mast")

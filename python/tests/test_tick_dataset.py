@@ -7,6 +7,7 @@ import subprocess
 import sys
 import unittest
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,20 @@ class Samples(unittest.TestCase):
         twice = pl.concat([moved, moved])
         with self.assertRaises(pl.exceptions.ComputeError):
             TickDataset(self.corpus, views=["mast"], boxes=twice)
+
+    def test_boxes_without_a_number_are_none(self) -> None:
+        height = pl.when(pl.col("tick") % 2 == 0).then(float("nan")).otherwise(pl.col("cy_px"))
+        boxes = self.corpus.boxes().with_columns(height.alias("cy_px"))
+        dataset = TickDataset(self.corpus, views=["mast"], boxes=boxes, crop_px=(40, 24))
+        self.assertEqual({dataset[index]["tick"] % 2 for index in range(len(dataset))}, {1})
+        with self.assertRaisesRegex(CorpusError, "views mast, lens"):
+            TickDataset(self.corpus, views=["mast", "lens"], boxes=boxes.filter(view="mast"), crop_px=(40, 24))
+
+    def test_threads_may_share_a_dataset(self) -> None:
+        dataset = TickDataset(self.corpus, views=["mast", "lens"], every=9, open_videos=1)
+        expected = sums(dataset, list(range(len(dataset))))
+        with ThreadPoolExecutor(4) as pool:
+            self.assertEqual(list(pool.map(lambda index: sums(dataset, [index])[0], range(len(dataset)))), expected)
 
     def test_sides_and_scenarios_are_chosen_and_their_names_checked(self) -> None:
         sides = self.corpus.scenarios()
