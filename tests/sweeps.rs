@@ -314,7 +314,7 @@ fn the_committed_schemas_are_what_the_command_prints() {
     }
 }
 
-const OURS: [&str; 10] = [
+const OURS: [&str; 11] = [
     "scenarios.toml",
     "demo.toml",
     "detector.toml",
@@ -322,6 +322,7 @@ const OURS: [&str; 10] = [
     "docs/results/detector-judge.toml",
     "docs/results/detector-judge-imaging.toml",
     "docs/results/jitter-imaging.toml",
+    "docs/results/paper-turned-camera.toml",
     "docs/results/tower-camera.toml",
     "tests/data/chain.toml",
     "tests/data/recorded.toml",
