@@ -12,6 +12,8 @@ use xplane_tape::{Channel, LinkMessage, TapeReader};
 
 static SESSION: &[u8] = include_bytes!("../../tests/data/tape/session.mcap");
 const MAGIC_BYTES: usize = 8;
+/// Lengths of the header and the payload of a message of the link.
+const LENGTHS_BYTES: usize = 8;
 /// Code and length of a record.
 const HEAD_BYTES: usize = 9;
 const CHUNK: u8 = 0x06;
@@ -48,7 +50,11 @@ fn read(path: &std::path::Path) {
             && let Ok(message) = LinkMessage::parse(entry.data.clone())
         {
             let _ = message.token();
-            assert_eq!(message.bytes(), entry.data);
+            let payload = &entry.data[LENGTHS_BYTES + message.header().len()..];
+            assert_eq!(
+                LinkMessage::new(message.header(), payload).bytes(),
+                entry.data
+            );
         }
     }
     for place in places {

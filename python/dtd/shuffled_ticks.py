@@ -134,7 +134,7 @@ class _OpenRun:
 
     def next_sample(self) -> Sample:
         if self._process != os.getpid():
-            raise RuntimeError("this iteration began before this process was forked, and its threads stayed there: begin anew")
+            raise RuntimeError("this iteration was started before the process was forked; its threads run only in the parent: iterate again here")
         if self._threads is None:
             return self._sample(self._left.popleft())
         if not self._decoded:

@@ -80,7 +80,9 @@ class TickDataset(_Dataset):
         transform: Callable[[Sample], Any] | None = None,
         open_videos: int = 8,
     ) -> None:
-        """The ticks of these scenarios (all, or those of a side of the split), also under another weather than planned, unlike `dtd train`.
+        """The ticks of these scenarios (all, or those of a side of the split).
+
+        Scenarios whose weather differed from the plan are included; `dtd train` leaves them out.
 
         `views`: those of the first scenario, if not given; every scenario must have them.
         `every`: every n-th tick.

@@ -80,7 +80,7 @@ class Video:
         if not 0 <= tick < len(self):
             raise IndexError(f"{self.path} has the ticks 0 to {len(self) - 1}, not {tick}")
         if self._process != os.getpid():
-            raise CorpusError(f"{self.path} was opened before this process was forked, and its decoder stayed there: open it here")
+            raise CorpusError(f"{self.path} was opened before this process was forked; its decoder works only in the parent: open it again here")
         if not self._close.alive:
             raise CorpusError(f"{self.path} is closed")
         try:
@@ -152,9 +152,9 @@ _videos: WeakSet[Video] = WeakSet()
 _at_fork: list[Video] = []
 
 
-def _keep_for_ever() -> None:
-    """Decoders and converters have threads, which do not survive a fork: to free one in the forked process would wait for them for ever, or
-    crash. Garbage collection and the end of the interpreter would free them, so each gets a reference that nobody drops."""
+def _keep_forever() -> None:
+    """Decoders and converters have threads, which do not survive a fork: freeing one in the forked process would wait for them forever, or
+    crash. Garbage collection and the end of the interpreter free objects, so each video gets an extra reference that is never released."""
     for video in _at_fork:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(video))
     _at_fork.clear()
@@ -165,7 +165,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(
         before=lambda: _at_fork.extend(_videos),
         after_in_parent=_at_fork.clear,
-        after_in_child=_keep_for_ever,
+        after_in_child=_keep_forever,
     )
 
 

@@ -4,10 +4,10 @@
 //! Output: answers and events, one after another ([`Line`]), and counts ([`Metrics`]).
 //!
 //! ```text
-//! source       where images come from: FFmpeg's side of it, GPUs
-//! clocks       the time of each image; offsets of cameras' clocks, by what both see
-//! feed         a thread per view: opens, decodes, opens again; hands over the newest image; when a source is given up
-//! view_state   whether a view can be measured
+//! source       sources of images: FFmpeg's side of them, GPUs
+//! clocks       the time of each image; offsets of cameras' clocks, measured from what both see
+//! feed         a thread per view: opens, decodes, opens again; hands over the newest image; time limits of a source
+//! view_state   the condition of a view: measured, late, frozen, ..
 //! search       a thread per view: boxes and camera motion of the newest image
 //! conductor    joins images of several views that belong together, asks the estimator, writes answers
 //! output       lines and metrics, which no slow reader delays

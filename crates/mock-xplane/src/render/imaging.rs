@@ -1,4 +1,4 @@
-//! What lies between an ideal image and a camera's: moving air, a swaying mast, blur, noise and exposure.
+//! Effects that separate a camera's image from an ideal one: moving air, a swaying mast, blur, noise and exposure.
 
 pub(crate) mod blur;
 pub(crate) mod seeing;
