@@ -55,9 +55,11 @@ fn record(folder: &Path, faults: &str) -> Corpus {
 fn a_view_that_is_late_by_a_fifth_of_a_tick_is_a_fault_in_milliseconds_and_metres() {
     let folder = tempfile::tempdir().unwrap();
     let report = verify(&record(folder.path(), "late=1:450"));
-    let [finding] = &report.findings[..] else {
+    let [first, finding] = &report.findings[..] else {
         panic!("{:#?}", report.findings);
     };
+    // The first image is of the time before the flight.
+    assert_eq!((first.view.as_deref(), first.row), (Some("right"), Some(0)));
     println!("{finding}");
     assert_eq!(finding.view.as_deref(), Some("right"));
     assert!(finding.message.contains(" ms late"), "{finding}");

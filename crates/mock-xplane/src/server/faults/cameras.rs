@@ -32,7 +32,7 @@ pub struct CameraFault {
 /// The effect of a camera's fault on its images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CameraFaultKind {
-    /// Everything is shown where it was this long before. The first images of a flight show its beginning.
+    /// Everything is shown where it was this long before. Images of the time before a flight do not show its aircraft.
     Late(Duration),
     /// The camera shakes about its two transverse axes. The finished image is displaced as a whole, because each direction of a camera
     /// needs a backdrop of its own, which takes seconds. With ten degrees of view that differs from a rotation by less than one percent.
@@ -220,32 +220,47 @@ impl View {
         shown
     }
 
-    /// The content at some time before the latest request, interpolated linearly between two requests.
+    /// The content at some time before the latest request: on the cubic through the two requests before it and the two after it, as far as
+    /// there are any. A straight line between requests two seconds apart would fly gusts in corners.
     fn past(&mut self, by_ns: i64) -> Content {
         let latest = self.requested[self.requested.len() - 1];
         let time_ns = latest.time_ns - by_ns;
-        while self.requested.len() > 1 && self.requested[1].time_ns <= time_ns {
+        while self.requested.len() > 2 && self.requested[2].time_ns <= time_ns {
             self.requested.pop_front();
         }
-        let before = self.requested[0];
-        let after = self.requested.get(1).copied().unwrap_or(before);
-        let apart_ns = after.time_ns - before.time_ns;
-        if time_ns <= before.time_ns || apart_ns == 0 {
-            return before;
-        }
-        let part = (time_ns - before.time_ns) as f64 / apart_ns as f64;
-        let between = |a: f64, b: f64| a + (b - a) * part;
-        let turned = |a: f64, b: f64| a + Degrees(b - a).wrapped_180().0 * part;
-        let (a, b) = (before.pose, after.pose);
+        let after = (self.requested).partition_point(|request| request.time_ns <= time_ns);
+        let Some(before) = after.checked_sub(1) else {
+            return Content {
+                time_ns,
+                pose: out_of_sight(latest.pose),
+                ..latest
+            };
+        };
+        let around = before.saturating_sub(1)..self.requested.len().min(after + 2);
+        let near: Vec<Content> = self.requested.range(around).copied().collect();
+        let before = self.requested[before];
+        let on_curve = |of: fn(&Pose) -> f64| {
+            interpolated(
+                time_ns,
+                near.iter().map(|near| (near.time_ns, of(&near.pose))),
+            )
+        };
+        // Angles as differences, so that a full turn between two requests does not count.
+        let angle = |of: fn(&Pose) -> f64| {
+            let first_deg = of(&before.pose);
+            let turned_deg = |near: &Content| Degrees(of(&near.pose) - first_deg).wrapped_180().0;
+            let turned = near.iter().map(|near| (near.time_ns, turned_deg(near)));
+            first_deg + interpolated(time_ns, turned)
+        };
         Content {
             time_ns,
             pose: Pose {
-                latitude_deg: between(a.latitude_deg, b.latitude_deg),
-                longitude_deg: turned(a.longitude_deg, b.longitude_deg),
-                altitude_msl_m: between(a.altitude_msl_m, b.altitude_msl_m),
-                heading_true_deg: turned(a.heading_true_deg, b.heading_true_deg),
-                pitch_deg: between(a.pitch_deg, b.pitch_deg),
-                roll_deg: turned(a.roll_deg, b.roll_deg),
+                latitude_deg: on_curve(|pose| pose.latitude_deg),
+                longitude_deg: angle(|pose| pose.longitude_deg),
+                altitude_msl_m: on_curve(|pose| pose.altitude_msl_m),
+                heading_true_deg: angle(|pose| pose.heading_true_deg),
+                pitch_deg: on_curve(|pose| pose.pitch_deg),
+                roll_deg: angle(|pose| pose.roll_deg),
             },
             controls: before.controls,
             camera: latest.camera,
@@ -266,6 +281,26 @@ impl View {
             amplitude_px * sum
         });
         axes.into()
+    }
+}
+
+/// The value at a time of the polynomial through some values (Lagrange).
+fn interpolated(time_ns: i64, values: impl Iterator<Item = (i64, f64)> + Clone) -> f64 {
+    let part = |(of_ns, value): (i64, f64)| {
+        let others = values.clone().filter(|(other_ns, _)| *other_ns != of_ns);
+        let factors =
+            others.map(|(other_ns, _)| (time_ns - other_ns) as f64 / (of_ns - other_ns) as f64);
+        value * factors.product::<f64>()
+    };
+    values.clone().map(part).sum()
+}
+
+/// Nowhere in any image: on the other side of the Earth.
+fn out_of_sight(pose: Pose) -> Pose {
+    Pose {
+        latitude_deg: -pose.latitude_deg,
+        longitude_deg: Degrees(pose.longitude_deg + 180.0).wrapped_180().0,
+        ..pose
     }
 }
 
@@ -325,7 +360,9 @@ mod tests {
     #[test]
     fn a_late_view_shows_the_aircraft_where_it_was_and_the_other_view_is_untouched() {
         let mut cameras = cameras("late=1:450");
-        assert_eq!(cameras.drawn_for(&request(1, 0)).request, request(1, 0));
+        let before = cameras.drawn_for(&request(1, 0)).request;
+        assert_eq!(before.pose.latitude_deg, -request(1, 0).pose.latitude_deg);
+        assert_eq!(before.camera, request(1, 0).camera);
         let drawn = cameras.drawn_for(&request(1, 1)).request;
         assert_eq!(drawn.time_ns, 1_550_000_000);
         assert!((drawn.pose.altitude_msl_m - (900.0 - 8.0 * 0.775)).abs() < 1e-9);
@@ -341,7 +378,40 @@ mod tests {
         // The next flight does not begin with the end of this one.
         slow.begin_flight();
         let drawn = slow.drawn_for(&request(0, 20)).request;
-        assert_eq!(drawn.pose, request(0, 20).pose);
+        assert_eq!(drawn.pose, out_of_sight(request(0, 20).pose));
+    }
+
+    #[test]
+    fn between_requests_a_late_view_flies_the_curve_through_them() {
+        let height_m = |second: f64| 900.0 + (second - 5.0).powi(3);
+        let at = |tick: u32| {
+            let mut request = request(0, tick);
+            request.pose.altitude_msl_m = height_m(2.0 * f64::from(tick));
+            request
+        };
+        // With a lag of more than a tick, two requests on both sides are known.
+        let mut cameras = cameras("late=0:3000");
+        let drawn: Vec<_> = (0..6)
+            .map(|tick| cameras.drawn_for(&at(tick)).request)
+            .collect();
+        for (tick, drawn) in (0..).zip(&drawn).skip(3) {
+            let expected_m = height_m(2.0 * f64::from(tick) - 3.0);
+            assert!(
+                (drawn.pose.altitude_msl_m - expected_m).abs() < 1e-6,
+                "{tick}"
+            );
+        }
+        // Of the latest tick, none after it.
+        let mut cameras = self::cameras("late=0:500");
+        let parabola = |tick: u32| {
+            let mut request = request(0, tick);
+            request.pose.altitude_msl_m = (2.0 * f64::from(tick)).powi(2);
+            request
+        };
+        let drawn: Vec<_> = (0..4)
+            .map(|tick| cameras.drawn_for(&parabola(tick)).request)
+            .collect();
+        assert!((drawn[3].pose.altitude_msl_m - 5.5_f64.powi(2)).abs() < 1e-9);
     }
 
     #[test]
