@@ -7,6 +7,7 @@
 //! to it. Each worker holds one image and one session, and each scenario in work the surroundings of boxes whose other view is not decoded
 //! yet, so memory does not grow with the corpus.
 
+mod hidden_shakes;
 mod job;
 mod lags;
 mod live_view;
@@ -31,7 +32,7 @@ use dataset::corpus::claim::Claimed;
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::tables::health::{HealthState, ViewHealth, late_views};
+use dataset::tables::health::{HealthState, ViewHealth, ViewLag, late_views};
 use dataset::tables::pixel_box::TruthBox;
 use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
@@ -245,7 +246,7 @@ impl Unhealthy {
                 HealthState::Steady | HealthState::Unknown => {}
             }
         }
-        for (view, late) in late_views(rows) {
+        for (view, late) in late_views(rows, ViewLag::is_sure) {
             if let Some(here) = views.get_mut(view) {
                 here.late_ms = (late.seconds * 1e3).round() as u64;
             }

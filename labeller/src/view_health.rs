@@ -23,7 +23,7 @@ pub(crate) use frozen::Change;
 use live::LiveHealth;
 
 /// Version of this measurement; health of another one is measured again.
-pub(crate) const METHOD: u32 = 7;
+pub(crate) const METHOD: u32 = 8;
 
 /// Ticks and seconds around a tick that decide about it.
 const AROUND_TICKS: usize = 5;

@@ -37,7 +37,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::{HealthState, ViewHealth};
+use dataset::tables::health::{HealthState, ViewHealth, ViewLag, late_views};
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
@@ -464,17 +464,19 @@ impl Samples {
             let looks = views.map(|view| look(row.tick, view));
             Observation::of(at, &found, &registered, looks.collect())
         };
-        let late = lateness(&self.views, &health);
         if moment == Moment::Live {
             let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
+            let late = late_views(&health, ViewLag::is_sure);
             let boxes = observations
                 .iter()
-                .flat_map(|of| of.boxes.iter().zip(&late));
-            let late = boxes.filter(|(seen, late)| seen.is_some() && late.seconds > 0.0);
+                .flat_map(|of| of.boxes.iter().zip(&self.views));
+            let late =
+                boxes.filter(|(seen, view)| seen.is_some() && late.contains_key(view.as_str()));
             corrections.late_kept = late.count();
             summary.corrections = corrections;
             return Ok((summary, frames, observations));
         }
+        let late = lateness(&self.views, &health);
         let health = CameraHealth::of(&self.views, &summary.cameras, health);
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))

@@ -15,6 +15,7 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::geometry::camera::Camera;
 use dataset::work::watch::Watch;
 
+use super::hidden_shakes::add_hidden_shakes;
 use super::lags::add_lags;
 use super::mode::ModeSettings;
 use super::pairs::Pairs;
@@ -274,7 +275,7 @@ impl ScenarioJob {
         } = ViewFindings::together(views);
         let registered =
             registered.map(|(reference, done)| (reference, done.without_boxes(&detections)));
-        if let Some((_, done)) = &registered {
+        if let Some((reference, done)) = &registered {
             let registrations = &done.registrations;
             add_lags(
                 &self.views,
@@ -283,6 +284,7 @@ impl ScenarioJob {
                 registrations,
                 &mut health,
             );
+            add_hidden_shakes(&self.views, reference, &detections, &mut health);
         }
         let registration = registered
             .as_ref()

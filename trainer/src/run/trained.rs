@@ -42,7 +42,7 @@ use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::DroppedByView;
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 8;
+pub(crate) const RUN_FORMAT: u32 = 9;
 
 /// Version information that shows whether a run can be read.
 #[derive(Deserialize)]

@@ -3,16 +3,18 @@
 //! `dtd detect` measures each camera's direction from the ground in its images ([`dataset::tables::health`]). Where a camera is off, its
 //! boxes and registered shifts are moved to where the usual direction would have seen them. An error that several measured directions have
 //! in common is common to their ticks; the remaining errors make each shift less certain. A view does not count at a tick whose image
-//! repeats an earlier one, or whose direction is off by an amount that is not known well. Other ticks stay as they are, bit by bit.
+//! repeats an earlier one, or whose direction is off by an amount that is not known well; only where fog hides the direction of a camera
+//! that shakes, its shifts count as the less certain ones that they are. Other ticks stay as they are, bit by bit.
 
 pub(crate) mod late_images;
 pub(crate) mod look;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::ops::AddAssign;
 
 use dataset::geometry::camera::Camera;
+use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::health::{HealthState, ViewHealth};
 use glam::DVec2;
 
@@ -30,6 +32,9 @@ pub(crate) struct CameraHealth<'a> {
     rows: BTreeMap<(u32, usize), ViewHealth>,
     /// Standard deviation of the usual direction of a camera that shakes, by view, pixels: the least that its directions have.
     usual_sd_px: Vec<f64>,
+    /// Standard deviation of the direction of a camera that shakes where its background is hidden, by view, pixels: what the aircraft's
+    /// rows contradict each other by. `None` without such contradictions.
+    hidden_sd_px: Vec<Option<f64>>,
 }
 
 /// What became of boxes of cameras that were not well.
@@ -39,6 +44,8 @@ pub(crate) struct Corrections {
     pub moved: usize,
     /// Boxes that do not count.
     pub withheld: usize,
+    /// Boxes whose shifts are less certain: their camera shakes, and fog hides where it looked.
+    pub uncertain: usize,
     /// Boxes of late images that were moved to the time of their tick.
     pub late: usize,
     /// Boxes of late images that do not count.
@@ -53,6 +60,7 @@ impl AddAssign for Corrections {
     fn add_assign(&mut self, other: Self) {
         self.moved += other.moved;
         self.withheld += other.withheld;
+        self.uncertain += other.uncertain;
         self.late += other.late;
         self.late_withheld += other.late_withheld;
         self.late_kept += other.late_kept;
@@ -82,6 +90,12 @@ impl fmt::Display for Corrections {
             format!("boxes of {whose}: {corrected} corrected, {left_out} left out")
         });
         let mut parts: Vec<String> = parts.collect();
+        if self.uncertain > 0 {
+            let boxes = self.uncertain;
+            parts.push(format!(
+                "boxes of cameras that shake in fog: {boxes} with less certain shifts"
+            ));
+        }
         if self.late_kept > 0 {
             let boxes = self.late_kept;
             parts.push(format!(
@@ -98,11 +112,36 @@ impl fmt::Display for Corrections {
     }
 }
 
+/// True for an image of a camera that shakes, without a background to tell where it looked.
+fn is_hidden_shake(row: &ViewHealth) -> bool {
+    row.state == HealthState::Shaking && row.motion.is_none()
+}
+
+/// Standard deviation of the rows of the aircraft at ticks at which a view has such images, pixels: beside the first view, or of the first
+/// view beside all others.
+fn hidden_sd_px(view: &str, rows: &[ViewHealth]) -> Option<f64> {
+    let hidden = || {
+        rows.iter()
+            .filter(|row| row.view == view && is_hidden_shake(row))
+    };
+    let mut off_px: Vec<f64> = hidden().filter_map(|row| row.vertical_px).collect();
+    if rows
+        .iter()
+        .all(|row| row.view != view || row.vertical_px.is_none())
+    {
+        let ticks: BTreeSet<u32> = hidden().map(|row| row.tick).collect();
+        let there = rows.iter().filter(|row| ticks.contains(&row.tick));
+        off_px = there.filter_map(|row| row.vertical_px).collect();
+    }
+    (!off_px.is_empty()).then(|| deviation_from_zero(off_px.into_iter()))
+}
+
 impl<'a> CameraHealth<'a> {
     /// `cameras` in the order of `views`.
     pub(crate) fn of(views: &'a [String], cameras: &'a [Camera], rows: Vec<ViewHealth>) -> Self {
-        let rows = rows.into_iter().filter(|row| !row.state.is_well());
-        let placed = rows.filter_map(|row| {
+        let hidden_sd_px = views.iter().map(|view| hidden_sd_px(view, &rows)).collect();
+        let ill = rows.into_iter().filter(|row| !row.state.is_well());
+        let placed = ill.filter_map(|row| {
             let view = views.iter().position(|view| *view == row.view)?;
             Some(((row.tick, view), row))
         });
@@ -118,11 +157,15 @@ impl<'a> CameraHealth<'a> {
             cameras,
             rows,
             usual_sd_px,
+            hidden_sd_px,
         }
     }
 
     /// Standard deviations of the direction of a view in a row, pixels: of what it shares with other ticks, and of the rest.
     fn sds_px(&self, view: usize, row: &ViewHealth) -> [f64; 2] {
+        if let Some(sd_px) = self.hidden_sd_px[view].filter(|_| is_hidden_shake(row)) {
+            return [0.0, sd_px];
+        }
         let whole_px = row.motion.map_or(0.0, |turn| turn.shift_sd_px);
         let common_px = match row.state {
             HealthState::Shaking => whole_px.min(self.usual_sd_px[view]),
@@ -144,6 +187,7 @@ impl<'a> CameraHealth<'a> {
         let usual = |view: usize, place: DVec2| match row(view) {
             None => Some(place),
             Some(row) if row.state == HealthState::Frozen => None,
+            Some(row) if is_hidden_shake(row) && self.hidden_sd_px[view].is_some() => Some(place),
             Some(row) => {
                 let turn = row.motion.filter(|turn| turn.shift_sd_px <= MOST_SD_PX)?;
                 Some(turn.usual_place(&self.cameras[view], place))
@@ -154,6 +198,7 @@ impl<'a> CameraHealth<'a> {
                 continue;
             };
             match usual(view, centre_and_size(seen).0) {
+                Some(_) if row(view).is_some_and(is_hidden_shake) => counts.uncertain += 1,
                 Some(_) => counts.moved += 1,
                 None => counts.withheld += 1,
             }
@@ -178,5 +223,79 @@ impl<'a> CameraHealth<'a> {
             .moved(usual)
             .widened(|view| DVec2::splat(sds_px[view][1]))
             .with_common(common)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::geometry::camera::Camera;
+    use dataset::tables::pixel_box::PixelBox;
+    use dataset::tables::registrations::Shift;
+    use testkit::rig::{VIEWS, placed};
+
+    use super::*;
+    use crate::samples::sample::Sample;
+    use crate::samples::view_shift::ViewShift;
+
+    fn observed(tick: u32) -> Observation {
+        let pixel_box = PixelBox {
+            cx_px: 500.0,
+            cy_px: 600.0,
+            width_px: 40.0,
+            height_px: 14.0,
+        };
+        let shift = Shift {
+            x_px: 500.0,
+            y_px: 600.0,
+            dx_px: 0.0,
+            dy_px: 0.0,
+            sd_x_px: 0.03,
+            sd_y_px: 0.04,
+            scale: 1.0,
+            gain: 1.0,
+            correlation: 0.9,
+        };
+        let mut observed = Sample::of_boxes(1.0, vec![Some(pixel_box); 2]).observed;
+        observed.shifts[1] = ViewShift::between((0, &pixel_box), &pixel_box, &shift);
+        observed.tick = tick;
+        observed
+    }
+
+    #[test]
+    fn boxes_of_a_camera_that_shakes_in_fog_stay_and_are_as_uncertain_as_rows_contradict() {
+        let views = VIEWS.map(str::to_owned);
+        let cameras = VIEWS.map(|view| Camera::from_pose(&placed(view), 1920, 1280));
+        let row = |tick: u32, view: &str, off_px: Option<f64>| ViewHealth {
+            tick,
+            view: view.to_owned(),
+            state: if view == "right" {
+                HealthState::Shaking
+            } else {
+                HealthState::Unknown
+            },
+            motion: None,
+            state_live: None,
+            lag: None,
+            vertical_px: off_px.filter(|_| view == "right"),
+        };
+        let corrected = |off_px: fn(u32) -> Option<f64>| {
+            let rows = (0..20).flat_map(|tick| VIEWS.map(|view| row(tick, view, off_px(tick))));
+            let health = CameraHealth::of(&views, &cameras, rows.collect());
+            let mut counts = Corrections::default();
+            let corrected = health.corrected(observed(3), &mut counts);
+            (corrected, counts)
+        };
+        let (shaken, counts) = corrected(|tick| Some(if tick % 2 == 0 { 1.0 } else { -1.0 }));
+        assert_eq!(shaken.boxes, observed(3).boxes);
+        let sd_px = shaken.shifts[1].unwrap().sd_px;
+        assert!((1.4..1.6).contains(&sd_px.x), "{sd_px}");
+        assert_eq!((counts.uncertain, counts.moved, counts.withheld), (1, 0, 0));
+        // Without rows that contradict each other, the shake may be of any size.
+        let (alone, counts) = corrected(|_| None);
+        assert_eq!(
+            (alone.boxes[0], alone.boxes[1]),
+            (observed(3).boxes[0], None)
+        );
+        assert_eq!((counts.uncertain, counts.withheld), (0, 1));
     }
 }

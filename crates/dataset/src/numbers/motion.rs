@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use crate::numbers::least_squares::NormalEquations;
+use crate::numbers::spread::deviation_from_zero;
 
 /// Places that count: within these seconds, or else the nearest ones, so many ... A parabola through six seconds on both sides smooths the
 /// beginning of a glide path so much that lags came out too large by up to a seventh.
@@ -10,6 +11,8 @@ const AROUND_S: f64 = 4.0;
 const FEWEST: usize = 5;
 /// ... but none that are farther away than this, seconds.
 const FARTHEST_S: f64 = 15.0;
+/// A place counts in the scatter if this share of its variance remains beside the cubic; at the ends cubics follow places too closely.
+const LEAST_FREE: f64 = 0.05;
 
 /// Motion of something at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +49,23 @@ pub fn motion_at(places: &[(f64, DVec2)], at_s: f64) -> Option<Motion> {
         place: coefficient(0),
         unit_variance: inverse[0][0],
     })
+}
+
+/// Robust standard deviation of places from the cubics through those around them, along both axes; 0 of too few. `places`: by time,
+/// seconds.
+pub fn scatter(places: &[(f64, DVec2)]) -> DVec2 {
+    let off = places.iter().filter_map(|(time_s, place)| {
+        let Motion {
+            place: expected,
+            unit_variance,
+            ..
+        } = motion_at(places, *time_s)?;
+        let expected_square = 1.0 - unit_variance;
+        (expected_square > LEAST_FREE).then(|| (*place - expected) / expected_square.sqrt())
+    });
+    let off: Vec<DVec2> = off.collect();
+    let along = |axis: DVec2| deviation_from_zero(off.iter().map(|off| off.dot(axis)));
+    DVec2::new(along(DVec2::X), along(DVec2::Y))
 }
 
 /// The places around a time.

@@ -45,7 +45,7 @@ use estimate::{HalfWidths, Widening};
 use forward::{Filter, Tick, filter};
 use hypothesis::Model;
 use labelled_flight::LabelledFlight;
-use misfit_scale::{RecentMisfit, scales, usual_px};
+use misfit_scale::{RecentMisfit, beyond, scales, usual_px};
 use motion::Motion;
 
 /// Model of motion and measurement errors, learned in training.
@@ -56,9 +56,8 @@ pub(crate) struct FlightFilter {
     errors: Vec<CorrelatedError>,
     /// Usual time between the ticks at which these were seen, seconds.
     tick_s: f64,
-    /// Usual misfit of rows, pixels: errors grow with it.
-    #[serde(default)]
-    row_misfit_px: Option<f64>,
+    /// Usual misfit of rows ([`InverseRange::row_misfit_px`]), pixels: errors grow with it.
+    usual_misfit_px: Option<f64>,
     /// Half widths of the 90 % intervals of the filter ...
     filtered: HalfWidths,
     /// ... and of the smoother.
@@ -142,7 +141,7 @@ impl FlightFilter {
             motion: Motion::fit(&labels),
             errors: errors.collect(),
             tick_s: usual_tick_s(flights).unwrap_or(1.0),
-            row_misfit_px: usual_px(flights.iter().map(|flight| flight.ticks.as_slice())),
+            usual_misfit_px: usual_px(flights.iter().map(|flight| flight.ticks.as_slice())),
             filtered: HalfWidths::NORMAL,
             smoothed: HalfWidths::NORMAL,
         };
@@ -199,14 +198,15 @@ impl FlightFilter {
         observed: &Observation,
     ) -> Option<Estimate> {
         let tick = Tick::of(fits, observed);
-        let scale = online.misfit.scale_after(self.row_misfit_px, &tick);
+        let scale = online.misfit.scale_after(self.usual_misfit_px, &tick);
         let common_sd_per_m = online.common.after(&tick);
         let known = online.filter.take(self.model(), &tick)?;
         let widening = Widening {
-            scale,
+            scale: beyond(scale, known.level),
             common_sd_per_m,
         };
-        self.filtered.estimate(&self.motion, &known, widening)
+        self.filtered
+            .estimate(&self.motion, &known.motion, widening)
     }
 
     /// Standard deviation of a measurement, metres: of its part that changes slowly, with the time in which half of that is forgotten,
@@ -232,7 +232,7 @@ impl FlightFilter {
             Knowing::Past => (&self.filtered, filtered.known),
             Knowing::All => (&self.smoothed, smooth(model, ticks, &filtered.decisions)),
         };
-        let scales = scales(self.row_misfit_px, ticks, knowing);
+        let scales = scales(self.usual_misfit_px, ticks, knowing);
         let common = match knowing {
             Knowing::Past => common_error::by_past(ticks),
             Knowing::All => common_error::by_all(ticks),
@@ -240,11 +240,12 @@ impl FlightFilter {
         let widenings = scales.into_iter().zip(common);
         let estimates = known.iter().zip(widenings);
         let estimates = estimates.map(|(known, (scale, common_sd_per_m))| {
+            let known = known.as_ref()?;
             let widening = Widening {
-                scale,
+                scale: beyond(scale, known.level),
                 common_sd_per_m,
             };
-            widths.estimate(&self.motion, known.as_ref()?, widening)
+            widths.estimate(&self.motion, &known.motion, widening)
         });
         estimates.collect()
     }
@@ -281,7 +282,7 @@ impl FlightFilter {
         .chain(errors)
         .chain(self.filtered.to_array())
         .chain(self.smoothed.to_array())
-        .chain(self.row_misfit_px)
+        .chain(self.usual_misfit_px)
     }
 }
 

@@ -26,8 +26,12 @@ pub(super) const NEAREST_M: f64 = 926.0;
 
 /// Precision of places, relative to the best ones.
 pub(super) fn precision(places: &Places) -> f64 {
-    let spread = places.sd_px.map_or(0.0, |sd_px| sd_px / FLOOR_SD_PX);
-    (1.0 + spread * spread).sqrt().recip()
+    precision_of(places.sd_px.unwrap_or(0.0))
+}
+
+/// Precision with this standard deviation, pixels, relative to the best one.
+pub(super) fn precision_of(sd_px: f64) -> f64 {
+    FLOOR_SD_PX / FLOOR_SD_PX.hypot(sd_px)
 }
 
 /// The coordinates of places, view by view.

@@ -8,6 +8,7 @@ use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::spread::deviation_from_zero;
 use serde::{Deserialize, Serialize};
 
+use super::robust_fit::precision_of;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{Observation, Sample};
 
@@ -46,6 +47,14 @@ fn row_in([reference, view]: [usize; 2], observed: &Observation) -> Option<Row> 
         shift.shift_px.x / UNIT_PX,
     ];
     Some((terms, shift.shift_px.y))
+}
+
+/// Standard deviation of that row, with the errors that it shares with other ticks, pixels.
+fn row_sd_px([reference, view]: [usize; 2], observed: &Observation) -> Option<f64> {
+    let own_px = observed.shifts[view]?.sd_px.y;
+    let common = observed.common_errors.iter();
+    let common = common.filter(|error| [reference, view].contains(&error.view));
+    Some(common.fold(own_px, |sd_px, error| sd_px.hypot(error.sd_px.y)))
 }
 
 impl RowRelation {
@@ -92,11 +101,13 @@ impl RowRelation {
     }
 }
 
-/// Root mean square over the pairs of views that are registered at a tick, pixels; `None` without any.
+/// Root mean square over the pairs of views that are registered at a tick, pixels, as it were with shifts of the best precision: what is
+/// stated as less certain is expected to be off by more. `None` without any.
 pub(super) fn row_misfit_px(relations: &[RowRelation], observed: &Observation) -> Option<f64> {
     let off = relations.iter().filter_map(|relation| {
         let row = row_in(relation.views, observed)?;
-        Some(relation.off_px(&row).powi(2))
+        let sd_px = row_sd_px(relation.views, observed)?;
+        Some((relation.off_px(&row) * precision_of(sd_px)).powi(2))
     });
     let (sum, count) = off.fold((0.0, 0.0), |(sum, count), square| {
         (sum + square, count + 1.0)
@@ -108,9 +119,13 @@ pub(super) fn row_misfit_px(relations: &[RowRelation], observed: &Observation) -
 mod tests {
     use dataset::tables::pixel_box::PixelBox;
     use dataset::tables::registrations::Shift;
+    use glam::DVec2;
 
     use super::*;
+    use crate::samples::CommonError;
     use crate::samples::view_shift::ViewShift;
+
+    const SD_PX: f64 = 0.04;
 
     /// An aircraft whose row in the second view is off by this.
     fn sample(tick: u32, off_px: f64) -> Sample {
@@ -134,7 +149,7 @@ mod tests {
             dx_px: apart,
             dy_px: down,
             sd_x_px: 0.03,
-            sd_y_px: 0.04,
+            sd_y_px: SD_PX,
             scale: 1.0,
             gain: 1.0,
             correlation: 0.9,
@@ -157,10 +172,19 @@ mod tests {
         for off_px in [0.0, 0.5, -0.5] {
             let found_px = row_misfit_px(&relations, &sample(77, off_px)).unwrap();
             assert!(
-                (found_px - off_px.abs()).abs() < 0.02,
+                (found_px - precision_of(SD_PX) * off_px.abs()).abs() < 0.02,
                 "{off_px}: {found_px}"
             );
         }
+        // What is stated as uncertain is expected to be off.
+        let mut turned = sample(77, 0.5).observed;
+        turned.common_errors.push(CommonError {
+            view: 0,
+            sd_px: DVec2::new(0.0, 0.3),
+        });
+        let found_px = row_misfit_px(&relations, &turned).unwrap();
+        let expected_px = precision_of(SD_PX.hypot(0.3)) * 0.5;
+        assert!((found_px - expected_px).abs() < 0.02, "{found_px}");
         let mut alone = sample(77, 0.0).observed;
         alone.shifts[1] = None;
         assert_eq!(row_misfit_px(&relations, &alone), None);

@@ -2,7 +2,7 @@
 
 use super::forward::{Tick, fits_of};
 use super::gaussian::{Gaussian, Step};
-use super::hypothesis::{Decision, Hypothesis, Model, step};
+use super::hypothesis::{Decision, Hypothesis, Known, Model, step};
 use super::motion::Motion;
 
 /// State after a tick.
@@ -16,14 +16,11 @@ struct Moment {
     known: Gaussian,
     /// Factor of all variances.
     inflation: f64,
+    level: f64,
 }
 
 /// What is known of the motion at each tick; `None` before the first measurement.
-pub(super) fn smooth(
-    model: Model,
-    ticks: &[Tick],
-    decisions: &[Decision],
-) -> Vec<Option<Gaussian>> {
+pub(super) fn smooth(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Vec<Option<Known>> {
     let mut moments = along(model, ticks, decisions);
     for next in (1..moments.len()).rev() {
         let (before, after) = moments.split_at_mut(next);
@@ -34,7 +31,10 @@ pub(super) fn smooth(
             before.known = known;
         }
     }
-    let motion = |moment: Moment| moment.known.first(Motion::UNKNOWNS, moment.inflation);
+    let motion = |moment: Moment| Known {
+        motion: moment.known.first(Motion::UNKNOWNS, moment.inflation),
+        level: moment.level,
+    };
     moments
         .into_iter()
         .map(|moment| moment.map(motion))
@@ -91,6 +91,7 @@ fn along(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Vec<Option<Mom
                 expected,
                 known: next.known,
                 inflation: 1.0,
+                level: f64::from(next.level),
             }
         }));
     }

@@ -94,12 +94,12 @@ impl HalfWidths {
         let estimate = Estimate {
             distance_m: estimated(
                 distance_m,
-                (widening.scale * sd(0)).hypot(common_sd_m),
+                [widening.scale * sd(0), common_sd_m],
                 self.distance,
             ),
-            ground_speed_mps: estimated(speed_mps, sd(1).hypot(common_sd_mps), self.ground_speed),
+            ground_speed_mps: estimated(speed_mps, [sd(1), common_sd_mps], self.ground_speed),
             time_to_touchdown_s: time_to_touchdown_s(motion, known, common_sd_m)
-                .map(|(time_s, sd_s)| estimated(time_s, sd_s, self.time_to_touchdown)),
+                .map(|(time_s, sds_s)| estimated(time_s, sds_s, self.time_to_touchdown)),
         };
         // NaN is not below.
         let is_answer = distance_m > 0.0
@@ -110,16 +110,23 @@ impl HalfWidths {
     }
 }
 
-fn estimated(value: f64, sd: f64, half_width: f64) -> Estimated {
+/// `sds`: of the filter, and of the common errors. Half widths are those of the filter's errors, and common errors are nearly normal.
+fn estimated(value: f64, sds: [f64; 2], half_width: f64) -> Estimated {
+    let [own, common] = sds;
+    let half = (half_width * own).hypot(NORMAL_90 * common);
     Estimated {
         value,
-        sd,
-        interval: [value - half_width * sd, value + half_width * sd],
+        sd: own.hypot(common),
+        interval: [value - half, value + half],
     }
 }
 
-/// Expected time until the distance is 0, and its standard deviation: the deviation of the position at that time, over the speed.
-fn time_to_touchdown_s(motion: &Motion, known: &Gaussian, common_sd_m: f64) -> Option<(f64, f64)> {
+/// Expected time until the distance is 0, and its standard deviations: those of the position at that time, over the speed.
+fn time_to_touchdown_s(
+    motion: &Motion,
+    known: &Gaussian,
+    common_sd_m: f64,
+) -> Option<(f64, [f64; 2])> {
     let mut moving = known.clone();
     let after = |seconds: f64| {
         let step = Step::of_block(&motion.step(seconds));
@@ -142,6 +149,7 @@ fn time_to_touchdown_s(motion: &Motion, known: &Gaussian, common_sd_m: f64) -> O
     for _ in 0..steps as usize {
         moving = moving.advanced(&step);
     }
-    let sd_s = moving.covariance[(0, 0)].sqrt().hypot(common_sd_m) / speed_mps;
-    sd_s.is_finite().then_some((time_s, sd_s))
+    let sds_s = [moving.covariance[(0, 0)].sqrt(), common_sd_m].map(|sd_m| sd_m / speed_mps);
+    let is_known = sds_s.iter().all(|sd_s| sd_s.is_finite());
+    is_known.then_some((time_s, sds_s))
 }

@@ -14,9 +14,9 @@
 
 use crate::estimators::inverse_range::Measurement;
 
-use super::gaussian::{Gaussian, Step};
+use super::gaussian::Step;
 use super::hypothesis::mixture::{State, mixed};
-use super::hypothesis::{Decision, Hypothesis, Levelled, Model, step};
+use super::hypothesis::{Decision, Hypothesis, Known, Levelled, Model, step};
 
 /// Chances at a usual tick: that an outlier follows a good measurement, that it follows an outlier (groups have three on average), and that
 /// what was known is of something else. No flight was measured for these and what follows; tests/disturbed.rs has the simulated flights
@@ -82,7 +82,7 @@ pub(super) fn fits_of(ticks: &[Tick]) -> Vec<usize> {
 /// A flight by its ticks so far and by all of them.
 pub(super) struct Filtered {
     /// What is known of the motion after each tick; `None` before the first measurement.
-    pub(super) known: Vec<Option<Gaussian>>,
+    pub(super) known: Vec<Option<Known>>,
     /// Decision at each tick of the hypothesis that is the likeliest by all ticks.
     pub(super) decisions: Vec<Decision>,
 }
@@ -177,7 +177,7 @@ impl Filter {
     }
 
     /// State of the motion after the next tick; `None` before the first measurement.
-    pub(super) fn take(&mut self, model: Model, tick: &Tick) -> Option<Gaussian> {
+    pub(super) fn take(&mut self, model: Model, tick: &Tick) -> Option<Known> {
         let number = self.ticks;
         self.ticks += 1;
         let seconds = (tick.time_s - self.time_s).max(0.0);
@@ -216,7 +216,12 @@ impl Filter {
                 is_outlier,
             }
         });
-        mixed(&states.collect::<Vec<_>>(), is_measured)
+        let motion = mixed(&states.collect::<Vec<_>>(), is_measured)?;
+        let weights = || self.hypotheses.iter().map(|of| of.log_weight.exp());
+        let levels = self.hypotheses.iter().zip(weights());
+        let levels = levels.map(|(of, weight)| weight * f64::from(of.hypothesis.level));
+        let level = levels.sum::<f64>() / weights().sum::<f64>();
+        Some(Known { motion, level })
     }
 
     fn decide(&mut self, decision: Decision, tick: usize, before: Option<usize>) -> usize {

@@ -199,6 +199,13 @@ impl Hypothesis {
     }
 }
 
+/// Mean and covariance of the motion after a tick.
+pub(super) struct Known {
+    pub(super) motion: Gaussian,
+    /// Errors that are new at each tick are `2^level` times as large as usual, on average over hypotheses.
+    pub(super) level: f64,
+}
+
 /// A measurement beside a state.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Levelled {

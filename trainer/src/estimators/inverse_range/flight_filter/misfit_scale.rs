@@ -49,6 +49,13 @@ fn scale(square_s: f64, seconds: f64) -> f64 {
     ((square_s + USUAL_S) / (seconds + USUAL_S)).powf(0.25)
 }
 
+/// The part of a factor that the filter does not have already: at a level above 0 it found by itself that new errors are larger. The factor
+/// is of the square root of the misfit, so the level counts half.
+pub(super) fn beyond(scale: f64, level: f64) -> f64 {
+    let known = (level / 2.0).exp2();
+    scale.min((scale / known).max(1.0))
+}
+
 /// Factors of the standard deviations of a flight, tick by tick.
 pub(super) fn scales(usual_px: Option<f64>, ticks: &[Tick], knowing: Knowing) -> Vec<f64> {
     let mut past = RecentMisfit::default();
@@ -115,6 +122,16 @@ mod tests {
         let forgotten = scales(usual, &silent, Knowing::Past);
         assert!(forgotten[99] > 1.6 && forgotten[199] < 1.05);
         assert_eq!(scales(None, &step, Knowing::All), vec![1.0; 200]);
+    }
+
+    #[test]
+    fn a_factor_does_not_count_again_what_the_filter_found_by_itself() {
+        assert_eq!(beyond(2.0, 0.0), 2.0);
+        assert!((beyond(2.0, 1.0) - 2.0_f64.sqrt()).abs() < 1e-9);
+        assert_eq!(beyond(2.0, 3.0), 1.0);
+        for level in [0.0, 0.5, 3.0] {
+            assert_eq!(beyond(0.9, level), 0.9);
+        }
     }
 
     #[test]

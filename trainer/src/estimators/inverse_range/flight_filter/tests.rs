@@ -45,7 +45,7 @@ fn truth() -> FlightFilter {
         motion: motion(),
         errors: errors(),
         tick_s: 2.0,
-        row_misfit_px: None,
+        usual_misfit_px: None,
         filtered: HalfWidths::NORMAL,
         smoothed: HalfWidths::NORMAL,
     }
@@ -136,6 +136,31 @@ fn fly_as(severity: f64, more_mps: f64, seed: u64, tick_s: f64) -> Flown {
         }
     }
     flown
+}
+
+#[test]
+fn rows_that_misfit_widen_intervals_unless_the_filter_found_larger_errors_by_itself() {
+    let widened = |severity: f64, knowing: Knowing| {
+        let mut ticks = fly_in(severity, 7, 2.0).labelled.ticks;
+        for tick in &mut ticks {
+            tick.row_misfit_px = Some(0.2);
+        }
+        let beside = FlightFilter {
+            usual_misfit_px: Some(0.05),
+            ..truth()
+        };
+        let [plain, wide] = [truth(), beside].map(|filter| filter.of_ticks(&ticks, knowing));
+        let ratios = plain.iter().zip(&wide).skip(ticks.len() / 2);
+        let ratios: Vec<f64> = ratios
+            .map(|(plain, wide)| wide.unwrap().distance_m.sd / plain.unwrap().distance_m.sd)
+            .collect();
+        ratios.iter().sum::<f64>() / ratios.len() as f64
+    };
+    for knowing in [Knowing::Past, Knowing::All] {
+        let [usual, severe] = [1.0, 16.0].map(|severity| widened(severity, knowing));
+        assert!((1.6..2.0).contains(&usual), "{knowing:?}: {usual}");
+        assert!((1.0..1.1).contains(&severe), "{knowing:?}: {severe}");
+    }
 }
 
 /// The ticks of a flight without the measurements of some fits at some ticks.
@@ -299,6 +324,20 @@ fn an_error_that_all_ticks_share_widens_intervals_and_moves_no_answer() {
             let time_sd_s = |answer: &Estimate| answer.time_to_touchdown_s.unwrap().sd;
             assert!(time_sd_s(after) > time_sd_s(before));
         }
+    }
+    // A width that was fitted to the filter's errors is not one of common errors.
+    let mut wide = truth();
+    wide.filtered.distance = 4.0;
+    let answers = [&usual, &flown.labelled.ticks].map(|ticks| wide.of_ticks(ticks, Knowing::Past));
+    for (before, after) in answers[0].iter().zip(&answers[1]) {
+        let [before, after] = [before, after].map(|answer| answer.unwrap().distance_m);
+        let common_m = (after.sd.powi(2) - before.sd.powi(2)).sqrt();
+        let half_m = (after.interval[1] - after.interval[0]) / 2.0;
+        let expected_m = (4.0 * before.sd).hypot(1.645 * common_m);
+        assert!(
+            (half_m / expected_m - 1.0).abs() < 1e-3,
+            "{half_m}, expected {expected_m}"
+        );
     }
     // Without the view that is off, and without any, the last ticks count: the state is off like them.
     let mut ticks = flown.labelled.ticks;
