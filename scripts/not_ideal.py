@@ -29,6 +29,8 @@ RECORDED = [
     "tilt-2arcsec",
     "tilt-5arcsec",
     "tower-camera",
+    "step-down",
+    "continuous-descent",
 ]
 # Composed by compose_boxes.py from the untouched corpus.
 COMPOSED = ["still", "moving", "replaced", "missing", "arrival-behind", "arrival-ahead", "one-view-arrival"]
@@ -64,11 +66,11 @@ def fresh(folder):
     return folder
 
 
-def train(corpus, run):
+def train(corpus, run, *settings):
     """A run and its evaluation."""
     config = run.parent / "not-ideal.toml"
     config.write_text(CONFIG)
-    dtd("train", corpus, "--out", fresh(run), "--config", config)
+    dtd("train", corpus, "--out", fresh(run), "--config", config, *settings)
     dtd("evaluate", run, "--corpus", corpus)
     return figures.of_judged(run)
 
@@ -178,4 +180,5 @@ def main():
     (out / "not-ideal.json").write_text(json.dumps(figures.beside_untouched(rows), indent=1) + "\n")
 
 
-main()
+if __name__ == "__main__":
+    main()

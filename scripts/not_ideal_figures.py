@@ -56,6 +56,7 @@ def of_judged(folder, others=None):
             continue
         ends = np.array([number(f"{name}_dtd_m_{end}") for end in ("from", "to")])
         row[name]["intervals_90"] = intervals(number(f"{name}_dtd_m"), ends, dtd_m, answered, flights)
+        row[name]["within_1_pct"] = within(ends, dtd_m, answered, error_pct[name])
         burst = of["views_removed"]["bursts_60_s"]["stated_intervals"]
         row[name]["intervals_90"]["bursts_60_s"] = {key: burst[key] for key in ("held", "held_by_flight")}
         common = answered & np.isfinite(error_pct["inverse_range"])
@@ -67,6 +68,12 @@ def of_judged(folder, others=None):
 def by_flight(values, of, flights):
     """Mean of some values on each flight that has any."""
     return {str(flight): round(float(values[of & (flights == flight)].mean()), 4) for flight in np.unique(flights[of])}
+
+
+def within(ends_m, dtd_m, answered, error_pct):
+    """Answers whose interval is at most 2 % of the distance wide."""
+    sure = answered & (ends_m[1] - ends_m[0] <= 0.02 * dtd_m)
+    return {"answered": int(sure.sum()), "largest_pct": float(error_pct[sure].max(initial=0)), "above_1_pct": int((error_pct[sure] > 1).sum())}
 
 
 def intervals(answer_m, ends_m, dtd_m, answered, flights):
@@ -123,7 +130,7 @@ def of_health(corpus, untouched, row):
         for view in ("left", "right"):
             rows = [line for line in health if line["view"] == view]
             lag = next(((line["lag_ms"], line["lag_sd_ms"]) for line in rows if line["lag_ms"] is not None), None)
-            is_late = lag is not None and abs(lag[0]) >= max(100, 5 * lag[1])
+            is_late = is_sure(lag)
             if row in LATE_MS:
                 is_late = is_late and abs(lag[0] - LATE_MS[row]) <= 3 * lag[1]
             if lag:
@@ -131,8 +138,7 @@ def of_health(corpus, untouched, row):
             faulty = view == "right" and (row in FAULTS or row in LATE_MS)
             if not faulty and row != "tower-camera":
                 seconds += time_s[rows[-1]["tick"]]
-                ill = [line["state"] not in ("steady", "unknown") for line in rows]
-                alarms += sum(state for state, _ in groupby(ill)) + is_late
+                alarms += alarms_of(rows, is_late)
             if not faulty:
                 continue
             expected, begin_s = FAULTS.get(row, ("late", 0))
@@ -149,6 +155,32 @@ def of_health(corpus, untouched, row):
                     noticed += is_late if expected == "late" else line["state"] == expected
     found = {"affected": affected, "noticed": noticed, "false_alarms": alarms, "healthy_view_hours": seconds / 3600}
     return {**found, "lags_ms": lags}
+
+
+def is_sure(lag):
+    """A lag and its standard deviation, milliseconds, as the estimators judge them."""
+    return lag is not None and abs(lag[0]) >= max(100, 5 * lag[1])
+
+
+def alarms_of(rows, is_late):
+    """Alarms of a camera without a fault: stretches of images, and a lag."""
+    ill = [line["state"] not in ("steady", "unknown") for line in rows]
+    return sum(state for state, _ in groupby(ill)) + is_late
+
+
+def of_clean(corpora):
+    """Alarms of cameras without faults, and their hours."""
+    alarms, seconds, views = [], 0.0, 0
+    for folder in (folder for corpus in corpora for folder in scenarios(corpus)):
+        rows_of = pq.read_table(next((folder / "health").glob("*.parquet"))).to_pylist()
+        time_ns = pq.read_table(folder / "frames.parquet", columns=["time_ns"])["time_ns"].to_pylist()
+        for view in sorted({line["view"] for line in rows_of}):
+            rows = [line for line in rows_of if line["view"] == view]
+            lag = next(((line["lag_ms"], line["lag_sd_ms"]) for line in rows if line["lag_ms"] is not None), None)
+            views += 1
+            seconds += (time_ns[-1] - time_ns[0]) / 1e9
+            alarms += [f"{folder.name} {view}"] * alarms_of(rows, is_sure(lag))
+    return {"views": views, "view_hours": seconds / 3600, "false_alarms": len(alarms), "where": alarms}
 
 
 def of_tracks(corpus):
@@ -220,6 +252,8 @@ def beside_untouched(rows):
                 usual = sum(untouched[estimator]["answered"][flight] for flight in row[estimator]["answered"])
                 here = sum(row[estimator]["answered"].values())
                 row[estimator]["coverage_of_untouched"] = here / usual if usual else None
+                if usual and "within_1_pct" in row[estimator]:
+                    row[estimator]["within_1_pct"]["coverage_of_untouched"] = row[estimator]["within_1_pct"]["answered"] / usual
     summary = {}
     for estimator in ("inverse_range_filtered", "inverse_range_smoothed"):
         judged = [name for name in rows if not name.startswith("trained-")]
