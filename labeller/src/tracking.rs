@@ -16,6 +16,7 @@
 
 mod hindsight;
 mod history;
+mod lamps;
 mod motion;
 mod standing;
 
@@ -27,7 +28,7 @@ use motion::Motion;
 use standing::{GROWTH_SHOWS_S, LONGEST_STILL_S, has_stood_still, hops};
 
 /// Version of the rules, in the record of the detections. Detections of another version are repeated.
-pub(crate) const METHOD: u32 = 1;
+pub(crate) const METHOD: u32 = 2;
 /// Clear boxes that confirm a track...
 const HITS: u32 = 3;
 /// ... within this number of consecutive images in which it was looked for.

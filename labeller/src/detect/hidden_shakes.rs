@@ -1,5 +1,5 @@
-//! Cameras that shake where fog hides the ground, told from the aircraft: its rows in two views contradict each other by pixels, now this way
-//! and now that, and in the view that shakes it does not fly smoothly.
+//! Cameras that shake where fog hides the ground, told from the aircraft: its rows in two views contradict each other by pixels, now this
+//! way and now that, and in the view that shakes it does not fly smoothly.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,8 +19,8 @@ const FEWEST: usize = 20;
 /// A view shakes if its places scatter by this part of those in the other view.
 const PART: f64 = 0.5;
 
-/// Names such cameras in rows whose direction is hidden. Where they looked in each image is not known. `reference`: the view that the others
-/// are compared with.
+/// Names such cameras in rows whose direction is hidden. Where they looked in each image is not known. `reference`: the view that the
+/// others are compared with.
 pub(super) fn add_hidden_shakes(
     views: &[ViewTicks],
     reference: &str,
@@ -95,8 +95,8 @@ mod tests {
         2.0 * std::f64::consts::SQRT_2 * (2.4 * f64::from(tick)).sin()
     }
 
-    /// States of the views after a flight. `shakes`: parts of that shake, by view; `off`: of the contradiction of the rows, `state`: what the
-    /// ground tells.
+    /// States of the views after a flight. `shakes`: parts of that shake, by view; `off`: of the contradiction of the rows, `state`: what
+    /// the ground tells.
     fn states(shakes: [f64; 2], off: f64, state: HealthState) -> [Vec<HealthState>; 2] {
         let ids = ["left", "right"];
         let ticks = || {

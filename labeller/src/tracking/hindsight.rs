@@ -5,6 +5,7 @@
 
 use dataset::tables::pixel_box::PixelBox;
 
+use super::lamps::Places;
 use super::standing::{TimedBox, is_mostly_at, is_same_thing, place_if_still, stands_still, stays};
 use super::{HITS, SHORTEST_S};
 
@@ -91,14 +92,16 @@ impl Hindsight {
             boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
             stands_still(&boxes)
         };
-        let counts = |(track, still): (&Whole, &Option<PixelBox>)| {
+        let places = Places::of(tracks.iter().map(|track| track.boxes.as_slice()));
+        let counts = |(number, (track, still)): (usize, (&Whole, &Option<PixelBox>))| {
             track.confirmed_s.is_some()
                 && track.clear_for_s() >= shortest_s
                 && !stands_still(&track.clear)
                 && !is_mostly_at(&stays, &track.clear)
+                && !places.is_from_lamp_to_lamp(number, &track.clear)
                 && !still.as_ref().is_some_and(is_fixture)
         };
-        tracks.iter().zip(&still).map(counts).collect()
+        tracks.iter().zip(&still).enumerate().map(counts).collect()
     }
 }
 
