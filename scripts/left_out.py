@@ -21,10 +21,14 @@ def conditions(corpus):
     return [*(f"weather={name}" for name in weathers), *(f"time={name}" for name in times)]
 
 
-def figures(row):
-    """The figures of a row of not_ideal.py that do not depend on an untouched corpus."""
+def figures(row, run):
+    """The figures of a row of not_ideal.py that do not depend on an untouched corpus, and errors by weather and time."""
     kept = ("mape_pct", "median_pct", "p95_pct", "coverage", "coverage_in_sight")
     of = {name: {key: row[name][key] for key in kept} for name in ESTIMATORS}
+    metrics = json.loads((run / "metrics.json").read_text())["estimators"]
+    for name in ESTIMATORS:
+        for by in ("by_weather", "by_time"):
+            of[name][by] = {condition: found["mape_pct"] for condition, found in metrics[name][by].items()}
     for name in ESTIMATORS[1:3]:
         shares = row[name]["intervals_90"]
         of[name]["intervals_held"] = shares["held"]
@@ -40,7 +44,8 @@ def main():
         path = out / "rows" / f"{setting}.json"
         if not path.exists():
             left_out = [] if setting == "nothing" else ["--leave-out", setting]
-            path.write_text(json.dumps(figures(train(corpus, out / "run", *left_out, *sys.argv[3:]))))
+            row = train(corpus, out / "run", *left_out, *sys.argv[3:])
+            path.write_text(json.dumps(figures(row, out / "run")))
             print(f"{setting}: done", flush=True)
         made[setting] = json.loads(path.read_text())
     (out / "left-out.json").write_text(json.dumps(made, indent=1) + "\n")
