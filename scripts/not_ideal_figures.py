@@ -73,7 +73,8 @@ def by_flight(values, of, flights):
 def within(ends_m, dtd_m, answered, error_pct):
     """Answers whose interval is at most 2 % of the distance wide."""
     sure = answered & (ends_m[1] - ends_m[0] <= 0.02 * dtd_m)
-    return {"answered": int(sure.sum()), "largest_pct": float(error_pct[sure].max(initial=0)), "above_1_pct": int((error_pct[sure] > 1).sum())}
+    largest_pct = float(error_pct[sure].max(initial=0))
+    return {"answered": int(sure.sum()), "largest_pct": largest_pct, "above_1_pct": int((error_pct[sure] > 1).sum())}
 
 
 def intervals(answer_m, ends_m, dtd_m, answered, flights):
@@ -169,18 +170,25 @@ def alarms_of(rows, is_late):
 
 
 def of_clean(corpora):
-    """Alarms of cameras without faults, and their hours."""
-    alarms, seconds, views = [], 0.0, 0
+    """Alarms of cameras without faults, their hours, and the lags that were measured."""
+    alarms, seconds, views, lags = [], 0.0, 0, []
     for folder in (folder for corpus in corpora for folder in scenarios(corpus)):
         rows_of = pq.read_table(next((folder / "health").glob("*.parquet"))).to_pylist()
         time_ns = pq.read_table(folder / "frames.parquet", columns=["time_ns"])["time_ns"].to_pylist()
         for view in sorted({line["view"] for line in rows_of}):
             rows = [line for line in rows_of if line["view"] == view]
             lag = next(((line["lag_ms"], line["lag_sd_ms"]) for line in rows if line["lag_ms"] is not None), None)
+            lags += [lag] if lag else []
             views += 1
             seconds += (time_ns[-1] - time_ns[0]) / 1e9
             alarms += [f"{folder.name} {view}"] * alarms_of(rows, is_sure(lag))
-    return {"views": views, "view_hours": seconds / 3600, "false_alarms": len(alarms), "where": alarms}
+    found = {"views": views, "view_hours": seconds / 3600, "false_alarms": len(alarms), "where": alarms}
+    if lags:
+        lag_ms, sd_ms = np.array(lags).T
+        found["lags"] = len(lags)
+        found["lag_rms_ms"] = float(np.sqrt(np.mean(lag_ms**2)))
+        found["largest_lag_sd"] = float(np.max(np.abs(lag_ms) / sd_ms))
+    return found
 
 
 def of_tracks(corpus):

@@ -80,7 +80,7 @@ class TickDataset(_Dataset):
         transform: Callable[[Sample], Any] | None = None,
         open_videos: int = 8,
     ) -> None:
-        """The ticks of these scenarios (all, or those of a side of the split).
+        """The ticks of these scenarios (all, or one side of the split).
 
         Scenarios whose weather differed from the plan are included; `dtd train` leaves them out.
 

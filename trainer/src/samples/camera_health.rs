@@ -229,36 +229,12 @@ impl<'a> CameraHealth<'a> {
 #[cfg(test)]
 mod tests {
     use dataset::geometry::camera::Camera;
-    use dataset::tables::pixel_box::PixelBox;
-    use dataset::tables::registrations::Shift;
     use testkit::rig::{VIEWS, placed};
 
     use super::*;
-    use crate::samples::sample::Sample;
-    use crate::samples::view_shift::ViewShift;
 
     fn observed(tick: u32) -> Observation {
-        let pixel_box = PixelBox {
-            cx_px: 500.0,
-            cy_px: 600.0,
-            width_px: 40.0,
-            height_px: 14.0,
-        };
-        let shift = Shift {
-            x_px: 500.0,
-            y_px: 600.0,
-            dx_px: 0.0,
-            dy_px: 0.0,
-            sd_x_px: 0.03,
-            sd_y_px: 0.04,
-            scale: 1.0,
-            gain: 1.0,
-            correlation: 0.9,
-        };
-        let mut observed = Sample::of_boxes(1.0, vec![Some(pixel_box); 2]).observed;
-        observed.shifts[1] = ViewShift::between((0, &pixel_box), &pixel_box, &shift);
-        observed.tick = tick;
-        observed
+        Observation::registered(tick, [500.0; 2])
     }
 
     #[test]

@@ -243,6 +243,36 @@ impl Sample {
 }
 
 #[cfg(test)]
+impl Observation {
+    /// An aircraft that two registered views see in these columns, a tick per second.
+    pub(crate) fn registered(tick: u32, [first_px, second_px]: [f64; 2]) -> Self {
+        let box_at = |cx_px: f64| PixelBox {
+            cx_px,
+            cy_px: 600.0,
+            width_px: 40.0,
+            height_px: 14.0,
+        };
+        let boxes = [first_px, second_px].map(box_at);
+        let shift = dataset::tables::registrations::Shift {
+            x_px: first_px,
+            y_px: 600.0,
+            dx_px: second_px - first_px,
+            dy_px: 0.0,
+            sd_x_px: 0.03,
+            sd_y_px: 0.04,
+            scale: 1.0,
+            gain: 1.0,
+            correlation: 0.9,
+        };
+        let mut observed = Sample::of_boxes(1.0, boxes.map(Some).to_vec()).observed;
+        observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
+        observed.tick = tick;
+        observed.time_ns = i64::from(tick) * 1_000_000_000;
+        observed
+    }
+}
+
+#[cfg(test)]
 impl Sample {
     /// A sample at this distance whose views saw these boxes, for tests that need no more.
     pub(crate) fn of_boxes(dtd_m: f64, boxes: Vec<Option<PixelBox>>) -> Self {

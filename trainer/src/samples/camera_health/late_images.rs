@@ -120,12 +120,8 @@ fn seconds(observed: &Observation) -> f64 {
 #[cfg(test)]
 mod tests {
     use dataset::tables::health::{HealthState, ViewLag};
-    use dataset::tables::pixel_box::PixelBox;
-    use dataset::tables::registrations::Shift;
 
     use super::*;
-    use crate::samples::sample::Sample;
-    use crate::samples::view_shift::ViewShift;
 
     const LATE_S: f64 = 0.45;
     const LATE: [Late; 2] = [
@@ -141,32 +137,10 @@ mod tests {
 
     /// Ticks of two views, the second of which shows the aircraft as it was before.
     fn flight(late_s: f64) -> Vec<Observation> {
-        let box_at = |cx_px: f64| PixelBox {
-            cx_px,
-            cy_px: 600.0,
-            width_px: 40.0,
-            height_px: 14.0,
-        };
         let tick = |tick: u32| {
             let time_s = f64::from(tick);
-            let places = [300.0 + 4.0 * time_s, 500.0 + 20.0 * (time_s - late_s)];
-            let boxes = places.map(box_at);
-            let mut observed = Sample::of_boxes(1.0, boxes.map(Some).to_vec()).observed;
-            let shift = Shift {
-                x_px: places[0],
-                y_px: 600.0,
-                dx_px: places[1] - places[0],
-                dy_px: 0.0,
-                sd_x_px: 0.03,
-                sd_y_px: 0.04,
-                scale: 1.0,
-                gain: 1.0,
-                correlation: 0.9,
-            };
-            observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
-            observed.tick = tick;
-            observed.time_ns = i64::from(tick) * 1_000_000_000;
-            observed
+            let columns = [300.0 + 4.0 * time_s, 500.0 + 20.0 * (time_s - late_s)];
+            Observation::registered(tick, columns)
         };
         (0..20).map(tick).collect()
     }

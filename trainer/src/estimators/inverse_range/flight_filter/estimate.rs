@@ -110,7 +110,8 @@ impl HalfWidths {
     }
 }
 
-/// `sds`: of the filter, and of the common errors. Half widths are those of the filter's errors, and common errors are nearly normal.
+/// `sds`: standard deviations of the filter's error and of the common error. `half_width` was fitted to the filter's errors; common errors
+/// are taken for normal.
 fn estimated(value: f64, sds: [f64; 2], half_width: f64) -> Estimated {
     let [own, common] = sds;
     let half = (half_width * own).hypot(NORMAL_90 * common);
@@ -121,7 +122,8 @@ fn estimated(value: f64, sds: [f64; 2], half_width: f64) -> Estimated {
     }
 }
 
-/// Expected time until the distance is 0, and its standard deviations: those of the position at that time, over the speed.
+/// Expected time until the distance is 0, with the standard deviations of its two errors (the filter's and the common one): each is the
+/// deviation of the position at that time, divided by the speed.
 fn time_to_touchdown_s(
     motion: &Motion,
     known: &Gaussian,
